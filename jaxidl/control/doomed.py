@@ -1,0 +1,43 @@
+"""DOOMED: direct online optimisation of modelling errors (Ratliff et al. 2016), feedback that adapts an offset torque."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from flax import struct
+
+from jaxidl.control.filters import Average, start_average, update_average
+from jaxidl.control.law import Feedback
+from jaxidl.types import Joints, Scalar, State
+
+
+class DoomedState(NamedTuple):
+    """Memory of the DOOMED law."""
+
+    offset: Joints  # (J,) o, the applied torque [N]
+    gradient: Average  # g, the filtered gradient step [N]
+    filtered: Average  # the learning feedback [N]
+
+
+class Doomed(struct.PyTreeNode):
+    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ← o + g.
+
+    The learner sees o − learner_gain·e, filtered, as it stood *before* the step (entry 0 is 0). The desired trajectory is
+    not used: DOOMED follows the policy itself.
+    """
+
+    rate: Scalar | float  # learning rate of the applied offset [N s^2/m]
+    learner_gain: Scalar | float  # 0.5 [N s^2/m]
+    smoothing: Scalar | float  # weight of a new sample in the learning feedback [-]
+    gradient_smoothing: Scalar | float = 0.9  # weight of a new gradient [-]
+
+    def init(self, q: Joints) -> DoomedState:
+        return DoomedState(jnp.zeros_like(q), start_average(q), start_average(q))
+
+    def act(self, memory: DoomedState, desired: State, sensed: State) -> tuple[Feedback, DoomedState]:
+        return Feedback(memory.offset, memory.filtered.value), memory
+
+    def observe(self, memory: DoomedState, qdd_desired: Joints, qdd_actual: Joints) -> DoomedState:
+        error = qdd_actual - qdd_desired
+        filtered = update_average(memory.filtered, memory.offset - self.learner_gain * error, self.smoothing)
+        gradient = update_average(memory.gradient, -self.rate * error, self.gradient_smoothing)
+        return DoomedState(memory.offset + gradient.value, gradient, filtered)

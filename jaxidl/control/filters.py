@@ -1,0 +1,26 @@
+"""The exponential moving average that both feedback laws use."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from jaxidl.types import Joints, Scalar
+
+
+class Average(NamedTuple):
+    """State of an exponential moving average."""
+
+    value: Joints  # (J,) the average so far; zero before the first sample
+    started: Bool[Array, ""]  # has there been a sample?
+
+
+def start_average(like: Joints) -> Average:
+    """An average of values shaped as ``like`` (J,) that has seen no sample."""
+    return Average(jnp.zeros_like(like), jnp.array(False))
+
+
+def update_average(average: Average, sample: Joints, alpha: Scalar | float) -> Average:
+    """alpha·sample + (1 − alpha)·average; the first sample is taken as it is."""
+    mixed = alpha * sample + (1.0 - alpha) * average.value
+    return Average(jnp.where(average.started, mixed, sample), jnp.array(True))

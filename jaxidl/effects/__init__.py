@@ -1,0 +1,48 @@
+"""The catalogue of named physical effects."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from jaxidl.effects.actuator import ConstantOffset
+from jaxidl.effects.base import Effect, Parameter, regressor
+from jaxidl.effects.friction import PaperFriction, ViscousFriction
+from jaxidl.effects.sensing import SensingNoise
+from jaxidl.effects.stiction import Stiction, paper_stiction
+from jaxidl.errors import EffectError
+
+CATALOGUE: dict[str, type[Effect]] = {
+    cls.name: cls for cls in (ViscousFriction, PaperFriction, Stiction, ConstantOffset, SensingNoise)
+}
+
+
+def from_dict(record: dict[str, Any]) -> Effect:
+    """The effect that :meth:`Effect.to_dict` wrote.
+
+    Raises:
+        EffectError: for an unknown name, a missing parameter, or a value out of bounds.
+    """
+    name = record.get("effect")
+    if name not in CATALOGUE:
+        raise EffectError(f"an effect among {', '.join(CATALOGUE)}", repr(name), "correct the name")
+    cls = CATALOGUE[name]
+    missing = [key for key in cls.parameters if key not in record.get("parameters", {})]
+    if missing:
+        raise EffectError(f"{name} with {', '.join(cls.parameters)}", f"no {', '.join(missing)}", "add what is missing")
+    values = {key: jnp.asarray(record["parameters"][key]["value"]) for key in cls.parameters}
+    return cls(**values, **record.get("options", {})).check()
+
+
+__all__ = [
+    "CATALOGUE",
+    "ConstantOffset",
+    "Effect",
+    "PaperFriction",
+    "Parameter",
+    "SensingNoise",
+    "Stiction",
+    "ViscousFriction",
+    "from_dict",
+    "paper_stiction",
+    "regressor",
+]

@@ -1,0 +1,82 @@
+"""What an effect is: the one interface that simulation, learning and gap finding share.
+
+A plant is a rigid body plus a tuple of effects. Each effect is one class whose fields are its parameters; all of its
+methods are pure functions of one instant of one mechanism and default to "does nothing". So the same object
+
+* *simulates*: the plant adds ``torque``, obeys ``holds``, reads its encoders through ``sense``;
+* *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, and where
+  ``linear`` is true ``regressor`` gives the matrix of a linear least-squares problem;
+* *is ranked and named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person;
+* *is exported*: ``to_dict``/``from_dict`` for ``effects.json``, ``mjcf`` for the attribute that MuJoCo has for it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, Self
+
+import jax
+import jax.flatten_util
+import jax.numpy as jnp
+import numpy as np
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxidl.errors import EffectError
+from jaxidl.types import JointMask, Joints
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """Bounds, unit and meaning of one numeric field of an effect."""
+
+    unit: str
+    lower: float
+    upper: float
+    meaning: str
+
+
+class Effect(struct.PyTreeNode):
+    """Base of every effect in the catalogue. Fields named in ``parameters`` are traced, the others are static."""
+
+    name: ClassVar[str] = ""
+    sentence: ClassVar[str] = ""
+    parameters: ClassVar[Mapping[str, Parameter]] = {}
+    linear: ClassVar[bool] = False  # is the torque linear in the parameters?
+    mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        """Joint torque (J,) [N or Nm] that the effect adds to the delivered torque ``tau`` (J,)."""
+        return jnp.zeros_like(qd)
+
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
+        """Which joints (J,) the effect keeps from accelerating under the delivered torque ``tau`` (J,)."""
+        return jnp.zeros(qd.shape, bool)
+
+    def sense(self, q: Joints, noise: Joints) -> Joints:
+        """What the encoders read (J,) at true position ``q`` (J,), given standard-normal draws ``noise`` (J,)."""
+        return q
+
+    def check(self) -> Self:
+        """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or NaN."""
+        for key, spec in self.parameters.items():
+            value = np.asarray(getattr(self, key), float)
+            if not ((value >= spec.lower) & (value <= spec.upper)).all():  # NaN fails too
+                bounds = f"{self.name}.{key} in [{spec.lower:g}, {spec.upper:g}] {spec.unit}"
+                raise EffectError(bounds, str(value.tolist()), f"set {spec.meaning} within these bounds")
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """Name, parameters with units and static fields, ready for JSON."""
+        values = {k: {"value": np.asarray(getattr(self, k)).tolist(), "unit": p.unit} for k, p in self.parameters.items()}
+        options = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.parameters}
+        return {"effect": self.name, "sentence": self.sentence, "parameters": values, "options": options}
+
+
+def regressor(effect: Effect, q: Joints, qd: Joints, tau: Joints) -> Float[Array, "J P"]:
+    """Derivative of the effect's torque (J,) with respect to its flattened parameters (P,), in the order of the pytree.
+
+    For an effect with ``linear`` true, ``regressor(...) @ parameters`` *is* the torque: the row block of one instant in a
+    least-squares fit. For the others it is the Gauss-Newton row at the present parameters.
+    """
+    flat, unravel = jax.flatten_util.ravel_pytree(effect)
+    return jax.jacfwd(lambda p: unravel(p).torque(q, qd, tau))(flat)

@@ -1,0 +1,58 @@
+"""Friction: torques that oppose, or in the paper's odd region feed, motion."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from jaxidl.effects.base import Effect, Parameter
+from jaxidl.types import Joints, Scalar
+
+
+class ViscousFriction(Effect):
+    """−b·qd on each joint."""
+
+    coefficient: Joints  # (J,) b [N s/m or Nm s/rad]
+
+    name: ClassVar[str] = "viscous_friction"
+    sentence: ClassVar[str] = "friction that grows in proportion to speed"
+    parameters: ClassVar = {"coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed")}
+    linear: ClassVar[bool] = True
+    mjcf: ClassVar = {"coefficient": "joint/damping"}
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return -self.coefficient * qd
+
+
+class PaperFriction(Effect):
+    """The paper's friction: viscous, with a coefficient c(q) that changes from region to region of joints 0 and 1.
+
+    In the catalogue's words it is ``position_dependent_friction`` on joints 0 and 1 (on joint 1 a band where the coefficient
+    is negative and pulls) together with ``coupled_friction`` of joint 0 to the position of joint 1. The rules, each
+    overwriting the ones before, with level f (reference experiment, section "Plant"):
+
+    1. q₀ < 0.2: c₀ = 10·exp(f)·sin²q₀
+    2. q₁ < 0.2: c₁ = 10·f·cos²q₁
+    3. 0.2 < q₁ < 0.4: c₁ = −f²·sin²q₁
+    4. 0.4 < q₁ < 1.2: c₀ = max(0, f)·sin²q₁
+
+    Joints from the third on are free. The coefficient jumps at the borders, so a derivative through an execution sees each
+    region's own slope and nothing of the jump.
+    """
+
+    level: Scalar  # f [-]: 5 medium, 8 high
+
+    name: ClassVar[str] = "paper_friction"
+    sentence: ClassVar[str] = "viscous friction that changes with position and couples joint 0 to joint 1"
+    parameters: ClassVar = {"level": Parameter("1", 0.0, 12.0, "the friction level")}
+
+    def coefficient(self, q: Joints) -> Joints:
+        """c(q) (J,) [N s/m] at positions ``q`` (J,), J >= 2."""
+        f, (q0, q1) = self.level, (q[0], q[1])
+        c0 = jnp.where(q0 < 0.2, 10.0 * jnp.exp(f) * jnp.sin(q0) ** 2, 0.0)
+        c1 = jnp.where(q1 < 0.2, 10.0 * f * jnp.cos(q1) ** 2, 0.0)
+        c1 = jnp.where((q1 > 0.2) & (q1 < 0.4), -(f**2) * jnp.sin(q1) ** 2, c1)
+        c0 = jnp.where((q1 > 0.4) & (q1 < 1.2), jnp.maximum(0.0, f) * jnp.sin(q1) ** 2, c0)
+        return jnp.zeros_like(q).at[0].set(c0).at[1].set(c1)
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return -self.coefficient(q) * qd

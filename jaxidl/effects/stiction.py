@@ -1,0 +1,40 @@
+"""Static friction: a joint at rest stays at rest until the torque breaks it away."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+from flax import struct
+
+from jaxidl.effects.base import Effect, Parameter
+from jaxidl.types import JointMask, Joints, Scalar
+
+
+class Stiction(Effect):
+    """A resting joint does not accelerate while the delivered torque stays below the breakaway torque.
+
+    A joint rests where |qd| < ``speed``; the effect acts below position ``below`` only. Both borders are strict. With
+    ``signed`` the torque itself, not its magnitude, is compared, as in the paper's program: there a resting axis is then held
+    against every negative torque, and the program's results depend on it.
+    """
+
+    breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
+    speed: Scalar  # below it a joint counts as resting [m/s]
+    below: Scalar  # positions from here on do not stick [m]
+    signed: bool = struct.field(pytree_node=False, default=False)
+
+    name: ClassVar[str] = "stiction"
+    sentence: ClassVar[str] = "a joint at rest sticks until the torque exceeds a breakaway value"
+    parameters: ClassVar = {
+        "breakaway": Parameter("N", 0.0, 1e5, "the breakaway torque"),
+        "speed": Parameter("m/s", 0.0, 1.0, "the resting speed"),
+        "below": Parameter("m", -float("inf"), float("inf"), "the position below which the joint sticks"),
+    }
+
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
+        push = tau if self.signed else jnp.abs(tau)
+        return (jnp.abs(qd) < self.speed) & (q < self.below) & (push < self.breakaway)
+
+
+def paper_stiction(level: Scalar | float) -> Stiction:
+    """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed."""
+    return Stiction(jnp.asarray([100.0, 50.0]) * level, jnp.asarray(1e-4), jnp.asarray(0.2), signed=True)

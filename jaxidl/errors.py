@@ -1,0 +1,37 @@
+"""Errors a user can cause.
+
+Each carries three things in one line: what was expected, what came instead, and what to do. The command line prints that
+line and leaves with status 2; inside jit nothing raises, failure is a ``finite`` flag in the result.
+"""
+
+
+class JaxidlError(Exception):
+    """Base of every error that a user can cause and mend.
+
+    Args:
+        expected: what would have been right, e.g. ``"noise >= 0 (m)"``.
+        got: what came instead.
+        remedy: what to do about it, as an order.
+    """
+
+    def __init__(self, expected: str, got: str, remedy: str):
+        self.expected, self.got, self.remedy = expected, got, remedy
+        super().__init__(" ".join(f"expected {expected}; got {got}; {remedy}".split()))
+
+
+class ConfigurationError(JaxidlError):
+    """A value on an axis or in a configuration is unknown or out of its bounds."""
+
+
+class EffectError(JaxidlError):
+    """An effect's name or parameter is unknown or out of its bounds."""
+
+
+class StoreError(JaxidlError):
+    """A results file cannot be read, cannot be written, or belongs to another configuration."""
+
+
+def one_of(what: str, value: object, valid: object) -> ConfigurationError:
+    """The error for a name that is not among the valid ones."""
+    names = ", ".join(str(v) for v in valid)  # type: ignore[attr-defined]
+    return ConfigurationError(f"{what} to be one of {names}", repr(value), f"choose one of {names}")

@@ -1,0 +1,91 @@
+"""Task-specific learning: execute, train on what happened, execute again, as one scan over iterations."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Bool, Float
+
+from jaxidl.control import FeedbackLaw
+from jaxidl.learning.execute import Task, execute
+from jaxidl.learning.sources import SOURCES
+from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
+from jaxidl.systems import Plant, RigidBody
+from jaxidl.types import Key, Path, Trajectory
+
+
+class Setting(struct.PyTreeNode):
+    """One configuration: everything an execution and a training need, traced; the rest is static."""
+
+    plant: Plant  # the true system
+    model: RigidBody  # the believed one
+    law: FeedbackLaw
+    task: Task
+    reference: Path  # (T, J) positions that q_error is measured against [m]
+
+
+class Metrics(NamedTuple):
+    """What the study records of each execution: means over steps and joints."""
+
+    q_error: Float[Array, "..."]  # |q − frictionless reference| [m]
+    feedback_applied: Float[Array, "..."]  # |applied feedback| [N]
+    qdd_error: Float[Array, "..."]  # |desired − actual acceleration| [m/s^2]
+    torque: Float[Array, "..."]  # |commanded torque| [N]
+    finite: Bool[Array, "..."]  # did everything in the execution stay finite?
+
+
+def measure(run: Trajectory, reference: Path) -> Metrics:
+    """The metrics of one execution against the ``reference`` (T, J) positions."""
+    q_error = jnp.abs(run.q - reference).mean()
+    feedback = jnp.abs(run.tau_feedback_applied).mean()
+    qdd_error = jnp.abs(run.qdd_desired - run.qdd_actual).mean()
+    torque = jnp.abs(run.tau).mean()
+    finite = jnp.isfinite(jnp.stack([q_error, feedback, qdd_error, torque])).all()
+    return Metrics(q_error, feedback, qdd_error, torque, finite)
+
+
+def learn(
+    setting: Setting,
+    noise: Float[Array, "K T J"],
+    key: Key,
+    *,
+    source: str,
+    error_model: ErrorModel,
+    training: Training,
+    train_on: str = "true_state",
+    keep: bool = False,
+) -> tuple[Metrics, Learner, Trajectory | None]:
+    """K executions with K − 1 trainings between them.
+
+    Args:
+        setting: the configuration.
+        noise: (K, T, J) standard-normal draws, one slice per execution.
+        key: root of the initial weights and of every iteration's batches; iteration k uses ``fold_in(key, k)``.
+        source: "indirect", "direct" or "joint".
+        keep: also return every execution.
+
+    Returns:
+        Metrics with leaves (K,), the learner used in the last execution, and the trajectories (K, T, J) or None.
+    """
+    learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
+
+    def run_once(draws, feedforward=None):
+        run = execute(setting.plant, setting.model, setting.law, setting.task, draws, feedforward)
+        data = SOURCES[source](run, train_on)
+        return data, (measure(run, setting.reference), run if keep else None)
+
+    def iteration(carry, inputs):
+        learner, data = carry
+        k, draws = inputs
+        rows = int(training.train_mask(data.x.shape[0]).sum())
+        batches = draw_batches(jax.random.fold_in(key, k), rows, training)
+        learner, progress = fit(error_model, training, learner, data, batches)
+        data, (metrics, run) = run_once(draws, lambda state, qdd: error_model.torque(learner.params, state, qdd))
+        finite = metrics.finite & jnp.isfinite(progress.validation)  # a training that failed is a failed iteration
+        return (learner, data), (metrics._replace(finite=finite), run)
+
+    data, first = run_once(noise[0])
+    (learner, _), later = jax.lax.scan(iteration, (learner, data), (jnp.arange(1, noise.shape[0]), noise[1:]))
+    metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
+    return metrics, learner, runs

@@ -1,0 +1,38 @@
+"""The three data sources: what one execution teaches about the modelled rigid body's error."""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+
+from jaxidl.errors import one_of
+from jaxidl.types import Dataset, Path, Trajectory
+
+TRAIN_ON = ("true_state", "sensed_state")
+
+
+def _inputs(run: Trajectory, qdd: Path, train_on: str) -> Path:
+    """(T, 3J) network inputs; the reference program trains on the true state, a robot has the sensed one."""
+    if train_on not in TRAIN_ON:
+        raise one_of("train_on", train_on, TRAIN_ON)
+    state = (run.q, run.qd) if train_on == "true_state" else (run.q_sensing, run.qd_sensing)
+    return jnp.concatenate([*state, qdd], axis=1)
+
+
+def indirect(run: Trajectory, train_on: str = "true_state") -> Dataset:
+    """T rows at the *actual* acceleration: tau − modelled rigid body there (eq. data_indirect)."""
+    return Dataset(_inputs(run, run.qdd_actual, train_on), run.tau - run.tau_inverse_actual)
+
+
+def direct(run: Trajectory, train_on: str = "true_state") -> Dataset:
+    """T − 1 rows at the *desired* acceleration: learning feedback one step later + feedforward (eq. data_direct)."""
+    x = _inputs(run, run.qdd_desired, train_on)[:-1]
+    return Dataset(x, run.tau_feedback[1:] + run.tau_feedforward[:-1])
+
+
+def joint(run: Trajectory, train_on: str = "true_state") -> Dataset:
+    """2T − 1 rows: the indirect ones, then the direct ones (eq. data_joint)."""
+    pair = zip(indirect(run, train_on), direct(run, train_on), strict=True)
+    return Dataset(*(jnp.concatenate(parts) for parts in pair))
+
+
+SOURCES: dict[str, Callable[..., Dataset]] = {"indirect": indirect, "direct": direct, "joint": joint}

@@ -1,0 +1,76 @@
+"""The error model: one multi-layer perceptron per joint. The only file that imports Flax's layers.
+
+Linen's ``init`` and ``apply`` keep the networks pure: parameters are an argument, never an attribute. Activations are
+feature-major (features, rows) and weights (out, in): bias and slope gradients then reduce along the contiguous axis, which on
+CPU saves a quarter of a training step against the row-major layout.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from jaxtyping import Array, Float
+
+from jaxidl.types import Joints, Key, State
+
+Params = Any  # the pytree of all joints' networks, a leading axis J on every leaf
+
+
+class Mlp(nn.Module):
+    """Dense layers with PReLU after all but the last; one learned slope per unit (He et al. 2015)."""
+
+    layers: tuple[int, ...]
+    slope: float = 0.01
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "F B"]) -> Float[Array, "1 B"]:
+        glorot = nn.initializers.variance_scaling(1.0, "fan_avg", "uniform", in_axis=1, out_axis=0)
+        for i, width in enumerate(self.layers):
+            weights = self.param(f"weights_{i}", glorot, (width, x.shape[0]), jnp.float32)
+            x = weights @ x + self.param(f"biases_{i}", nn.initializers.zeros, (width, 1), jnp.float32)
+            if i < len(self.layers) - 1:
+                slopes = self.param(f"slopes_{i}", nn.initializers.constant(self.slope), (width, 1), jnp.float32)
+                x = jnp.where(x >= 0, x, slopes * x)
+        return x
+
+
+@dataclass(frozen=True)
+class ErrorModel:
+    """One network per joint on scaled (q, qd, qdd) of all joints; its output, scaled back, is a torque.
+
+    Parameters decide the precision: inputs are cast to the weights' type and torques come out in the type of ``q``.
+    """
+
+    joints: int = 2
+    layers: tuple[int, ...] = (200, 100, 50, 20, 1)
+    position_scale: float = 1.0  # [m]
+    velocity_scale: float = 20.0  # [m/s]
+    acceleration_scale: float = 800.0  # [m/s^2]
+    torque_scale: float = 800.0  # [N]
+    slope: float = 0.01  # initial PReLU slope [-]
+
+    @property
+    def network(self) -> Mlp:
+        return Mlp(self.layers, self.slope)
+
+    def init(self, key: Key) -> Params:
+        """Fresh float32 parameters; every joint's network has its own draw."""
+        inputs = jnp.zeros((3 * self.joints, 1), jnp.float32)
+        return jax.vmap(lambda k: self.network.init(k, inputs))(jax.random.split(key, self.joints))
+
+    def scale_inputs(self, x: Float[Array, "*N F"]) -> Float[Array, "*N F"]:
+        """Inputs (..., 3J), divided by the scales of position, velocity and acceleration."""
+        scales = jnp.array([self.position_scale, self.velocity_scale, self.acceleration_scale], x.dtype)
+        return x / jnp.repeat(scales, self.joints)
+
+    def apply(self, params: Params, x: Float[Array, "F B"]) -> Float[Array, "J B"]:
+        """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B)."""
+        return jax.vmap(self.network.apply, in_axes=(0, None))(params, x)[:, 0]
+
+    def torque(self, params: Params, state: State, qdd: Joints) -> Joints:
+        """Predicted modelling error (J,) [N] in ``state`` at acceleration ``qdd`` (J,) [m/s^2]."""
+        x = self.scale_inputs(jnp.concatenate([state.q, state.qd, qdd]))
+        dtype = jax.tree.leaves(params)[0].dtype
+        return self.apply(params, x.astype(dtype)[:, None])[:, 0].astype(state.q.dtype) * self.torque_scale

@@ -1,0 +1,25 @@
+"""The paper's rigid body: masses on independent axes, no gravity."""
+
+import jax.numpy as jnp
+from flax import struct
+
+from jaxidl.types import Joints
+
+
+class PointMass(struct.PyTreeNode):
+    """M·qdd = tau with M diagonal. Bodies of the house share these two methods, so a plant does not ask which it has."""
+
+    mass: Joints  # (J,) mass seen by each axis [kg]
+
+    def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        """Acceleration (J,) [m/s^2] under the joint torque ``tau`` (J,) [N]."""
+        return tau / self.mass
+
+    def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
+        """Torque (J,) [N] that makes acceleration ``qdd`` (J,) [m/s^2]."""
+        return self.mass * qdd
+
+
+def point_mass(mass: float, joints: int = 2) -> PointMass:
+    """The same ``mass`` [kg] on each of ``joints`` axes."""
+    return PointMass(jnp.full(joints, mass, jnp.result_type(float)))

@@ -1,0 +1,49 @@
+"""Array aliases and the records that travel between floors.
+
+Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one execution, **K** learning
+iterations, **N** rows of a data set, **F** network inputs, **B** rows of a batch, **S** training steps of one iteration.
+No signature below the sweep has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
+"""
+
+from typing import NamedTuple
+
+from flax import struct
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+Joints = Float[Array, " J"]
+JointMask = Bool[Array, " J"]
+Path = Float[Array, "T J"]
+Scalar = Float[Array, ""]
+Key = PRNGKeyArray
+
+
+class State(NamedTuple):
+    """Position and velocity of a mechanism at one instant."""
+
+    q: Joints  # (J,) joint positions [m or rad]
+    qd: Joints  # (J,) joint velocities [m/s or rad/s]
+
+
+@struct.dataclass
+class Trajectory:
+    """One execution: entry t of every field belongs to control step t, states are those *before* the step."""
+
+    q: Path  # (T, J) true position [m]
+    qd: Path  # (T, J) true velocity [m/s]
+    q_sensing: Path  # (T, J) sensed position [m]
+    qd_sensing: Path  # (T, J) finite difference of sensed positions [m/s]
+    qdd_desired: Path  # (T, J) what the policy wants [m/s^2]
+    qdd_actual: Path  # (T, J) finite difference of sensed velocities over the step [m/s^2]
+    tau: Path  # (T, J) commanded torque: rigid body + feedback + feedforward [N]
+    tau_inverse_desired: Path  # (T, J) modelled rigid body at the desired acceleration [N]
+    tau_inverse_actual: Path  # (T, J) modelled rigid body at the actual acceleration [N]
+    tau_feedback: Path  # (T, J) learning feedback: filtered, high gain, never applied [N]
+    tau_feedback_applied: Path  # (T, J) feedback that the plant receives [N]
+    tau_feedforward: Path  # (T, J) the error model's torque [N]
+
+
+class Dataset(NamedTuple):
+    """Rows that an error model is trained on."""
+
+    x: Float[Array, "N F"]  # (N, F = 3J) position, velocity, acceleration
+    y: Float[Array, "N J"]  # (N, J) torque that the modelled rigid body lacks [N]
