@@ -1,0 +1,52 @@
+"""One learning run of a grid in full, kept beside its averages so that figures need nothing but the file."""
+
+import jax
+import numpy as np
+import xarray as xr
+
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.run import inputs_of, trace
+
+FIELDS = {
+    "q": ("m", "true position"),
+    "tau_inverse_desired": ("N", "modelled rigid body at the desired acceleration"),
+    "tau_feedforward": ("N", "error model"),
+    "tau_feedback_applied": ("N", "applied feedback"),
+    "tau": ("N", "commanded torque"),
+}
+
+
+def example_label(grid: Grid) -> Label:
+    """The run to show: where the grid has it, low-gain PID in the least noise, learning from both sources."""
+
+    def prefer(values: tuple, wanted: object) -> object:
+        return wanted if wanted in values else values[0]
+
+    return Label(
+        controller=str(prefer(grid.controllers, "pid")),
+        gain=str(prefer(grid.gains, "low")),
+        noise=min(grid.noise),
+        friction=grid.friction[0],
+        stiction=grid.stiction[0],
+        epochs=grid.epochs[0],
+        seed=grid.seeds[0],
+        source=str(prefer(grid.sources, "joint")),
+    )
+
+
+def example(study: PaperStudy, grid: Grid) -> xr.Dataset:
+    """First and last execution of the example run: variables ``example_*`` with dims (execution, time, joint)."""
+    label = example_label(grid)
+    inputs = jax.tree.map(lambda leaf: leaf[0], inputs_of([label], study, grid.iterations))
+    _, runs = trace(study, label, inputs)
+    dims = ("execution", "time", "joint")
+    shown = [0, grid.iterations - 1]
+    variables = {
+        f"example_{name}": (dims, np.asarray(getattr(runs, name))[shown], {"units": unit, "long_name": text})
+        for name, (unit, text) in FIELDS.items()
+    }
+    variables["example_reference"] = (("time", "joint"), np.asarray(study.reference()), {"units": "m"})
+    time = ("time", study.dt * np.arange(study.steps), {"units": "s"})
+    attrs = {f"example_{key}": value for key, value in label._asdict().items()}
+    return xr.Dataset(variables, {"execution": shown, "time": time, "joint": [0, 1]}, attrs)

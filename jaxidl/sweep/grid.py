@@ -1,0 +1,96 @@
+"""The grid of a study, declared as named axes."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
+from jaxidl.errors import ConfigurationError, EffectError, one_of
+from jaxidl.learning.paper import CONTROLLERS, GAINS
+from jaxidl.learning.sources import SOURCES
+
+NOISE_LEVELS = {
+    "program": (1e-4, 5e-4, 7e-4, 8e-4),  # what the reference program used
+    "printed": (1e-4, 5e-4, 7e-3, 8e-3),  # what the paper prints: accelerations of 10^4 m/s^2 by finite differences
+}
+
+
+class Label(NamedTuple):
+    """One learning run by the values on its axes: the run's identity, whatever grid it is part of."""
+
+    controller: str
+    gain: str
+    noise: float
+    friction: float
+    stiction: float
+    epochs: int
+    seed: int
+    source: str
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Named axes; every combination is one learning run. The defaults are the paper's 1280 configurations × 3 sources.
+
+    Raises:
+        ConfigurationError: for an empty axis, a value twice on an axis, an unknown name, or a value out of bounds.
+    """
+
+    controllers: tuple[str, ...] = CONTROLLERS
+    gains: tuple[str, ...] = GAINS
+    noise: tuple[float, ...] = NOISE_LEVELS["program"]  # [m]
+    friction: tuple[float, ...] = (5.0, 8.0)
+    stiction: tuple[float, ...] = (5.0, 8.0)
+    epochs: tuple[int, ...] = (20, 50)
+    seeds: tuple[int, ...] = tuple(range(1, 11))
+    sources: tuple[str, ...] = tuple(SOURCES)
+    iterations: int = 20  # executions of each run; not an axis of configurations but of the results
+
+    def __post_init__(self) -> None:
+        for name, values in self.axes().items():
+            if len(values) == 0:
+                raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
+            if len(set(values)) < len(values):
+                raise ConfigurationError(f"each value of {name} once", str(list(values)), "drop the repeated ones")
+        for name, valid in (("controllers", CONTROLLERS), ("gains", GAINS), ("sources", SOURCES)):
+            for value in getattr(self, name):
+                if value not in valid:
+                    raise one_of(name, value, valid)
+        check_levels(self.noise, self.friction, self.stiction)
+        for name, low, high in (("epochs", 1, 100_000), ("seeds", 0, 2**31), ("iterations", 1, 10_000)):
+            values = getattr(self, name)
+            for value in values if isinstance(values, tuple) else (values,):
+                if not low <= value <= high:
+                    raise ConfigurationError(f"{name} between {low} and {high}", str(value), "mend the value")
+
+    def axes(self) -> dict[str, tuple]:
+        """The axes of configurations by name, in the order of :class:`Label`."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "iterations"}
+
+    def labels(self) -> Iterator[Label]:
+        """All runs, the seed slowest: when a sweep is interrupted, whole seeds are finished."""
+        values = dict(zip(Label._fields, self.axes().values(), strict=True))
+        order = ["seed", *(name for name in Label._fields if name != "seed")]
+        for combination in itertools.product(*(values[name] for name in order)):
+            yield Label(**dict(zip(order, combination, strict=True)))
+
+    def __len__(self) -> int:
+        size = 1
+        for values in self.axes().values():
+            size *= len(values)
+        return size
+
+
+def check_levels(noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]) -> None:
+    """Raise :class:`ConfigurationError` unless every level is within its effect's bounds."""
+    makers = (("noise", noise, SensingNoise), ("friction", friction, PaperFriction), ("stiction", stiction, paper_stiction))
+    for axis, values, make in makers:
+        for value in values:
+            try:
+                make(value).check()
+            except EffectError as error:
+                raise ConfigurationError(f"{axis}: {error.expected}", error.got, error.remedy) from None
+
+
+QUICK = Grid(noise=(1e-4, 8e-4), seeds=(1,))  # the extremes of the noise, one seed

@@ -1,0 +1,132 @@
+"""Run a grid from beginning to end: chunks, progress, interruption, resumption."""
+
+import json
+import shutil
+import sys
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import numpy as np
+import xarray as xr
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from jaxidl.learning.iterate import Metrics
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep.example import example
+from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.provenance import PRECISION, provenance, revision
+from jaxidl.sweep.run import Kind, inputs_of, program
+from jaxidl.sweep.store import Store, read
+
+RUNS_PER_DEVICE = 4  # of one chunk; a chunk is what an interruption can lose
+
+
+class Chunk(NamedTuple):
+    """Runs of one kind, computed by one call of one program."""
+
+    kind: Kind
+    labels: list[Label]
+    size: int  # of the program; the rest is padding
+
+    def padded(self) -> list[Label]:
+        return [*self.labels, *[self.labels[-1]] * (self.size - len(self.labels))]
+
+
+def sweep(
+    grid: Grid,
+    path: Path,
+    study: PaperStudy | None = None,
+    *,
+    devices: int | None = None,
+    per_device: int = RUNS_PER_DEVICE,
+    width: int = 1,
+    overwrite: bool = False,
+    quiet: bool = False,
+) -> xr.Dataset:
+    """Run every configuration of ``grid`` that ``path`` does not hold yet, write the results there and return them.
+
+    Results do not depend on ``devices``, ``per_device``, the order or interruptions. ``width`` (runs side by side in one
+    device's program) may change the last bits, which training then amplifies; the results file says which was used.
+
+    Raises:
+        StoreError: see :class:`jaxidl.sweep.store.Store`.
+        KeyboardInterrupt: finished chunks are saved; the same call continues.
+    """
+    study, path = study or PaperStudy(), Path(path)
+    with jax.enable_x64(True):
+        devices = min(devices or len(jax.devices()), len(jax.devices()))
+        if overwrite:
+            path.unlink(missing_ok=True)
+            shutil.rmtree(f"{path}.parts", ignore_errors=True)
+        with Store(path, identity(study, grid)) as store:
+            store.check_covers(grid)
+            for part in store.damaged:
+                print(f"jaxidl: {part} was damaged; its runs are computed again", file=sys.stderr)
+            missing = store.missing(grid)
+            if not missing and path.exists():
+                return read(path)
+            with _progress(quiet) as bar:
+                _run_chunks(grid, study, store, missing, bar, devices, per_device, width)
+            return store.finish(grid, provenance(width), example(study, grid))
+
+
+def _run_chunks(
+    grid: Grid, study: PaperStudy, store: Store, missing: list[Label], bar: Progress, devices: int, per_device: int, width: int
+) -> None:
+    cost = {kind: _cost(study, kind, grid.iterations) for kind in {Kind.of(label) for label in grid.labels()}}
+    left = sum(cost[Kind.of(label)] for label in missing)
+    done = len(grid) - len(missing)
+    task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
+    for chunk in chunks(missing, devices, per_device):
+        began = time.monotonic()
+        metrics = _wait(program(study, chunk.kind, devices, width)(inputs_of(chunk.padded(), study, grid.iterations)))
+        finished = jax.tree.map(lambda leaf, n=len(chunk.labels): np.asarray(leaf)[:n], metrics)
+        store.add(chunk.labels, finished, revision(), time.monotonic() - began)
+        done += len(chunk.labels)
+        bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
+
+
+def chunks(labels: Sequence[Label], devices: int, per_device: int) -> Iterator[Chunk]:
+    """Runs of one kind together, in the order given; every chunk of a kind has the same size, so it compiles once."""
+    totals = Counter(Kind.of(label) for label in labels)
+    sizes = {kind: devices * min(per_device, -(-count // devices)) for kind, count in totals.items()}
+    waiting: dict[Kind, list[Label]] = defaultdict(list)
+    for label in labels:
+        kind = Kind.of(label)
+        waiting[kind].append(label)
+        if len(waiting[kind]) == sizes[kind]:
+            yield Chunk(kind, waiting.pop(kind), sizes[kind])
+    for kind, rest in waiting.items():
+        yield Chunk(kind, rest, sizes[kind])
+
+
+def identity(study: PaperStudy, grid: Grid) -> dict:
+    """Everything besides the axes that determines a result."""
+    settings = json.loads(json.dumps(study.to_dict()))
+    del settings["training"]["epochs"]  # an axis
+    return {"study": settings, "iterations": grid.iterations, "precision": PRECISION}
+
+
+def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
+    """Training steps of one run, and the executions in the same unit: for the progress bar only."""
+    rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
+    train_rows = study.training.train_mask(rows[kind.source]).sum()
+    return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
+
+
+def _wait(metrics: Metrics) -> Metrics:
+    """Wait for a dispatched program in a way that Ctrl-C can end."""
+    while not all(leaf.is_ready() for leaf in jax.tree.leaves(metrics)):
+        time.sleep(0.02)
+    return metrics
+
+
+def _progress(quiet: bool) -> Progress:
+    columns = [TextColumn("{task.description} {task.fields[count]}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%")]
+    times = [TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left")]
+    return Progress(*columns, *times, console=Console(stderr=True), disable=quiet, speed_estimate_period=600)

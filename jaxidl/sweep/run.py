@@ -1,0 +1,93 @@
+"""Many learning runs in one program: ``lax.map`` over runs, ``vmap`` inside it, shards over devices outside."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Array, Float, Int
+
+from jaxidl.learning.iterate import Metrics, learn
+from jaxidl.learning.paper import GAINS, Condition, PaperStudy, draw_noise
+from jaxidl.sweep.grid import Label
+from jaxidl.types import Trajectory
+
+
+class Inputs(NamedTuple):
+    """The traced half of R runs."""
+
+    condition: Condition  # leaves (R,)
+    seed: Int[Array, " R"]  # root of weights and batches
+    noise: Float[Array, "R K T J"]  # standard-normal draws of every execution
+
+
+class Kind(NamedTuple):
+    """The static half of a run: one program is compiled per kind and chunk shape, not one per configuration."""
+
+    controller: str
+    source: str
+    epochs: int
+
+    @classmethod
+    def of(cls, label: Label) -> "Kind":
+        return cls(label.controller, label.source, label.epochs)
+
+
+def inputs_of(labels: Sequence[Label], study: PaperStudy, iterations: int) -> Inputs:
+    """The traced half of the given runs, stacked on the host."""
+    condition = Condition(
+        gain=np.array([GAINS.index(run.gain) for run in labels], np.int32),
+        noise=np.array([run.noise for run in labels], float),
+        friction=np.array([run.friction for run in labels], float),
+        stiction=np.array([run.stiction for run in labels], float),
+    )
+    draws = {seed: draw_noise(seed, iterations, study.steps) for seed in {run.seed for run in labels}}
+    seeds = np.array([run.seed for run in labels], np.uint32)
+    return Inputs(condition, seeds, np.stack([draws[run.seed] for run in labels]))
+
+
+def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -> tuple[Metrics, Trajectory | None]:
+    """One learning run (leaves of ``inputs`` without the R axis): metrics (K,) and, if asked, trajectories (K, T, J).
+
+    The key is the seed's alone: runs of one seed share initial weights and batch order whatever their condition, so
+    differences between conditions and sources are paired, and a run's result does not depend on the grid around it.
+    """
+    metrics, _, runs = learn(
+        study.setting(kind.controller, inputs.condition),
+        inputs.noise,
+        jax.random.key(inputs.seed),
+        source=kind.source,
+        error_model=study.error_model,
+        training=replace(study.training, epochs=kind.epochs),
+        train_on=study.train_on,
+        keep=keep,
+    )
+    return metrics, runs
+
+
+@lru_cache(maxsize=None)
+def program(study: PaperStudy, kind: Kind, devices: int = 1, width: int = 1) -> Any:
+    """The compiled-on-first-use program of one kind: ``Inputs`` of R runs -> ``Metrics`` with leaves (R, K).
+
+    R is a multiple of ``devices``. Each device maps over its share, ``width`` runs at a time side by side: 1 keeps a run's
+    weights in a core's cache, a GPU wants as many as fit. With the same ``width`` results are the same bit for bit on one
+    kind of device whatever the share, since the compiled loop body is the same.
+    """
+    mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
+    split = PartitionSpec("runs")
+
+    def share(inputs: Inputs) -> Metrics:
+        batch_size = None if width == 1 else width
+        return jax.lax.map(lambda one: one_run(study, kind, one)[0], inputs, batch_size=batch_size)
+
+    return jax.jit(jax.shard_map(share, mesh=mesh, in_specs=split, out_specs=split, check_vma=False))
+
+
+def trace(study: PaperStudy, label: Label, inputs: Inputs) -> tuple[Metrics, Trajectory]:
+    """One learning run with every execution kept: metrics (K,) and trajectories (K, T, J)."""
+    metrics, runs = jax.jit(one_run, static_argnums=(0, 1, 3))(study, Kind.of(label), inputs, True)
+    assert runs is not None
+    return metrics, runs

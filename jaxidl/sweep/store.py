@@ -1,0 +1,243 @@
+"""Results on disk: every finished chunk is safe at once, and what is finished is never mixed with anything else.
+
+Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per finished chunk. Runs are
+known by their labels, not by their place in a grid, so a sweep continues whatever its chunk size, device count or order, and
+a finished file can be extended by more values on an axis. Files are written under another name and then renamed.
+"""
+
+import io
+import json
+import os
+import tempfile
+import zipfile
+import zlib
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+from filelock import FileLock, Timeout
+
+from jaxidl.errors import StoreError
+from jaxidl.learning.iterate import Metrics
+from jaxidl.sweep.grid import Grid, Label
+
+FORMAT = "jaxidl-sweep-1"
+DIMS = (*Label._fields, "iteration")
+META = {
+    "q_error": ("m", "mean |position - frictionless reference|"),
+    "feedback_applied": ("N", "mean |applied feedback|"),
+    "qdd_error": ("m s-2", "mean |desired - actual acceleration|"),
+    "torque": ("N", "mean |commanded torque|"),
+    "finite": ("1", "did execution and training stay finite? false: keep the iteration out of averages"),
+}
+UNITS = {"noise": "m"}
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a whole file or nothing: temporary name, flush to disk, rename.
+
+    Raises:
+        StoreError: if the disk is full or the place cannot be written; an existing file is left as it was.
+    """
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".tmp", delete=False) as file:
+            temporary = file.name
+            os.fchmod(file.fileno(), 0o644)
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+        reason = error.strerror or str(error)
+        raise StoreError(f"to write {path}", reason.lower(), "make room or choose another place, then run it again") from None
+
+
+class Store:
+    """The finished runs of one results file. Use as a context manager: it holds the file's lock.
+
+    Args:
+        path: where the results go.
+        identity: everything besides the axes that determines a result, ready for JSON.
+
+    Raises:
+        StoreError: when another process is at work on the file, or what lies there is unreadable or another study's.
+    """
+
+    def __init__(self, path: Path, identity: dict):
+        self.path, self.parts = Path(path), Path(f"{path}.parts")
+        self.identity = json.dumps({"format": FORMAT, **identity}, sort_keys=True)
+        self.runs: dict[Label, dict[str, np.ndarray]] = {}
+        self.damaged: list[Path] = []
+        self.revisions: set[str] = set()  # of the code that made the runs
+        self.seconds = 0.0  # wall time that the runs took, all sessions together
+        self._contents: dict[Path, list[Label]] = {}
+        self._lock = FileLock(self.parts / "lock", timeout=0)
+
+    def __enter__(self) -> "Store":
+        try:
+            self.parts.mkdir(parents=True, exist_ok=True)
+            self._lock.acquire()
+        except Timeout:
+            raise StoreError("to be alone on " + str(self.path), "another sweep at work", "wait or take another --out") from None
+        except OSError as error:
+            raise StoreError(f"to write beside {self.path}", str(error.strerror).lower(), "choose another --out") from None
+        try:
+            self._load()
+        except BaseException:
+            self.__exit__()
+            raise
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._lock.release()
+        leftovers = [p for p in self.parts.iterdir() if p.name != "lock"] if self.parts.exists() else []
+        if not leftovers and self.parts.exists():
+            (self.parts / "lock").unlink(missing_ok=True)
+            self.parts.rmdir()
+
+    def _load(self) -> None:
+        if self.path.exists():
+            data = read(self.path)
+            if data.attrs["identity"] != self.identity:
+                what = difference(json.loads(data.attrs["identity"]), json.loads(self.identity))
+                remedy = "choose another --out, or --overwrite it"
+                raise StoreError(f"{self.path} to hold this study", f"one that differs in {what}", remedy)
+            self.runs.update(runs_of(data))
+            self.revisions.update(data.attrs["git_revision"].split(", "))
+            self.seconds += float(data.attrs["seconds"])
+        for part in sorted(self.parts.glob("*.npz")):
+            self._load_part(part)
+
+    def _load_part(self, part: Path) -> None:
+        try:
+            with np.load(part, allow_pickle=False) as file:
+                identity, labels = str(file["identity"]), [Label(*row) for row in json.loads(str(file["labels"]))]
+                columns = {name: file[name] for name in META}
+                revision, seconds = str(file["revision"]), float(file["seconds"])
+        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
+            part.unlink()  # cut short or changed on disk: its runs are computed again
+            self.damaged.append(part)
+            return
+        if identity != self.identity:
+            what = difference(json.loads(identity), json.loads(self.identity))
+            remedy = "continue with the old settings, choose another --out, or --overwrite"
+            raise StoreError(f"{self.parts} to hold this study", f"one that differs in {what}", remedy)
+        self._remember(part, labels, columns, revision, seconds)
+
+    def _remember(self, part: Path, labels: list[Label], columns: dict[str, np.ndarray], revision: str, seconds: float) -> None:
+        self._contents[part] = labels
+        self.revisions.add(revision)
+        self.seconds += seconds
+        for row, label in enumerate(labels):
+            self.runs[label] = {name: column[row] for name, column in columns.items()}
+
+    def add(self, labels: Sequence[Label], metrics: Metrics, revision: str, seconds: float) -> None:
+        """Save finished runs; ``metrics`` has leaves (R, K), ``seconds`` is the wall time that they took together."""
+        columns = {name: np.asarray(value) for name, value in metrics._asdict().items()}
+        buffer, text = io.BytesIO(), json.dumps(labels)
+        about = {"identity": self.identity, "labels": text, "revision": revision, "seconds": seconds}
+        np.savez(buffer, allow_pickle=False, **about, **columns)
+        part = self.parts / f"{zlib.crc32(text.encode()):08x}.npz"
+        write_bytes(part, buffer.getvalue())
+        self._remember(part, list(labels), columns, revision, seconds)
+
+    def missing(self, grid: Grid) -> list[Label]:
+        """The grid's runs that are not finished, in the grid's order."""
+        return [label for label in grid.labels() if label not in self.runs]
+
+    def check_covers(self, grid: Grid) -> None:
+        """Raise :class:`StoreError` if finishing ``grid`` would drop runs that the finished file holds."""
+        if not self.path.exists():
+            return
+        wanted = set(grid.labels())
+        dropped = [label for label in runs_of(read(self.path)) if label not in wanted]
+        if dropped:
+            got = f"{len(dropped)} finished runs there that this grid leaves out, e.g. {tuple(dropped[0])}"
+            raise StoreError(f"a grid that covers {self.path}", got, "choose another --out, or --overwrite it")
+
+    def finish(self, grid: Grid, attrs: dict[str, str], extra: xr.Dataset | None = None) -> xr.Dataset:
+        """Assemble the grid's results, write them as one file, and remove the parts that it contains."""
+        data = assemble(grid, self.runs)
+        data.attrs |= attrs | {"identity": self.identity, "git_revision": ", ".join(sorted(self.revisions))}
+        data.attrs["seconds"] = round(self.seconds, 1)
+        if extra is not None:
+            data = data.merge(extra, combine_attrs="override")
+        write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf")))
+        wanted = set(grid.labels())
+        for part, labels in list(self._contents.items()):
+            if wanted.issuperset(labels):
+                part.unlink(missing_ok=True)
+                del self._contents[part]
+        return data
+
+
+def assemble(grid: Grid, runs: dict[Label, dict[str, np.ndarray]]) -> xr.Dataset:
+    """The labelled results of ``grid``: dims (controller, …, source, iteration)."""
+    coords = {dim: list(values) for dim, values in zip(Label._fields, grid.axes().values(), strict=True)}
+    shape = tuple(len(values) for values in coords.values())
+    place = {dim: {value: i for i, value in enumerate(values)} for dim, values in coords.items()}
+    variables = {}
+    for name, (unit, text) in META.items():
+        kind = bool if name == "finite" else np.float64
+        block = np.zeros((*shape, grid.iterations), kind)
+        for label in grid.labels():
+            block[tuple(place[dim][value] for dim, value in label._asdict().items())] = runs[label][name]
+        variables[name] = (DIMS, block, {"units": unit, "long_name": text})
+    data = xr.Dataset(variables, coords | {"iteration": np.arange(grid.iterations)})
+    for dim, unit in UNITS.items():
+        data[dim].attrs["units"] = unit
+    return data
+
+
+def read(path: Path) -> xr.Dataset:
+    """A finished results file.
+
+    Raises:
+        StoreError: if there is none, it cannot be read, or it is not one of ours.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise StoreError(f"a results file at {path}", "no such file", "run `jaxidl sweep --out` first, or mend the path")
+    try:
+        with xr.open_dataset(io.BytesIO(path.read_bytes()), engine="h5netcdf") as file:
+            data = file.load()
+    except Exception as error:  # whatever h5py makes of a broken file
+        reason = type(error).__name__
+        raise StoreError(f"{path} to be a NetCDF results file", f"something unreadable ({reason})", "remove it or name another") from None
+    lacking = [name for name in (*META, *DIMS) if name not in data.variables]
+    if lacking or "identity" not in data.attrs:
+        got = f"a file without {', '.join(lacking) or 'identity'}"
+        raise StoreError(f"{path} to be written by `jaxidl sweep`", got, "name a results file of jaxidl")
+    data["finite"] = data["finite"].astype(bool)
+    return data
+
+
+def runs_of(data: xr.Dataset) -> dict[Label, dict[str, np.ndarray]]:
+    """The runs in a results file, by label."""
+    table = {}
+    columns = {name: data[name].transpose(*DIMS).values for name in META}
+    axes: Iterable[np.ndarray] = [data[dim].values for dim in Label._fields]
+    grids = Grid(*(tuple(values.tolist()) for values in axes), iterations=data.sizes["iteration"])
+    values = list(grids.axes().values())
+    for label in grids.labels():
+        index = tuple(axis.index(value) for axis, value in zip(values, label, strict=True))
+        table[label] = {name: column[index] for name, column in columns.items()}
+    return table
+
+
+def difference(old: dict, new: dict, prefix: str = "") -> str:
+    """The first few settings in which two identities differ, for an error message."""
+    found = []
+    for key in sorted(old.keys() | new.keys()):
+        a, b = old.get(key), new.get(key)
+        if isinstance(a, dict) and isinstance(b, dict):
+            inner = difference(a, b, f"{prefix}{key}.")
+            found += [inner] if inner else []
+        elif a != b:
+            found.append(f"{prefix}{key} ({a} there, {b} here)")
+    return ", ".join(found[:3])
