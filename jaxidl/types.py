@@ -13,7 +13,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
 Path = Float[Array, "T J"]
-Scalar = Float[Array, ""]
+Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 
 

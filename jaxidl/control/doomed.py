@@ -25,10 +25,10 @@ class Doomed(struct.PyTreeNode):
     not used: DOOMED follows the policy itself.
     """
 
-    rate: Scalar | float  # learning rate of the applied offset [N s^2/m]
-    learner_gain: Scalar | float  # 0.5 [N s^2/m]
-    smoothing: Scalar | float  # weight of a new sample in the learning feedback [-]
-    gradient_smoothing: Scalar | float = 0.9  # weight of a new gradient [-]
+    rate: Scalar  # learning rate of the applied offset [N s^2/m]
+    learner_gain: Scalar  # 0.5 [N s^2/m]
+    smoothing: Scalar  # weight of a new sample in the learning feedback [-]
+    gradient_smoothing: Scalar = 0.9  # weight of a new gradient [-]
 
     def init(self, q: Joints) -> DoomedState:
         return DoomedState(jnp.zeros_like(q), start_average(q), start_average(q))

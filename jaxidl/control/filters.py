@@ -20,7 +20,7 @@ def start_average(like: Joints) -> Average:
     return Average(jnp.zeros_like(like), jnp.array(False))
 
 
-def update_average(average: Average, sample: Joints, alpha: Scalar | float) -> Average:
+def update_average(average: Average, sample: Joints, alpha: Scalar) -> Average:
     """alpha·sample + (1 − alpha)·average; the first sample is taken as it is."""
     mixed = alpha * sample + (1.0 - alpha) * average.value
     return Average(jnp.where(average.started, mixed, sample), jnp.array(True))

@@ -13,9 +13,9 @@ from jaxidl.types import Joints, Scalar, State
 class PidGains(NamedTuple):
     """Gains on the position error, its rate and its sum over steps."""
 
-    kp: Scalar | float  # [N/m]
-    kd: Scalar | float  # [N s/m]
-    ki: Scalar | float  # per control step, no dt [N/m]
+    kp: Scalar  # [N/m]
+    kd: Scalar  # [N s/m]
+    ki: Scalar  # per control step, no dt [N/m]
 
 
 class PidState(NamedTuple):
@@ -34,7 +34,7 @@ class Pid(struct.PyTreeNode):
 
     applied: PidGains
     learner: PidGains
-    smoothing: Scalar | float  # weight of a new sample in the learning feedback [-]
+    smoothing: Scalar  # weight of a new sample in the learning feedback [-]
 
     def init(self, q: Joints) -> PidState:
         return PidState(jnp.zeros_like(q), start_average(q))

@@ -24,7 +24,7 @@ GAINS = ("low", "high")
 class Condition(NamedTuple):
     """The traced half of a configuration; scalars here, an axis more under ``vmap`` or ``lax.map``."""
 
-    gain: Int[Array, ""]  # index into ``GAINS``
+    gain: Int[Array, ""] | int  # index into ``GAINS``
     noise: Scalar  # sensing noise scale σ [m]
     friction: Scalar  # friction level f [-]
     stiction: Scalar  # stiction level s [-]
@@ -74,7 +74,7 @@ class PaperStudy:
         friction, stiction = PaperFriction(condition.friction), paper_stiction(condition.stiction)
         return Plant(point_mass(self.true_mass), (friction, stiction, SensingNoise(condition.noise)))
 
-    def law(self, controller: str, gain: Int[Array, ""]) -> FeedbackLaw:
+    def law(self, controller: str, gain: Int[Array, ""] | int) -> FeedbackLaw:
         """The feedback law named ``controller`` with the ``gain``-th of its gain settings."""
         if controller == "pid":
             applied = PidGains(*jnp.asarray(self.pid_gains)[gain])

@@ -67,7 +67,8 @@ class ErrorModel:
 
     def apply(self, params: Params, x: Float[Array, "F B"]) -> Float[Array, "J B"]:
         """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B)."""
-        return jax.vmap(self.network.apply, in_axes=(0, None))(params, x)[:, 0]
+        outputs: Any = jax.vmap(self.network.apply, in_axes=(0, None))(params, x)
+        return outputs[:, 0]
 
     def torque(self, params: Params, state: State, qdd: Joints) -> Joints:
         """Predicted modelling error (J,) [N] in ``state`` at acceleration ``qdd`` (J,) [m/s^2]."""

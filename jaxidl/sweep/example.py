@@ -42,7 +42,7 @@ def example(study: PaperStudy, grid: Grid) -> xr.Dataset:
     _, runs = trace(study, label, inputs)
     dims = ("execution", "time", "joint")
     shown = [0, grid.iterations - 1]
-    variables = {
+    variables: dict[str, tuple] = {
         f"example_{name}": (dims, np.asarray(getattr(runs, name))[shown], {"units": unit, "long_name": text})
         for name, (unit, text) in FIELDS.items()
     }

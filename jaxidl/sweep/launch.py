@@ -15,6 +15,7 @@ import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from jaxidl.errors import ConfigurationError
 from jaxidl.learning.iterate import Metrics
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep.example import example
@@ -23,7 +24,7 @@ from jaxidl.sweep.provenance import PRECISION, provenance, revision
 from jaxidl.sweep.run import Kind, inputs_of, program
 from jaxidl.sweep.store import Store, read
 
-RUNS_PER_DEVICE = 4  # of one chunk; a chunk is what an interruption can lose
+RUNS_PER_DEVICE = {"cpu": 4, "gpu": 320}  # of one chunk; a chunk is what an interruption can lose
 
 
 class Chunk(NamedTuple):
@@ -43,8 +44,8 @@ def sweep(
     study: PaperStudy | None = None,
     *,
     devices: int | None = None,
-    per_device: int = RUNS_PER_DEVICE,
-    width: int = 1,
+    per_device: int | None = None,
+    width: int | None = None,
     overwrite: bool = False,
     quiet: bool = False,
 ) -> xr.Dataset:
@@ -59,7 +60,7 @@ def sweep(
     """
     study, path = study or PaperStudy(), Path(path)
     with jax.enable_x64(True):
-        devices = min(devices or len(jax.devices()), len(jax.devices()))
+        devices, per_device, width = layout(devices, per_device, width)
         if overwrite:
             path.unlink(missing_ok=True)
             shutil.rmtree(f"{path}.parts", ignore_errors=True)
@@ -75,6 +76,28 @@ def sweep(
             return store.finish(grid, provenance(width), example(study, grid))
 
 
+def layout(devices: int | None, per_device: int | None, width: int | None) -> tuple[int, int, int]:
+    """How many devices, runs on each and runs side by side: as asked, else what suits the kind of device.
+
+    A CPU core works on one run at a time, whose weights then stay in its cache; a GPU on as many as a chunk has.
+
+    Raises:
+        ConfigurationError: for a number below one or more devices than there are.
+    """
+    backend, present = jax.default_backend(), len(jax.devices())
+    devices = present if devices is None else devices
+    per_device = RUNS_PER_DEVICE.get(backend, 320) if per_device is None else per_device
+    width = (1 if backend == "cpu" else per_device) if width is None else width
+    for name, value, most in (
+        ("devices", devices, present),
+        ("runs-per-device", per_device, 10**6),
+        ("width", width, per_device),
+    ):
+        if not 1 <= value <= most:
+            raise ConfigurationError(f"--{name} between 1 and {most}", str(value), "mend it or leave it out")
+    return devices, per_device, width
+
+
 def _run_chunks(
     grid: Grid, study: PaperStudy, store: Store, missing: list[Label], bar: Progress, devices: int, per_device: int, width: int
 ) -> None:
@@ -85,8 +108,7 @@ def _run_chunks(
     for chunk in chunks(missing, devices, per_device):
         began = time.monotonic()
         metrics = _wait(program(study, chunk.kind, devices, width)(inputs_of(chunk.padded(), study, grid.iterations)))
-        finished = jax.tree.map(lambda leaf, n=len(chunk.labels): np.asarray(leaf)[:n], metrics)
-        store.add(chunk.labels, finished, revision(), time.monotonic() - began)
+        store.add(chunk.labels, _first(metrics, len(chunk.labels)), revision(), time.monotonic() - began)
         done += len(chunk.labels)
         bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
 
@@ -117,6 +139,11 @@ def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
     train_rows = study.training.train_mask(rows[kind.source]).sum()
     return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
+
+
+def _first(metrics: Metrics, count: int) -> Metrics:
+    """On the host, without the padding."""
+    return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], metrics)
 
 
 def _wait(metrics: Metrics) -> Metrics:

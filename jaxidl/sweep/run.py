@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import cache
 from typing import Any, NamedTuple
 
 import jax
@@ -38,15 +38,12 @@ class Kind(NamedTuple):
 
 def inputs_of(labels: Sequence[Label], study: PaperStudy, iterations: int) -> Inputs:
     """The traced half of the given runs, stacked on the host."""
-    condition = Condition(
-        gain=np.array([GAINS.index(run.gain) for run in labels], np.int32),
-        noise=np.array([run.noise for run in labels], float),
-        friction=np.array([run.friction for run in labels], float),
-        stiction=np.array([run.stiction for run in labels], float),
-    )
+    levels: dict[str, Any] = {name: np.array([getattr(run, name) for run in labels], float) for name in Condition._fields[1:]}
+    gains: Any = np.array([GAINS.index(run.gain) for run in labels], np.int32)
+    seeds: Any = np.array([run.seed for run in labels], np.uint32)
     draws = {seed: draw_noise(seed, iterations, study.steps) for seed in {run.seed for run in labels}}
-    seeds = np.array([run.seed for run in labels], np.uint32)
-    return Inputs(condition, seeds, np.stack([draws[run.seed] for run in labels]))
+    noise: Any = np.stack([draws[run.seed] for run in labels])
+    return Inputs(Condition(gains, **levels), seeds, noise)
 
 
 def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -> tuple[Metrics, Trajectory | None]:
@@ -68,7 +65,7 @@ def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -
     return metrics, runs
 
 
-@lru_cache(maxsize=None)
+@cache
 def program(study: PaperStudy, kind: Kind, devices: int = 1, width: int = 1) -> Any:
     """The compiled-on-first-use program of one kind: ``Inputs`` of R runs -> ``Metrics`` with leaves (R, K).
 

@@ -7,8 +7,6 @@ a finished file can be extended by more values on an axis. Files are written und
 
 import io
 import json
-import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterable, Sequence
@@ -19,6 +17,7 @@ import xarray as xr
 from filelock import FileLock, Timeout
 
 from jaxidl.errors import StoreError
+from jaxidl.files import write_bytes
 from jaxidl.learning.iterate import Metrics
 from jaxidl.sweep.grid import Grid, Label
 
@@ -32,29 +31,6 @@ META = {
     "finite": ("1", "did execution and training stay finite? false: keep the iteration out of averages"),
 }
 UNITS = {"noise": "m"}
-
-
-def write_bytes(path: Path, content: bytes) -> None:
-    """Write a whole file or nothing: temporary name, flush to disk, rename.
-
-    Raises:
-        StoreError: if the disk is full or the place cannot be written; an existing file is left as it was.
-    """
-    temporary = None
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".tmp", delete=False) as file:
-            temporary = file.name
-            os.fchmod(file.fileno(), 0o644)
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        reason = error.strerror or str(error)
-        raise StoreError(f"to write {path}", reason.lower(), "make room or choose another place, then run it again") from None
 
 
 class Store:
@@ -166,7 +142,7 @@ class Store:
         data.attrs |= attrs | {"identity": self.identity, "git_revision": ", ".join(sorted(self.revisions))}
         data.attrs["seconds"] = round(self.seconds, 1)
         if extra is not None:
-            data = data.merge(extra, combine_attrs="override")
+            data = data.merge(extra, combine_attrs="no_conflicts")
         write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf")))
         wanted = set(grid.labels())
         for part, labels in list(self._contents.items()):
@@ -208,7 +184,9 @@ def read(path: Path) -> xr.Dataset:
             data = file.load()
     except Exception as error:  # whatever h5py makes of a broken file
         reason = type(error).__name__
-        raise StoreError(f"{path} to be a NetCDF results file", f"something unreadable ({reason})", "remove it or name another") from None
+        raise StoreError(
+            f"{path} to be a NetCDF results file", f"something unreadable ({reason})", "remove it or name another"
+        ) from None
     lacking = [name for name in (*META, *DIMS) if name not in data.variables]
     if lacking or "identity" not in data.attrs:
         got = f"a file without {', '.join(lacking) or 'identity'}"
