@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
-Path = Float[Array, "T J"]
+Path = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
 Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 

@@ -1,6 +1,6 @@
 """What a feedback law is."""
 
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 from jaxidl.types import Joints, State
 
@@ -12,6 +12,7 @@ class Feedback(NamedTuple):
     learning: Joints  # (J,) goes to the learner only [N]
 
 
+@runtime_checkable
 class FeedbackLaw(Protocol):
     """``init`` once, then in every control step ``act`` before the plant moves and ``observe`` after it."""
 

@@ -21,7 +21,7 @@ class PdPolicy(struct.PyTreeNode):
     kp: Scalar  # [1/s^2]
     kd: Scalar  # [1/s]
 
-    def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""]) -> Joints:
+    def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""] | int) -> Joints:
         return self.kp * (self.target - q) + self.kd * (0.0 - qd)
 
 
@@ -34,7 +34,7 @@ class LqrPolicy(struct.PyTreeNode):
     target: Joints  # (J,) [m]
     gains: Float[Array, "H 2"]  # (H, 2) position and velocity gain of each step [1/s^2, 1/s]
 
-    def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""]) -> Joints:
+    def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""] | int) -> Joints:
         kp, kd = self.gains[jnp.minimum(t, self.gains.shape[0] - 1)]
         return -(kp * (q - self.target) + kd * qd)
 

@@ -8,7 +8,7 @@ from jaxidl.effects.actuator import ConstantOffset
 from jaxidl.effects.base import Effect, Parameter, regressor
 from jaxidl.effects.friction import PaperFriction, ViscousFriction
 from jaxidl.effects.sensing import SensingNoise
-from jaxidl.effects.stiction import Stiction, paper_stiction
+from jaxidl.effects.stiction import STICTION_LEVEL, Stiction, paper_stiction
 from jaxidl.errors import EffectError
 
 CATALOGUE: dict[str, type[Effect]] = {
@@ -35,6 +35,7 @@ def from_dict(record: dict[str, Any]) -> Effect:
 
 __all__ = [
     "CATALOGUE",
+    "STICTION_LEVEL",
     "ConstantOffset",
     "Effect",
     "PaperFriction",

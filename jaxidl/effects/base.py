@@ -12,7 +12,7 @@ methods are pure functions of one instant of one mechanism and default to "does 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import jax
 import jax.flatten_util
@@ -33,6 +33,13 @@ class Parameter:
     lower: float
     upper: float
     meaning: str
+
+    def check(self, name: str, value: object) -> None:
+        """Raise :class:`EffectError` naming the parameter if ``value``, a number or an array, is out of bounds or NaN."""
+        numbers = np.asarray(value, float)
+        if not ((numbers >= self.lower) & (numbers <= self.upper)).all():  # NaN fails too
+            bounds = f"{name} in [{self.lower:g}, {self.upper:g}] {self.unit}"
+            raise EffectError(bounds, str(numbers.tolist()), f"set {self.meaning} within these bounds")
 
 
 class Effect(struct.PyTreeNode):
@@ -56,13 +63,10 @@ class Effect(struct.PyTreeNode):
         """What the encoders read (J,) at true position ``q`` (J,), given standard-normal draws ``noise`` (J,)."""
         return q
 
-    def check(self) -> Self:
+    def check(self) -> "Effect":
         """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or NaN."""
         for key, spec in self.parameters.items():
-            value = np.asarray(getattr(self, key), float)
-            if not ((value >= spec.lower) & (value <= spec.upper)).all():  # NaN fails too
-                bounds = f"{self.name}.{key} in [{spec.lower:g}, {spec.upper:g}] {spec.unit}"
-                raise EffectError(bounds, str(value.tolist()), f"set {spec.meaning} within these bounds")
+            spec.check(f"{self.name}.{key}", getattr(self, key))
         return self
 
     def to_dict(self) -> dict[str, Any]:

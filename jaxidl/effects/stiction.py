@@ -35,6 +35,9 @@ class Stiction(Effect):
         return (jnp.abs(qd) < self.speed) & (q < self.below) & (push < self.breakaway)
 
 
+STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
+
+
 def paper_stiction(level: Scalar) -> Stiction:
     """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed."""
     return Stiction(jnp.asarray([100.0, 50.0]) * level, jnp.asarray(1e-4), jnp.asarray(0.2), signed=True)

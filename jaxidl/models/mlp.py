@@ -63,7 +63,7 @@ class ErrorModel:
     def scale_inputs(self, x: Float[Array, "*N F"]) -> Float[Array, "*N F"]:
         """Inputs (..., 3J), divided by the scales of position, velocity and acceleration."""
         scales = jnp.array([self.position_scale, self.velocity_scale, self.acceleration_scale], x.dtype)
-        return x / jnp.repeat(scales, self.joints)
+        return x / jnp.broadcast_to(jnp.repeat(scales, self.joints), x.shape)
 
     def apply(self, params: Params, x: Float[Array, "F B"]) -> Float[Array, "J B"]:
         """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B)."""

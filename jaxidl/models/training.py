@@ -25,7 +25,7 @@ class Training:
 
     def steps(self, rows: int) -> int:
         """Training steps of one iteration for a data set of ``rows`` rows."""
-        return self.epochs * (self.train_mask(rows).sum() // self.batch)
+        return self.epochs * int(self.train_mask(rows).sum() // self.batch)
 
     def train_mask(self, rows: int) -> Bool[np.ndarray, " N"]:
         """Which rows are trained on: all but each next row after a positive multiple of ``holdout_every``."""

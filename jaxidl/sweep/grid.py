@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
-from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
+from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise
 from jaxidl.errors import ConfigurationError, EffectError, one_of
 from jaxidl.learning.paper import CONTROLLERS, GAINS
 from jaxidl.learning.sources import SOURCES
@@ -13,6 +13,13 @@ from jaxidl.learning.sources import SOURCES
 NOISE_LEVELS = {
     "program": (1e-4, 5e-4, 7e-4, 8e-4),  # what the reference program used
     "printed": (1e-4, 5e-4, 7e-3, 8e-3),  # what the paper prints: accelerations of 10^4 m/s^2 by finite differences
+}
+
+
+LEVELS = {
+    "noise": SensingNoise.parameters["scale"],
+    "friction": PaperFriction.parameters["level"],
+    "stiction": STICTION_LEVEL,
 }
 
 
@@ -84,13 +91,12 @@ class Grid:
 
 def check_levels(noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]) -> None:
     """Raise :class:`ConfigurationError` unless every level is within its effect's bounds."""
-    makers = (("noise", noise, SensingNoise), ("friction", friction, PaperFriction), ("stiction", stiction, paper_stiction))
-    for axis, values, make in makers:
+    for axis, values in (("noise", noise), ("friction", friction), ("stiction", stiction)):
         for value in values:
             try:
-                make(value).check()
+                LEVELS[axis].check(axis, value)
             except EffectError as error:
-                raise ConfigurationError(f"{axis}: {error.expected}", error.got, error.remedy) from None
+                raise ConfigurationError(error.expected, error.got, error.remedy) from None
 
 
 QUICK = Grid(noise=(1e-4, 8e-4), seeds=(1,))  # the extremes of the noise, one seed

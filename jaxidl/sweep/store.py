@@ -91,7 +91,7 @@ class Store:
 
     def _load_part(self, part: Path) -> None:
         try:
-            with np.load(part, allow_pickle=False) as file:
+            with np.load(io.BytesIO(part.read_bytes()), allow_pickle=False) as file:
                 identity, labels = str(file["identity"]), [Label(*row) for row in json.loads(str(file["labels"]))]
                 columns = {name: file[name] for name in META}
                 revision, seconds = str(file["revision"]), float(file["seconds"])

@@ -1,6 +1,6 @@
 """A plant: a rigid body plus a list of named physical effects, stepped one instant at a time."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from flax import struct
@@ -9,6 +9,7 @@ from jaxidl.effects import Effect
 from jaxidl.types import Joints, State
 
 
+@runtime_checkable
 class RigidBody(Protocol):
     """What a plant and a model need of a body; see :class:`jaxidl.systems.point_mass.PointMass`."""
 

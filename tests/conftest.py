@@ -1,0 +1,40 @@
+"""Hostile settings for the whole suite: warnings are errors, silent rank promotion raises, signatures are checked."""
+
+import os
+from pathlib import Path
+
+import jax
+import pytest
+from jaxtyping import install_import_hook
+
+jax.config.update("jax_num_cpu_devices", 2)
+jax.config.update("jax_numpy_rank_promotion", "raise")
+jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as the programs run it
+
+with install_import_hook("jaxidl", "beartype.beartype"):
+    import jaxidl
+    import jaxidl.cli
+    import jaxidl.learning.paper
+    import jaxidl.plot.figures
+    import jaxidl.sweep.claims
+    import jaxidl.sweep.launch
+    import jaxidl.sweep.simulate  # noqa: F401
+
+REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
+
+
+@pytest.fixture(scope="session")
+def reference() -> Path:
+    """Folder with the reference program's own numbers."""
+    if not (REFERENCE / "traces.npz").exists():
+        pytest.skip(f"no reference data at {REFERENCE}; set JAXIDL_REFERENCE")
+    return REFERENCE
+
+
+@pytest.fixture
+def small_study():
+    """The paper's study with short executions and small networks: the same code in milliseconds."""
+    from jaxidl.learning.paper import PaperStudy
+    from jaxidl.models import ErrorModel, Training
+
+    return PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))

@@ -1,0 +1,194 @@
+"""One configuration: execution, sources, and learning on systems whose answer is known."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl.control import Doomed, PdPolicy, Pid, PidGains
+from jaxidl.effects import ConstantOffset, ViscousFriction
+from jaxidl.learning.execute import Task, desired_trajectory, execute
+from jaxidl.learning.iterate import Setting, learn
+from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
+from jaxidl.learning.sources import SOURCES, direct, indirect, joint
+from jaxidl.models import ErrorModel, Training
+from jaxidl.systems import Plant, integrate, point_mass
+from jaxidl.types import State
+
+CONDITION = Condition(jnp.array(0), jnp.array(5e-4), jnp.array(5.0), jnp.array(5.0))
+
+
+def python_execution(setting, noise, torque_of=None):
+    """Algorithm 1 as a plain Python loop over instants, without scan or jit."""
+    task, plant, law = setting.task, setting.plant, setting.law
+    true = sensed = task.start
+    memory, wanted = law.init(true.q), task.start
+    rows = []
+    for t in range(task.steps):
+        qdd_d = task.policy(sensed.q, sensed.qd, t)
+        feedback, memory = law.act(memory, wanted, sensed)
+        rbd = setting.model.inverse_dynamics(sensed.q, sensed.qd, qdd_d)
+        tau = rbd + feedback.applied + (torque_of(sensed, qdd_d) if torque_of else 0.0)
+        rows.append((true.q, sensed.qd, tau, feedback.learning))
+        true = plant.step(true, tau, task.dt)
+        q = plant.sense(true.q, noise[t])
+        qd = (q - sensed.q) / task.dt
+        qdd_a = (qd - sensed.qd) / task.dt
+        memory = law.observe(memory, qdd_d, qdd_a)
+        sensed = State(q, qd)
+        wanted = integrate(wanted, task.policy(wanted.q, wanted.qd, t), task.dt)
+    return [jnp.stack(column) for column in zip(*rows, strict=True)]
+
+
+@pytest.mark.parametrize("controller", ["pid", "doomed"])
+def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
+    study = PaperStudy(steps=60)
+    noise = jnp.asarray(draw_noise(3, 3, 60))
+    setting = study.setting(controller, CONDITION)
+    one = [execute(setting.plant, setting.model, setting.law, setting.task, z) for z in noise]
+    many = jax.vmap(lambda z: execute(setting.plant, setting.model, setting.law, setting.task, z))(noise)
+    for k, run in enumerate(one):
+        for name, value in vars(run).items():
+            np.testing.assert_allclose(getattr(many, name)[k], value, rtol=1e-12, atol=1e-9, err_msg=name)
+    q, qd, tau, learning = python_execution(setting, noise[0])
+    for got, wanted in ((one[0].q, q), (one[0].qd_sensing, qd), (one[0].tau, tau), (one[0].tau_feedback, learning)):
+        np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-9)
+
+
+def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study):
+    from jaxidl.models import draw_batches, fit, start
+
+    study, key = small_study, jax.random.key(5)
+    noise = jnp.asarray(draw_noise(5, 3, study.steps))
+    setting = study.setting("doomed", CONDITION)
+    settings = {"source": "joint", "error_model": study.error_model, "training": study.training}
+    metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, keep=True, **settings))(noise, key)
+    by_hand = start(study.training, study.error_model.init(jax.random.fold_in(key, 0)))
+    torque_of, data = None, None
+    for k in range(3):
+        if data is not None:
+            batches = draw_batches(jax.random.fold_in(key, k), int(study.training.train_mask(len(data.x)).sum()), study.training)
+            by_hand, _ = fit(study.error_model, study.training, by_hand, data, batches)
+            torque_of = lambda s, a, p=by_hand.params: study.error_model.torque(p, s, a)  # noqa: E731
+        run = execute(setting.plant, setting.model, setting.law, setting.task, noise[k], torque_of)
+        data = joint(run)
+        # float32 training amplifies the rounding of differently fused programs
+        np.testing.assert_allclose(runs.q[k], run.q, rtol=1e-3, atol=1e-5)
+        np.testing.assert_allclose(metrics.q_error[k], jnp.abs(run.q - setting.reference).mean(), rtol=1e-3)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-2, atol=1e-4), learner.params, by_hand.params)
+
+
+def test_everything_works_in_single_precision_without_x64(small_study):
+    with jax.enable_x64(False):
+        setting = small_study.setting("pid", Condition(1, 5e-4, 5.0, 5.0))
+        noise = jnp.asarray(draw_noise(1, 2, small_study.steps), jnp.float32)
+        how = {"source": "direct", "error_model": small_study.error_model, "training": small_study.training}
+        metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
+        assert metrics.q_error.dtype == jnp.float32
+        assert bool(metrics.finite.all())
+
+
+def probe(plant, model, law, steps=400):
+    """A task on a plant of its own, for any number of joints."""
+    joints = model.mass.shape[0]
+    rest = State(jnp.zeros(joints), jnp.zeros(joints))
+    task = Task(rest, PdPolicy(jnp.ones(joints), 100.0, 20.0), 5000.0, dt=0.001, steps=steps)
+    ideal = execute(Plant(plant.body), plant.body, Doomed(0.0, 0.0, 0.1), task, jnp.zeros((steps, joints))).q
+    return Setting(plant, model, law, task, ideal)
+
+
+STIFF = Pid(PidGains(500.0, 50.0, 0.01), PidGains(500.0, 50.0, 0.01), 0.1)
+PROBES = {
+    "constant bias": (Plant(point_mass(2.0), (ConstantOffset(jnp.array([-30.0, 20.0])),)), point_mass(2.0)),
+    "viscous friction": (Plant(point_mass(2.0), (ViscousFriction(jnp.array([20.0, 30.0])),)), point_mass(2.0)),
+    "mass error": (Plant(point_mass(2.0)), point_mass(1.0)),
+}
+
+
+@pytest.mark.parametrize("name", PROBES)
+def test_targets_equal_the_closed_form(name):
+    """Indirect: what the true system needs beyond the model at the acceleration that happened."""
+    plant, model = PROBES[name]
+    setting = probe(plant, model, STIFF)
+    run = execute(plant, model, setting.law, setting.task, jnp.zeros((400, 2)))
+    missing = {
+        "constant bias": lambda qd, qdd: jnp.broadcast_to(jnp.array([30.0, -20.0]), qd.shape),
+        "viscous friction": lambda qd, qdd: jnp.array([[20.0, 30.0]]) * qd,
+        "mass error": lambda qd, qdd: (2.0 - 1.0) * qdd,
+    }[name]
+    true_qdd = jnp.diff(run.qd, axis=0, append=run.qd[-1:]) / setting.task.dt
+    data = indirect(run)
+    # sensed velocities are one-sided differences: their acceleration is the mean of this step's and the last one's
+    sensed = np.asarray(run.qdd_actual)[1:-1]
+    np.testing.assert_allclose(sensed, (true_qdd[1:-1] + true_qdd[:-2]) / 2, rtol=1e-6, atol=1e-6)
+    slack = model.mass[None] * (true_qdd - run.qdd_actual)
+    np.testing.assert_allclose((data.y - slack)[1:-1], missing(run.qd, true_qdd)[1:-1], rtol=1e-6, atol=1e-5)
+
+
+def test_direct_targets_equal_the_closed_form():
+    """Direct, PID: the filtered high-gain feedback one step later, plus what the error model had given."""
+    plant, model = PROBES["constant bias"]
+    setting = probe(plant, model, STIFF)
+    given = jnp.array([3.0, 4.0])
+    run = execute(plant, model, STIFF, setting.task, jnp.zeros((400, 2)), lambda s, a: given)
+    wanted = desired_trajectory(setting.task)
+    e, rate = wanted.q - run.q_sensing, wanted.qd - run.qd_sensing
+    integral = jnp.cumsum(0.01 * e, axis=0) - 0.01 * e
+    filtered, rows = None, []
+    for sample in np.asarray(500 * e + 50 * rate + 0.01 * e + integral):
+        filtered = sample if filtered is None else 0.1 * sample + 0.9 * filtered
+        rows.append(filtered)
+    np.testing.assert_allclose(direct(run).y, np.stack(rows)[1:] + np.asarray(given), rtol=1e-10, atol=1e-9)
+    np.testing.assert_allclose(direct(run).x[:, 4:], run.qdd_desired[:-1])
+
+
+@pytest.mark.parametrize("source", SOURCES)
+@pytest.mark.parametrize("name", PROBES)
+def test_the_learner_removes_what_is_known_to_be_missing(name, source):
+    plant, model = PROBES[name]
+    error_model = ErrorModel(
+        layers=(32, 16, 1), position_scale=1.0, velocity_scale=5.0, acceleration_scale=100.0, torque_scale=100.0
+    )
+    training = Training(epochs=60, batch=32, learning_rate=3e-3)
+    noise = jnp.zeros((6, 400, 2))
+    how = {"source": source, "error_model": error_model, "training": training}
+    metrics, _, _ = jax.jit(lambda s, n: learn(s, n, jax.random.key(1), **how))(probe(plant, model, STIFF), noise)
+    assert bool(metrics.finite.all())
+    assert metrics.q_error[-1] < 0.3 * metrics.q_error[0]
+    # the direct target is the *filtered* feedback, ten steps late: where the missing torque changes fast it contradicts the
+    # indirect target, and a network trained on both can only settle between them
+    left = {"indirect": 0.05, "direct": 0.35, "joint": 0.6}[source]
+    assert metrics.feedback_applied[-1] < left * metrics.feedback_applied[0]
+
+
+@pytest.mark.parametrize("joints", [1, 3])
+def test_any_number_of_joints(joints):
+    plant = Plant(point_mass(2.0, joints), (ViscousFriction(jnp.full(joints, 20.0)),))
+    model = ErrorModel(joints=joints, layers=(8, 1))
+    how = {"source": "joint", "error_model": model, "training": Training(epochs=1)}
+    metrics, learner, runs = learn(
+        probe(plant, point_mass(1.0, joints), STIFF, 100), jnp.zeros((2, 100, joints)), jax.random.key(0), keep=True, **how
+    )
+    assert runs.q.shape == (2, 100, joints)
+    assert learner.params["params"]["weights_0"].shape == (joints, 8, 3 * joints)
+    assert bool(metrics.finite.all())
+
+
+def test_training_on_the_sensed_state_changes_the_inputs_only():
+    setting = PaperStudy(steps=50).setting("doomed", CONDITION)
+    run = execute(setting.plant, setting.model, setting.law, setting.task, jnp.asarray(draw_noise(1, 1, 50)[0]))
+    true, sensed = (joint(run, train_on=which) for which in ("true_state", "sensed_state"))
+    np.testing.assert_array_equal(true.y, sensed.y)
+    np.testing.assert_array_equal(sensed.x[:50, :4], jnp.concatenate([run.q_sensing, run.qd_sensing], axis=1))
+    assert jnp.abs(true.x - sensed.x).max() > 1e-5
+
+
+def test_a_training_that_fails_is_flagged_and_the_first_execution_is_not(small_study):
+    wild = replace(small_study, training=replace(small_study.training, learning_rate=1e30))
+    setting = wild.setting("pid", CONDITION)
+    noise = jnp.asarray(draw_noise(1, 3, wild.steps))
+    how = {"source": "joint", "error_model": wild.error_model, "training": wild.training}
+    metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
+    np.testing.assert_array_equal(metrics.finite, [True, False, False])

@@ -1,0 +1,318 @@
+"""Many configurations: independence of how they are run, resumption, damage, divergence."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from filelock import FileLock
+
+from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep import launch
+from jaxidl.sweep.grid import NOISE_LEVELS, Grid
+from jaxidl.sweep.launch import chunks, sweep
+from jaxidl.sweep.run import Kind, inputs_of, program, trace
+from jaxidl.sweep.store import read
+
+SMALL = Grid(
+    controllers=("pid",),
+    noise=(1e-4, 8e-4),
+    friction=(5.0,),
+    stiction=(5.0,),
+    epochs=(1,),
+    seeds=(1, 2),
+    sources=("joint",),
+    iterations=3,
+)  # 8 runs
+
+
+def run(path, study, grid=SMALL, **options):
+    return sweep(grid, path, study, quiet=True, **options)
+
+
+def assert_same(a, b):
+    for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite"):
+        np.testing.assert_array_equal(a[name].values, b[name].values, err_msg=name)
+
+
+def test_the_default_grid_is_the_papers():
+    grid = Grid()
+    assert len(grid) == 1280 * 3 == len(set(grid.labels()))
+    seeds = [label.seed for label in grid.labels()]
+    assert seeds == sorted(seeds)  # whole seeds come first
+
+
+def test_printed_noise_levels_are_a_named_alternative():
+    assert NOISE_LEVELS["program"] != NOISE_LEVELS["printed"] == (1e-4, 5e-4, 7e-3, 8e-3)
+
+
+@pytest.mark.parametrize(
+    ("axis", "values", "complaint"),
+    [
+        ("controllers", ("pdi",), "one of pid, doomed"),
+        ("sources", ("both",), "one of indirect, direct, joint"),
+        ("noise", (-1e-4,), "noise"),
+        ("noise", (float("nan"),), "nan"),
+        ("friction", (99.0,), "friction"),
+        ("seeds", (), "at least one value for seeds"),
+        ("seeds", (1, 1), "once"),
+        ("seeds", (-1,), "seeds between 0"),
+        ("epochs", (0,), "epochs between 1"),
+        ("iterations", 0, "iterations between 1"),
+    ],
+)
+def test_impossible_grids_are_refused(axis, values, complaint):
+    with pytest.raises(ConfigurationError, match=complaint):
+        replace(SMALL, **{axis: values})
+
+
+def test_chunks_hold_one_kind_cover_every_run_once_and_keep_one_size_per_kind():
+    grid = replace(SMALL, controllers=("pid", "doomed"), sources=("joint", "direct"), seeds=(1, 2, 3))
+    found = list(chunks(list(grid.labels()), devices=2, per_device=2))
+    assert sorted(label for chunk in found for label in chunk.labels) == sorted(grid.labels())
+    for chunk in found:
+        assert {Kind.of(label) for label in chunk.labels} == {chunk.kind}
+        assert len(chunk.padded()) == chunk.size
+    assert len({(chunk.kind, chunk.size) for chunk in found}) == 4
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The uninterrupted sweep, and where it lies."""
+    from jaxidl.models import ErrorModel, Training
+
+    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
+    path = tmp_path_factory.mktemp("sweep") / "whole.nc"
+    return run(path, study), path, study
+
+
+@pytest.mark.parametrize(
+    "options", [{"devices": 1, "per_device": 1}, {"devices": 2, "per_device": 3}, {"devices": 1, "per_device": 8}]
+)
+def test_results_do_not_depend_on_chunks_or_devices(whole, tmp_path, options):
+    data, _, study = whole
+    assert_same(data, run(tmp_path / "other.nc", study, **options))
+
+
+def test_results_do_not_depend_on_the_grid_around_them_or_its_order(whole, tmp_path):
+    data, _, study = whole
+    other = run(tmp_path / "part.nc", study, replace(SMALL, noise=(8e-4,), seeds=(2, 1), gains=("high", "low")))
+    assert_same(data.sel(noise=[8e-4], seed=[2, 1], gain=["high", "low"]), other)
+
+
+def test_runs_side_by_side_agree_to_rounding(whole, tmp_path):
+    """A wider program rounds differently, and training amplifies it: equal before training, close after little of it."""
+    data, _, study = whole
+    wide = run(tmp_path / "wide.nc", study, width=4)
+    np.testing.assert_allclose(wide.q_error[..., 0], data.q_error[..., 0], rtol=1e-12)
+    np.testing.assert_allclose(wide.q_error, data.q_error, rtol=1e-2, atol=1e-5)
+
+
+def test_a_traced_run_is_the_grids_run(whole):
+    data, _, study = whole
+    label = next(SMALL.labels())
+    inputs = jax.tree.map(lambda leaf: leaf[0], inputs_of([label], study, SMALL.iterations))
+    metrics, _ = trace(study, label, inputs)
+    row = data.q_error.sel(label._asdict())
+    np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)  # another program: other rounding
+
+
+def test_a_grid_compiles_once_per_kind(tmp_path, small_study):
+    """Noise, friction, stiction, gains and seeds are traced; only controller, source and epochs make programs."""
+    study = replace(small_study, target=(0.9, 0.9))  # nobody else's program
+    grid = replace(SMALL, controllers=("pid", "doomed"), friction=(5.0, 8.0), seeds=(1, 2, 3))
+    compiled = []
+    before = program.cache_info().misses
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, _, **about: compiled.append(about.get("fun_name")) if event.endswith("backend_compile_duration") else None
+    )
+    try:
+        run(tmp_path / "a.nc", study, grid, per_device=2)
+    finally:
+        jax.monitoring.clear_event_listeners()
+    assert program.cache_info().misses - before == 2
+    assert sum("share" in str(name) for name in compiled) == 2
+
+
+class Stop(Exception):
+    """An interruption at a chosen chunk."""
+
+
+def interrupted_after(monkeypatch, count):
+    calls = iter(range(count + 1))
+    original = launch._wait
+
+    def wait(metrics):
+        if next(calls) == count:
+            raise KeyboardInterrupt
+        return original(metrics)
+
+    monkeypatch.setattr(launch, "_wait", wait)
+
+
+@pytest.mark.parametrize("count", [0, 1, 3])
+def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_path, monkeypatch, count):
+    data, _, study = whole
+    path = tmp_path / "r.nc"
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, count)
+        with pytest.raises(KeyboardInterrupt):
+            run(path, study, per_device=1)  # 4 chunks of 2
+    assert not path.exists()
+    assert len(list((tmp_path / "r.nc.parts").glob("*.npz"))) == count
+    waits = []
+    original = launch._wait
+    monkeypatch.setattr(launch, "_wait", lambda metrics: waits.append(1) or original(metrics))
+    assert_same(data, run(path, study, per_device=2))  # another chunk size, too
+    assert len(waits) == -(-(8 - 2 * count) // 4)
+    assert not (tmp_path / "r.nc.parts").exists()
+
+
+def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_path, monkeypatch):
+    data, path, study = whole
+    own = tmp_path / "own.nc"
+    own.write_bytes(path.read_bytes())
+    with monkeypatch.context() as patch:
+        patch.setattr(launch, "_run_chunks", lambda *a: pytest.fail("nothing was missing"))
+        assert_same(data, run(own, study))
+    assert own.read_bytes() == path.read_bytes()
+    done = []
+    original = launch.inputs_of
+    monkeypatch.setattr(launch, "inputs_of", lambda labels, *a: done.extend(labels) or original(labels, *a))
+    more = run(own, study, replace(SMALL, seeds=(1, 2, 3)))
+    assert {label.seed for label in done} == {3}
+    assert_same(data, more.sel(seed=[1, 2]))
+
+
+@pytest.mark.parametrize("change", [{"true_mass": 4.0}, {"train_on": "sensed_state"}])
+def test_another_studys_file_is_never_mixed_in(whole, tmp_path, change):
+    _, path, study = whole
+    own = tmp_path / "own.nc"
+    own.write_bytes(path.read_bytes())
+    with pytest.raises(StoreError, match=next(iter(change))):
+        run(own, replace(study, **change))
+    assert own.read_bytes() == path.read_bytes()
+
+
+def test_a_grid_that_would_drop_finished_runs_is_refused(whole, tmp_path):
+    _, path, study = whole
+    own = tmp_path / "own.nc"
+    own.write_bytes(path.read_bytes())
+    with pytest.raises(StoreError, match="leaves out"):
+        run(own, study, replace(SMALL, seeds=(1,)))
+    assert own.read_bytes() == path.read_bytes()
+
+
+def test_parts_of_another_study_are_refused(tmp_path, small_study, monkeypatch):
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, 1)
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path / "r.nc", small_study, per_device=1)
+    with pytest.raises(StoreError, match="true_mass"):
+        run(tmp_path / "r.nc", replace(small_study, true_mass=4.0))
+
+
+def cut(content):
+    return content[: len(content) // 2]
+
+
+def flip(content):
+    middle = len(content) // 2
+    return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
+
+
+@pytest.mark.parametrize("harm", [cut, flip, lambda content: b""], ids=["cut", "flipped", "empty"])
+def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch, capsys, harm):
+    data, _, study = whole
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, 2)
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path / "r.nc", study, per_device=1)
+    part = sorted((tmp_path / "r.nc.parts").glob("*.npz"))[0]
+    part.write_bytes(harm(part.read_bytes()))
+    assert_same(data, run(tmp_path / "r.nc", study))
+    assert part.name in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("content", [b"", b"not a results file", None], ids=["empty", "text", "cut"])
+def test_an_unreadable_result_is_refused_and_left_alone(whole, tmp_path, content):
+    _, path, study = whole
+    bad = tmp_path / "bad.nc"
+    bad.write_bytes(cut(path.read_bytes()) if content is None else content)
+    before = bad.read_bytes()
+    with pytest.raises(StoreError, match="unreadable"):
+        run(bad, study)
+    assert bad.read_bytes() == before
+    run(bad, study, overwrite=True)
+    assert read(bad).sizes["seed"] == 2
+
+
+def test_a_foreign_netcdf_is_refused(tmp_path):
+    import xarray as xr
+
+    xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
+    with pytest.raises(StoreError, match="a file without q_error"):
+        read(tmp_path / "f.nc")
+
+
+def test_two_sweeps_on_one_file_do_not_meet(tmp_path, small_study):
+    (tmp_path / "r.nc.parts").mkdir()
+    with FileLock(tmp_path / "r.nc.parts" / "lock"), pytest.raises(StoreError, match="another sweep"):
+        run(tmp_path / "r.nc", small_study)
+
+
+def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_study, monkeypatch):
+    """A friction beyond all bounds overflows; friction 5 beside it, in the same chunk, does not notice."""
+    monkeypatch.setattr("jaxidl.sweep.grid.check_levels", lambda *levels: None)
+    alone = run(tmp_path / "alone.nc", small_study, replace(SMALL, controllers=("doomed",), gains=("low",)), per_device=4)
+    both = run(
+        tmp_path / "both.nc",
+        small_study,
+        replace(SMALL, controllers=("doomed",), gains=("low",), friction=(5.0, 800.0)),
+        per_device=4,
+    )
+    assert not both.finite.sel(friction=800.0).any()
+    assert bool(both.finite.sel(friction=5.0)[..., 0].all())
+    assert_same(alone, both.sel(friction=[5.0]))
+
+
+def test_results_carry_units_and_where_they_came_from(whole):
+    _, path, _ = whole
+    stored = read(path)
+    assert stored.q_error.dims == ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source", "iteration")
+    units = {
+        name: stored[name].attrs["units"] for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite", "noise")
+    }
+    assert units == {"q_error": "m", "feedback_applied": "N", "qdd_error": "m s-2", "torque": "N", "finite": "1", "noise": "m"}
+    for name in ("versions", "command", "git_revision", "precision", "device", "seconds", "identity", "created"):
+        assert stored.attrs[name], name
+    assert json.loads(stored.attrs["identity"])["study"]["true_mass"] == 5.0
+    assert "/" not in stored.attrs["command"]
+
+
+FULL_DISK = """
+    import resource, signal, sys
+    from pathlib import Path
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))  # no file can grow beyond this, as on a full disk
+    from jaxidl.cli import main
+    sys.exit(main(["simulate", "--out", sys.argv[1], "--controller", "pid", "--gain", "low"]))
+"""
+
+
+def test_a_full_disk_ends_in_one_line_and_leaves_the_old_file(tmp_path):
+    out = tmp_path / "t.npz"
+    out.write_bytes(b"old")
+    code = [sys.executable, "-c", textwrap.dedent(FULL_DISK), str(out)]
+    done = subprocess.run(code, capture_output=True, text=True, env={**os.environ, "JAX_PLATFORMS": "cpu"}, check=False)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert "file too large" in done.stderr
+    assert out.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["t.npz"]
