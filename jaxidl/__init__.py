@@ -17,7 +17,7 @@ from jaxidl.learning.sources import SOURCES, direct, indirect, joint
 from jaxidl.models import ErrorModel, Training, fit
 from jaxidl.sweep.claims import check_claims
 from jaxidl.sweep.grid import QUICK, Grid, Label
-from jaxidl.sweep.launch import sweep
+from jaxidl.sweep.launch import run_sweep
 from jaxidl.sweep.store import read as read_results
 from jaxidl.systems import Plant, PointMass, point_mass
 from jaxidl.types import Dataset, State, Trajectory
@@ -66,5 +66,5 @@ __all__ = [
     "measure",
     "point_mass",
     "read_results",
-    "sweep",
+    "run_sweep",
 ]

@@ -111,7 +111,7 @@ def sweep(
     """
     from jaxidl.learning.paper import PaperStudy
     from jaxidl.sweep.grid import NOISE_LEVELS, Grid
-    from jaxidl.sweep.launch import sweep as run
+    from jaxidl.sweep.launch import run_sweep
 
     if noise_levels not in NOISE_LEVELS:
         raise ConfigurationError("--noise-levels program or printed", repr(noise_levels), "choose one of them")
@@ -119,7 +119,7 @@ def sweep(
     grid = Grid(controllers, gains, levels, friction, stiction, epochs, seeds, sources, iterations)
     study = PaperStudy(train_on=train_on)
     _devices(devices)
-    run(grid, out, study, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
+    run_sweep(grid, out, study, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
     print(f"wrote {out}")
 
 
@@ -161,11 +161,11 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
         overwrite: throw away what lies there.
     """
     from jaxidl.sweep.grid import QUICK, Grid
-    from jaxidl.sweep.launch import sweep as run
+    from jaxidl.sweep.launch import run_sweep
 
     _devices(devices)
     results = out / ("quick.nc" if quick else "study.nc")
-    run(QUICK if quick else Grid(), results, devices=devices, overwrite=overwrite)
+    run_sweep(QUICK if quick else Grid(), results, devices=devices, overwrite=overwrite)
     report(results, out)
 
 

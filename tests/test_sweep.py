@@ -16,7 +16,7 @@ from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep import launch
 from jaxidl.sweep.grid import NOISE_LEVELS, Grid
-from jaxidl.sweep.launch import chunks, sweep
+from jaxidl.sweep.launch import chunks, run_sweep
 from jaxidl.sweep.run import Kind, inputs_of, program, trace
 from jaxidl.sweep.store import read
 
@@ -33,7 +33,7 @@ SMALL = Grid(
 
 
 def run(path, study, grid=SMALL, **options):
-    return sweep(grid, path, study, quiet=True, **options)
+    return run_sweep(grid, path, study, quiet=True, **options)
 
 
 def assert_same(a, b):

@@ -38,7 +38,7 @@ class Chunk(NamedTuple):
         return [*self.labels, *[self.labels[-1]] * (self.size - len(self.labels))]
 
 
-def sweep(
+def run_sweep(
     grid: Grid,
     path: Path,
     study: PaperStudy | None = None,
