@@ -36,9 +36,9 @@ def run(path, study, grid=SMALL, **options):
     return run_sweep(grid, path, study, quiet=True, **options)
 
 
-def assert_same(a, b):
+def assert_same(a, b, rtol=0.0):
     for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite"):
-        np.testing.assert_array_equal(a[name].values, b[name].values, err_msg=name)
+        np.testing.assert_allclose(a[name].values, b[name].values, rtol=rtol, err_msg=name)
 
 
 def test_the_default_grid_is_the_papers():
@@ -92,12 +92,17 @@ def whole(tmp_path_factory):
     return run(path, study), path, study
 
 
-@pytest.mark.parametrize(
-    "options", [{"devices": 1, "per_device": 1}, {"devices": 2, "per_device": 3}, {"devices": 1, "per_device": 8}]
-)
-def test_results_do_not_depend_on_chunks_or_devices(whole, tmp_path, options):
+@pytest.mark.parametrize("per_device", [1, 3])
+def test_results_do_not_depend_on_chunks(whole, tmp_path, per_device):
     data, _, study = whole
-    assert_same(data, run(tmp_path / "other.nc", study, **options))
+    assert_same(data, run(tmp_path / "other.nc", study, per_device=per_device))
+
+
+@pytest.mark.parametrize("per_device", [1, 8])
+def test_results_do_not_depend_on_devices(whole, tmp_path, per_device):
+    """XLA may sum an average in another order when there is one device; what is averaged is the same bit for bit."""
+    data, _, study = whole
+    assert_same(data, run(tmp_path / "other.nc", study, devices=1, per_device=per_device), rtol=1e-14)
 
 
 def test_results_do_not_depend_on_the_grid_around_them_or_its_order(whole, tmp_path):
@@ -270,11 +275,13 @@ def test_two_sweeps_on_one_file_do_not_meet(tmp_path, small_study):
 def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_study, monkeypatch):
     """A friction beyond all bounds overflows; friction 5 beside it, in the same chunk, does not notice."""
     monkeypatch.setattr("jaxidl.sweep.grid.check_levels", lambda *levels: None)
-    alone = run(tmp_path / "alone.nc", small_study, replace(SMALL, controllers=("doomed",), gains=("low",)), per_device=4)
+    alone = run(
+        tmp_path / "alone.nc", small_study, replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",)), per_device=4
+    )
     both = run(
         tmp_path / "both.nc",
         small_study,
-        replace(SMALL, controllers=("doomed",), gains=("low",), friction=(5.0, 800.0)),
+        replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",), friction=(5.0, 800.0)),
         per_device=4,
     )
     assert not both.finite.sel(friction=800.0).any()
