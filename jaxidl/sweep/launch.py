@@ -51,9 +51,9 @@ def run_sweep(
 ) -> xr.Dataset:
     """Run every configuration of ``grid`` that ``path`` does not hold yet, write the results there and return them.
 
-    Results do not depend on ``per_device``, the order or interruptions, bit for bit on one kind of hardware; with other
-    ``devices`` the recorded averages may differ in the last bit (XLA sums them in another order). ``width`` (runs side by side in one
-    device's program) may change the last bits, which training then amplifies; the results file says which was used.
+    Results do not depend on ``per_device``, the order or interruptions, bit for bit on one kind of hardware. With other
+    ``devices`` the recorded averages may differ in the last bit (XLA sums them in another order). ``width``, the runs side by
+    side in one device's program, may change the last bits of the runs, which training then amplifies; the file records it.
 
     Raises:
         StoreError: see :class:`jaxidl.sweep.store.Store`.
