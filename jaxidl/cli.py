@@ -137,18 +137,19 @@ def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated
         print(f"wrote {path}")
 
 
-def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False) -> None:
+def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False, markdown: bool = False) -> None:
     """Check the paper's statements against stored results.
 
     Args:
         results: a results file of `jaxidl sweep`.
         json: print JSON instead of a table.
+        markdown: print a Markdown table.
     """
-    from jaxidl.sweep.claims import as_json, as_table, check_claims
+    from jaxidl.sweep.claims import as_json, as_markdown, as_table, check_claims
     from jaxidl.sweep.store import read
 
     rows = check_claims(read(results))
-    print(as_json(rows) if json else as_table(rows))
+    print(as_json(rows) if json else as_markdown(rows) if markdown else as_table(rows))
 
 
 def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | None = None, overwrite: bool = False) -> None:

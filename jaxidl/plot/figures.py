@@ -1,11 +1,13 @@
 """The figures of the simulation study, from stored results alone."""
 
 import textwrap
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import xarray as xr
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxidl.errors import StoreError
@@ -59,20 +61,29 @@ def illustration(data: xr.Dataset) -> Figure:
 
 def averages(data: xr.Dataset) -> Figure:
     """The paper's Fig. 2: mean and mean + one standard deviation over all settings, error above, feedback below."""
+    return _overview(data, panels.mean_and_spread, "thick: mean over all settings and seeds, thin: mean + one standard deviation")
+
+
+def typical(data: xr.Dataset) -> Figure:
+    """Fig. 2 for the typical run: a single one that runs away decides a mean, but not a median."""
+    return _overview(data, panels.median_and_range, "median over all settings and seeds, band: 10th to 90th percentile")
+
+
+def _overview(data: xr.Dataset, draw: Callable[[Axes, xr.DataArray], None], about: str) -> Figure:
     columns = [(who, gain) for who in data.controller.values for gain in data.gain.values]
     figure = Figure(figsize=(2.4 * len(columns) + 0.4, 4.6), layout="constrained")
     grid = figure.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
     rows = (("q_error", "mean position error [m]"), ("feedback_applied", "mean applied feedback [N]"))
     for row, (variable, label) in zip(grid, rows, strict=True):
         for axes, (who, gain) in zip(row, columns, strict=True):
-            panels.mean_and_spread(axes, finite(data, variable).sel(controller=who, gain=gain))
+            draw(axes, finite(data, variable).sel(controller=who, gain=gain))
         row[0].set_ylabel(label)
     for axes, (who, gain) in zip(grid[0], columns, strict=True):
         axes.set_title(f"{CONTROLLER_NAME[who]}, {gain} gain")
     for axes in grid[1]:
         axes.set_xlabel("learning iteration")
     panels.shared_legend(figure, grid[0, 0])
-    return _foot(figure, f"thick: mean over all settings and seeds, thin: mean + one standard deviation; {caption(data)}")
+    return _foot(figure, f"{about}; {caption(data)}")
 
 
 def single_run(data: xr.Dataset) -> Figure:
@@ -138,12 +149,14 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
     "fig2_averages": averages,
     "fig3_single_run": single_run,
     "fig4_conditions": conditions,
+    "fig5_typical": typical,
 }
 
 
 def draw_all(data: xr.Dataset, folder: Path) -> list[Path]:
     """Draw every figure into ``folder`` as PNG and PDF; returns the paths."""
-    with house_style():
+    with house_style(), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # where every run diverged there is nothing to average: a gap
         return [path for name, draw in FIGURES.items() for path in save(draw(data), Path(folder), name)]
 
 

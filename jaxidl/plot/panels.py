@@ -33,6 +33,17 @@ def mean_and_spread(axes: Axes, runs: xr.DataArray) -> None:
     _iterations(axes, runs)
 
 
+def median_and_range(axes: Axes, runs: xr.DataArray) -> None:
+    """For each source the median over all other dims, and the range from the 10th to the 90th percentile as a band."""
+    over = [dim for dim in runs.dims if dim not in ("source", "iteration")]
+    for source in runs.source.values:
+        low, middle, high = runs.sel(source=source).quantile([0.1, 0.5, 0.9], over).values
+        style = SOURCE_STYLE[str(source)]
+        axes.plot(runs.iteration, middle, label=str(source), markevery=2, **style)
+        axes.fill_between(runs.iteration, low, high, color=style["color"], alpha=0.15, linewidth=0)
+    _iterations(axes, runs)
+
+
 def _iterations(axes: Axes, runs: xr.DataArray) -> None:
     axes.set_yscale("log")
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))
@@ -67,7 +78,7 @@ def torque_split(axes: Axes, data: xr.Dataset, execution: int, joint: int, windo
 def heat(axes: Axes, table: np.ndarray, rows: list[str], columns: list[str], limits: tuple[float, float]) -> AxesImage:
     """A (rows, columns) table on a logarithmic colour scale; cells without a number stay grey."""
     axes.set_facecolor("0.8")
-    image = axes.imshow(table, norm=LogNorm(*limits), cmap="cividis", aspect="auto", interpolation="nearest")
+    image = axes.imshow(table, norm=LogNorm(*limits), cmap="viridis", aspect="auto", interpolation="nearest")
     axes.set_yticks(range(len(rows)), rows)
     axes.set_xticks(range(len(columns)), columns, rotation=90)
     axes.grid(False)

@@ -1,0 +1,21 @@
+"""The paper's simulation study from Python: declare the grid, run it, draw, check.
+
+The same as ``jaxidl reproduce``. Change an axis, or any number of ``PaperStudy``, to ask a question of your own:
+``python experiments/paper_study.py FOLDER``.
+"""
+
+import sys
+from pathlib import Path
+
+import jax
+
+jax.config.update("jax_num_cpu_devices", 2)  # one device a core, before the first computation
+
+from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
+from jaxidl.plot.figures import draw_all  # noqa: E402
+from jaxidl.sweep.claims import as_table  # noqa: E402
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
+results = run_sweep(QUICK, folder / "quick.nc", PaperStudy())
+draw_all(results, folder)
+print(as_table(check_claims(results)))
