@@ -208,7 +208,7 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"jaxidl: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("jaxidl: interrupted; what is finished is saved, and the same command continues", file=sys.stderr)
+        print("jaxidl: interrupted; finished runs of a sweep are saved, and the same command continues", file=sys.stderr)
         sys.stderr.flush()
         sys.stdout.flush()
         os._exit(130)  # without waiting for the chunk in flight

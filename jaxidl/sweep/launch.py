@@ -1,7 +1,6 @@
 """Run a grid from beginning to end: chunks, progress, interruption, resumption."""
 
 import json
-import shutil
 import sys
 import time
 from collections import Counter, defaultdict
@@ -62,18 +61,16 @@ def run_sweep(
     study, path = study or PaperStudy(), Path(path)
     with jax.enable_x64(True):
         devices, per_device, width = layout(devices, per_device, width)
-        if overwrite:
-            path.unlink(missing_ok=True)
-            shutil.rmtree(f"{path}.parts", ignore_errors=True)
-        with Store(path, identity(study, grid)) as store:
+        with Store(path, identity(study, grid), overwrite) as store:
             store.check_covers(grid)
             for part in store.damaged:
                 print(f"jaxidl: {part} was damaged; its runs are computed again", file=sys.stderr)
             missing = store.missing(grid)
             if not missing and path.exists():
                 return read(path)
-            with _progress(quiet) as bar:
-                _run_chunks(grid, study, store, missing, bar, devices, per_device, width)
+            if missing:
+                with _progress(quiet) as bar:
+                    _run_chunks(grid, study, store, missing, bar, devices, per_device, width)
             return store.finish(grid, provenance(width), example(study, grid))
 
 

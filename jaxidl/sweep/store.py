@@ -39,12 +39,14 @@ class Store:
     Args:
         path: where the results go.
         identity: everything besides the axes that determines a result, ready for JSON.
+        overwrite: throw away what lies there, finished or not.
 
     Raises:
         StoreError: when another process is at work on the file, or what lies there is unreadable or another study's.
     """
 
-    def __init__(self, path: Path, identity: dict):
+    def __init__(self, path: Path, identity: dict, overwrite: bool = False):
+        self.overwrite = overwrite
         self.path, self.parts = Path(path), Path(f"{path}.parts")
         self.identity = json.dumps({"format": FORMAT, **identity}, sort_keys=True)
         self.runs: dict[Label, dict[str, np.ndarray]] = {}
@@ -77,6 +79,9 @@ class Store:
             self.parts.rmdir()
 
     def _load(self) -> None:
+        if self.overwrite:
+            for old in (self.path, *self.parts.glob("*.npz")):
+                old.unlink(missing_ok=True)
         if self.path.exists():
             data = read(self.path)
             if data.attrs["identity"] != self.identity:
@@ -143,7 +148,8 @@ class Store:
         data.attrs["seconds"] = round(self.seconds, 1)
         if extra is not None:
             data = data.merge(extra, combine_attrs="no_conflicts")
-        write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf")))
+        encoding = {str(name): {"zlib": True, "shuffle": True} for name, column in data.data_vars.items() if column.ndim}
+        write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf", encoding=encoding)))
         wanted = set(grid.labels())
         for part, labels in list(self._contents.items()):
             if wanted.issuperset(labels):
