@@ -1,15 +1,16 @@
-"""The paper's simulation study from Python: declare the grid, run it, draw, check.
+"""The paper's simulation study from Python, in its quick form: declare the grid, run it, draw, check.
 
-The same as ``jaxidl reproduce``. Change an axis, or any number of ``PaperStudy``, to ask a question of your own:
+What ``jaxidl reproduce --quick`` does. Change an axis, or any number of ``PaperStudy``, to ask a question of your own:
 ``python experiments/paper_study.py FOLDER``.
 """
 
+import os
 import sys
 from pathlib import Path
 
 import jax
 
-jax.config.update("jax_num_cpu_devices", 2)  # one device a core, before the first computation
+jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # one device a core, before the first computation
 
 from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
 from jaxidl.plot.figures import draw_all  # noqa: E402

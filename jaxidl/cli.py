@@ -13,14 +13,23 @@ import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
+import jax
 import tyro
 from tyro.conf import arg
 
+from jaxidl import __version__
 from jaxidl.errors import ConfigurationError, JaxidlError
-from jaxidl.learning.paper import CONTROLLERS, GAINS
+from jaxidl.files import write_bytes
+from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
 from jaxidl.learning.sources import SOURCES
+from jaxidl.sweep.claims import as_json, as_markdown, as_table, check_claims
+from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
+from jaxidl.sweep.launch import STOP, run_sweep
+from jaxidl.sweep.simulate import Request
+from jaxidl.sweep.simulate import simulate as run_simulation
+from jaxidl.sweep.store import read
 
 Names = tuple[str, ...]
 Floats = tuple[float, ...]
@@ -43,12 +52,10 @@ def simulate(
 ) -> None:
     """One execution of the paper's point mass in float64, or one whole learning run when --source is given.
 
-    Writes arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired, qdd_actual, tau, tau_inverse_desired,
-    tau_inverse_actual, tau_feedback, tau_feedback_applied, tau_feedforward; a learning run has them as
-    (iterations, 1000, 2), and q_error, feedback_applied, qdd_error, torque, finite as (iterations,).
-
     Args:
-        out: where the trace goes.
+        out: where the trace goes: arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired, qdd_actual, tau,
+            tau_inverse_desired, tau_inverse_actual, tau_feedback, tau_feedback_applied, tau_feedforward; of a learning run as
+            (iterations, 1000, 2), and q_error, feedback_applied, qdd_error, torque, finite as (iterations,).
         controller: feedback law, pid or doomed.
         gain: low or high.
         friction: friction level f; the paper has 5 and 8.
@@ -60,10 +67,7 @@ def simulate(
         iterations: executions of the learning run, 20 unless told.
         epochs: training epochs of each iteration.
     """
-    from jaxidl.sweep.simulate import Request
-    from jaxidl.sweep.simulate import simulate as run
-
-    run(
+    run_simulation(
         Request(controller, gain, friction, stiction, noise, seed, standard_normal, source, iterations, epochs),
         out,
     )
@@ -107,12 +111,8 @@ def sweep(
         devices: how many CPU cores or accelerators to use, all unless told.
         runs_per_device: runs of one chunk on each, a chunk being what an interruption can lose; 4 on a CPU, 320 on a GPU.
         width: runs side by side in a device's program: 1 on a CPU, a whole chunk on a GPU, unless told.
-        overwrite: throw away what lies at --out.
+        overwrite: begin anew; what lies at --out is kept as RESULTS.nc.old.
     """
-    from jaxidl.learning.paper import PaperStudy
-    from jaxidl.sweep.grid import NOISE_LEVELS, Grid
-    from jaxidl.sweep.launch import run_sweep
-
     if noise_levels not in NOISE_LEVELS:
         raise ConfigurationError("--noise-levels program or printed", repr(noise_levels), "choose one of them")
     levels = NOISE_LEVELS[noise_levels] if noise is None else noise
@@ -130,8 +130,7 @@ def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated
         results: a results file of `jaxidl sweep`.
         out: folder for the PNG and PDF files.
     """
-    from jaxidl.plot.figures import draw_all
-    from jaxidl.sweep.store import read
+    from jaxidl.plot.figures import draw_all  # matplotlib: slow to import, and only needed here
 
     for path in draw_all(read(results), out):
         print(f"wrote {path}")
@@ -145,9 +144,6 @@ def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = Fa
         json: print JSON instead of a table.
         markdown: print a Markdown table.
     """
-    from jaxidl.sweep.claims import as_json, as_markdown, as_table, check_claims
-    from jaxidl.sweep.store import read
-
     rows = check_claims(read(results))
     print(as_json(rows) if json else as_markdown(rows) if markdown else as_table(rows))
 
@@ -157,25 +153,19 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
 
     Args:
         quick: one seed of the lowest and highest noise: minutes instead of hours.
-        out: folder for results, figures and claims.
+        out: folder; results, figures and claims go into its subfolder "study", or "quick".
         devices: how many CPU cores or accelerators to use, all unless told.
-        overwrite: throw away what lies there.
+        overwrite: begin anew; the old results are kept beside the new ones.
     """
-    from jaxidl.sweep.grid import QUICK, Grid
-    from jaxidl.sweep.launch import run_sweep
-
     _devices(devices)
-    results = out / ("quick.nc" if quick else "study.nc")
-    run_sweep(QUICK if quick else Grid(), results, devices=devices, overwrite=overwrite)
-    report(results, out)
+    folder = out / ("quick" if quick else "study")
+    run_sweep(QUICK if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite)
+    report(folder / "study.nc", folder)
 
 
 def report(results: Path, out: Path) -> None:
     """Figures, claims.json and the table of claims from a results file into ``out``."""
-    from jaxidl.files import write_bytes
     from jaxidl.plot.figures import draw_all
-    from jaxidl.sweep.claims import as_json, as_table, check_claims
-    from jaxidl.sweep.store import read
 
     data = read(results)
     paths = draw_all(data, out)
@@ -187,11 +177,11 @@ def report(results: Path, out: Path) -> None:
 
 def _devices(count: int | None) -> None:
     """Make every core a device of its own (a no-op for accelerators). Must come before the first computation."""
-    import jax
-
     if count is not None and count < 1:
         raise ConfigurationError("at least 1 device", str(count), "leave --devices out to use all")
-    jax.config.update("jax_num_cpu_devices", count or len(os.sched_getaffinity(0)))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with contextlib.suppress(RuntimeError):  # the first computation has been: in a process of somebody else's, who has chosen
+        jax.config.update("jax_num_cpu_devices", min(count or cores, cores))
 
 
 COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": claims, "reproduce": reproduce}
@@ -199,7 +189,9 @@ COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    STOP.clear()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
     try:
         run = _parse(sys.argv[1:] if arguments is None else arguments)
         if run is not None:
@@ -207,16 +199,32 @@ def main(arguments: list[str] | None = None) -> int:
     except JaxidlError as error:
         print(f"jaxidl: {error}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("jaxidl: interrupted; finished runs of a sweep are saved, and the same command continues", file=sys.stderr)
-        sys.stderr.flush()
-        sys.stdout.flush()
-        os._exit(130)  # without waiting for the chunk in flight
+    except BaseException:
+        if not STOP.is_set():
+            raise
+        _leave()
     return 0
+
+
+def _stop(*_: object) -> None:
+    """Signal handler: the first signal ends the command at the next safe place, the second one at once."""
+    if STOP.is_set():
+        _leave()
+    STOP.set()
+    raise KeyboardInterrupt
+
+
+def _leave() -> NoReturn:
+    print("jaxidl: interrupted; finished runs of a sweep are saved, and the same command continues", file=sys.stderr)
+    sys.stderr.flush()
+    sys.stdout.flush()
+    os._exit(130)  # without waiting for the chunk in flight
 
 
 def _parse(arguments: list[str]) -> Callable[[], None] | None:
     """The command to run with its values, or None where help was asked for."""
+    if arguments == ["--version"]:
+        return lambda: print(f"jaxidl {__version__}")
 
     def later(command: Callable[..., None]) -> Callable[..., Callable[[], None]]:
         @functools.wraps(command)

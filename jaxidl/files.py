@@ -1,30 +1,29 @@
 """Files that are whole or not there."""
 
+import contextlib
 import os
-import tempfile
 from pathlib import Path
 
 from jaxidl.errors import StoreError
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a whole file or nothing: temporary name, flush to disk, rename.
+    """Write a whole file or nothing: temporary name beside it, flush to disk, rename. Missing folders are made.
 
     Raises:
         StoreError: if the disk is full or the place cannot be written; an existing file is left as it was.
     """
-    temporary = None
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.name, suffix=".tmp", delete=False) as file:
-            temporary = file.name
-            os.fchmod(file.fileno(), 0o644)
+        with temporary.open("wb") as file:
             file.write(content)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except OSError as error:
-        if temporary:
-            Path(temporary).unlink(missing_ok=True)
-        reason = error.strerror or str(error)
-        raise StoreError(f"to write {path}", reason.lower(), "make room or choose another place, then run it again") from None
+        reason = (error.strerror or str(error)).lower()
+        raise StoreError(f"to write {path}", reason, "make room or choose another place, then run it again") from None
+    finally:
+        with contextlib.suppress(OSError):  # renamed, or never made
+            temporary.unlink()

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
-Path = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
+History = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
 Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 
@@ -28,18 +28,18 @@ class State(NamedTuple):
 class Trajectory:
     """One execution: entry t of every field belongs to control step t, states are those *before* the step."""
 
-    q: Path  # (T, J) true position [m]
-    qd: Path  # (T, J) true velocity [m/s]
-    q_sensing: Path  # (T, J) sensed position [m]
-    qd_sensing: Path  # (T, J) finite difference of sensed positions [m/s]
-    qdd_desired: Path  # (T, J) what the policy wants [m/s^2]
-    qdd_actual: Path  # (T, J) finite difference of sensed velocities over the step [m/s^2]
-    tau: Path  # (T, J) commanded torque: rigid body + feedback + feedforward [N]
-    tau_inverse_desired: Path  # (T, J) modelled rigid body at the desired acceleration [N]
-    tau_inverse_actual: Path  # (T, J) modelled rigid body at the actual acceleration [N]
-    tau_feedback: Path  # (T, J) learning feedback: filtered, high gain, never applied [N]
-    tau_feedback_applied: Path  # (T, J) feedback that the plant receives [N]
-    tau_feedforward: Path  # (T, J) the error model's torque [N]
+    q: History  # (T, J) true position [m]
+    qd: History  # (T, J) true velocity [m/s]
+    q_sensing: History  # (T, J) sensed position [m]
+    qd_sensing: History  # (T, J) finite difference of sensed positions [m/s]
+    qdd_desired: History  # (T, J) what the policy wants [m/s^2]
+    qdd_actual: History  # (T, J) finite difference of sensed velocities over the step [m/s^2]
+    tau: History  # (T, J) commanded torque: rigid body + feedback + feedforward [N]
+    tau_inverse_desired: History  # (T, J) modelled rigid body at the desired acceleration [N]
+    tau_inverse_actual: History  # (T, J) modelled rigid body at the actual acceleration [N]
+    tau_feedback: History  # (T, J) learning feedback: filtered, high gain, never applied [N]
+    tau_feedback_applied: History  # (T, J) feedback that the plant receives [N]
+    tau_feedforward: History  # (T, J) the error model's torque [N]
 
 
 class Dataset(NamedTuple):

@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
+
 import jax
 import pytest
 from jaxtyping import install_import_hook

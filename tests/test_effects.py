@@ -8,7 +8,9 @@ from jax.test_util import check_grads
 
 from jaxidl.effects import (
     CATALOGUE,
+    ActuatorLag,
     ConstantOffset,
+    InertiaError,
     PaperFriction,
     SensingNoise,
     Stiction,
@@ -23,7 +25,10 @@ EXAMPLES = [
     ViscousFriction(jnp.array([2.0, 3.0])),
     PaperFriction(jnp.array(5.0)),
     paper_stiction(8.0),
+    Stiction(jnp.array([1.0, 2.0]), jnp.array(1e-3), jnp.array(jnp.inf)),
+    InertiaError(jnp.array([1.0, -0.5])),
     ConstantOffset(jnp.array([1.0, -2.0])),
+    ActuatorLag(jnp.array([0.01, 0.02])),
     SensingNoise(jnp.array(1e-3)),
 ]
 
@@ -100,7 +105,7 @@ def test_sensing_noise_is_bounded_and_scaled():
 def test_round_trip_through_a_dictionary(effect):
     import json
 
-    again = from_dict(json.loads(json.dumps(effect.to_dict())))
+    again = from_dict(json.loads(json.dumps(effect.to_dict(), allow_nan=False)))
     assert type(again) is type(effect)
     assert again.to_dict() == effect.to_dict()
     assert jax.tree.structure(again) == jax.tree.structure(effect)
@@ -126,6 +131,10 @@ def test_parameters_out_of_bounds_are_named(bad):
 def test_unknown_or_incomplete_records_are_refused():
     with pytest.raises(EffectError, match="viscous_friction"):
         from_dict({"effect": "magic"})
+    with pytest.raises(EffectError, match="to_dict"):
+        from_dict({"effect": "viscous_friction", "parameters": {"coefficient": {}}})
+    with pytest.raises(EffectError, match="sign"):
+        from_dict({**paper_stiction(5.0).to_dict(), "options": {"sign": True}})
     with pytest.raises(EffectError, match="no coefficient"):
         from_dict({"effect": "viscous_friction", "parameters": {}})
 

@@ -1,18 +1,21 @@
 """Figures from stored results alone."""
 
+import json
+
 import numpy as np
 import pytest
 
 from jaxidl.errors import StoreError
-from jaxidl.plot.figures import FIGURES, caption, draw_all, illustration
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.plot.figures import FIGURES, averages, caption, conditions, draw_all, illustration
 from jaxidl.sweep.example import example
-from jaxidl.sweep.grid import QUICK, Grid
+from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
+from jaxidl.sweep.launch import settings_of
 from tests.test_claims import as_in_the_paper, results
 
 
 @pytest.fixture(scope="module")
 def quick():
-    from jaxidl.learning.paper import PaperStudy
     from jaxidl.models import ErrorModel
 
     study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
@@ -30,9 +33,12 @@ def test_quick_figures_say_so_and_whole_ones_do_not(quick):
     assert "QUICK" in caption(quick)
     for draw in FIGURES.values():
         assert "QUICK" in draw(quick)._supxlabel.get_text()
-    whole = results(grid=Grid(iterations=2))
-    assert caption(whole).startswith("whole study: 10 seeds")
-    assert caption(results(grid=Grid(iterations=2, seeds=(1, 2, 3)))).startswith("all settings: 3 seeds")
+    assert caption(results(grid=Grid())).startswith("whole study: 10 seeds")
+    assert caption(results(grid=Grid(seeds=(1, 2, 3)))).startswith("all settings: 3 seeds")
+    assert caption(results(grid=Grid(iterations=2, seeds=(1,)))).startswith("part of the grid")
+    assert caption(results(grid=Grid(noise=NOISE_LEVELS["printed"], seeds=(1,)))).startswith("part of the grid")
+    other = quick.assign_attrs(identity=json.dumps({"study": settings_of(PaperStudy(train_on="sensed_state"))}))
+    assert caption(other).startswith("other settings")
 
 
 def test_what_is_drawn_is_what_is_stored(quick):
@@ -44,6 +50,28 @@ def test_what_is_drawn_is_what_is_stored(quick):
     stored = quick.q_error.sel(controller="pid", gain="low", noise=1e-4, friction=5.0, stiction=5.0, epochs=20, seed=1)
     for source in ("indirect", "direct", "joint"):
         np.testing.assert_allclose(drawn[source], stored.sel(source=source))
+
+
+def test_averages_are_means_and_means_plus_a_deviation_of_the_right_runs():
+    data = results(lambda label, k: as_in_the_paper(label, k) * (1 + label.noise * 1e3))
+    figure = averages(data)
+    titles = [axes.get_title() for axes in figure.axes[:4]]
+    assert titles == ["PID, low gain", "PID, high gain", "DOOMED, low gain", "DOOMED, high gain"]
+    runs = data.q_error.sel(controller="doomed", gain="low", source="direct")
+    over = [dim for dim in runs.dims if dim != "iteration"]
+    mean, thin = figure.axes[2].get_lines()[2:4]
+    np.testing.assert_allclose(mean.get_ydata(), runs.mean(over))
+    np.testing.assert_allclose(thin.get_ydata(), runs.mean(over) + runs.std(over))
+
+
+def test_the_heat_map_shows_each_condition_in_its_place():
+    data = results(lambda label, k: as_in_the_paper(label, k) * (1 + label.noise * 1e3))
+    axes = conditions(data).axes[0]
+    rows = [label.get_text() for label in axes.get_yticklabels()]
+    columns = [label.get_text() for label in axes.get_xticklabels()]
+    shown = axes.images[0].get_array()[rows.index("DOOMED low, direct"), columns.index("0.8 mm, f 5, s 5, 20")]
+    final = data.q_error.sel(controller="doomed", gain="low", source="direct", noise=8e-4)[..., -5:].mean()
+    np.testing.assert_allclose(shown, final)
 
 
 def test_diverged_iterations_leave_a_gap_and_are_counted():

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.control import Doomed, PdPolicy, Pid, PidGains
+from jaxidl.control import Doomed, PdPolicy, Pid, PidGains, lqr
 from jaxidl.effects import ConstantOffset, ViscousFriction
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.iterate import Setting, learn
@@ -23,7 +23,7 @@ CONDITION = Condition(jnp.array(0), jnp.array(5e-4), jnp.array(5.0), jnp.array(5
 def python_execution(setting, noise, torque_of=None):
     """Algorithm 1 as a plain Python loop over instants, without scan or jit."""
     task, plant, law = setting.task, setting.plant, setting.law
-    true = sensed = task.start
+    true, hidden, sensed = task.start, plant.start(task.start.q), task.start
     memory, wanted = law.init(true.q), task.start
     rows = []
     for t in range(task.steps):
@@ -32,7 +32,7 @@ def python_execution(setting, noise, torque_of=None):
         rbd = setting.model.inverse_dynamics(sensed.q, sensed.qd, qdd_d)
         tau = rbd + feedback.applied + (torque_of(sensed, qdd_d) if torque_of else 0.0)
         rows.append((true.q, sensed.qd, tau, feedback.learning))
-        true = plant.step(true, tau, task.dt)
+        true, hidden = plant.step(true, hidden, tau, task.dt)
         q = plant.sense(true.q, noise[t])
         qd = (q - sensed.q) / task.dt
         qdd_a = (qd - sensed.qd) / task.dt
@@ -192,3 +192,13 @@ def test_a_training_that_fails_is_flagged_and_the_first_execution_is_not(small_s
     how = {"source": "joint", "error_model": wild.error_model, "training": wild.training}
     metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
     np.testing.assert_array_equal(metrics.finite, [True, False, False])
+
+
+@pytest.mark.parametrize("horizon", [None, 1200])
+def test_an_lqr_policy_takes_the_plant_to_its_target(horizon):
+    policy = lqr(jnp.array([1.0, -0.5]), 1e-3, effort=1e-4, horizon=horizon)
+    rest = State(jnp.zeros(2), jnp.zeros(2))
+    task = Task(rest, policy, 5000.0, dt=1e-3, steps=1200)
+    body = point_mass(2.0)
+    run = execute(Plant(body), body, Doomed(0.0, 0.0, 0.1), task, jnp.zeros((1200, 2)))
+    np.testing.assert_allclose(run.q[-1], [1.0, -0.5], atol=2e-2)

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.effects import ConstantOffset, PaperFriction, SensingNoise, ViscousFriction, paper_stiction
+from jaxidl.effects import ActuatorLag, ConstantOffset, InertiaError, PaperFriction, SensingNoise, ViscousFriction, paper_stiction
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
 
 
 def roll(plant, state, tau, dt, steps):
     """Positions after ``steps`` under constant torque."""
-    return jax.lax.fori_loop(0, steps, lambda _, s: plant.step(s, tau, dt), state)
+    return jax.lax.fori_loop(0, steps, lambda _, carry: plant.step(*carry, tau, dt), (state, plant.start(state.q)))[0]
 
 
 @pytest.mark.parametrize("joints", [1, 2, 7])
@@ -48,5 +48,28 @@ def test_sensing_does_not_touch_the_true_state():
     quiet = Plant(point_mass(5.0), (PaperFriction(jnp.array(5.0)),))
     noisy = Plant(quiet.body, (*quiet.effects, SensingNoise(jnp.array(0.1))))
     state, tau = State(jnp.array([0.1, 0.3]), jnp.ones(2)), jnp.array([10.0, 20.0])
-    np.testing.assert_array_equal(quiet.step(state, tau, 1e-3).q, noisy.step(state, tau, 1e-3).q)
+    moved = [plant.step(state, plant.start(state.q), tau, 1e-3)[0].q for plant in (quiet, noisy)]
+    np.testing.assert_array_equal(*moved)
     assert jnp.abs(noisy.sense(state.q, jnp.ones(2)) - state.q).min() > 0.09
+
+
+def test_inertia_error_is_the_body_it_makes():
+    wrong = Plant(point_mass(0.5), (InertiaError(jnp.array([4.5, 4.5])),))
+    state, tau = State(jnp.zeros(2), jnp.ones(2)), jnp.array([3.0, -2.0])
+    np.testing.assert_allclose(wrong.acceleration(state, tau), Plant(point_mass(5.0)).acceleration(state, tau))
+
+
+def test_actuator_lag_follows_a_step_exponentially():
+    plant = Plant(point_mass(1.0, 1), (ActuatorLag(jnp.array([0.05])),))
+    state, hidden, tau = State(jnp.zeros(1), jnp.zeros(1)), plant.start(jnp.zeros(1)), jnp.ones(1)
+    for _ in range(100):
+        state, hidden = plant.step(state, hidden, tau, 1e-3)
+    np.testing.assert_allclose(hidden[0], 1 - np.exp(-100e-3 / 0.05), rtol=1e-12)
+
+
+def test_stiction_feels_the_delivered_torque_not_the_command():
+    lag, stick = ActuatorLag(jnp.array([0.1, 0.1])), paper_stiction(5.0)
+    plant = Plant(point_mass(5.0), (lag, stick))
+    rest = State(jnp.zeros(2), jnp.zeros(2))
+    after, _ = plant.step(rest, plant.start(rest.q), jnp.array([600.0, 600.0]), 1e-3)  # delivered: 6 N at first
+    np.testing.assert_array_equal(after.qd, 0.0)

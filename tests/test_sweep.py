@@ -1,5 +1,6 @@
 """Many configurations: independence of how they are run, resumption, damage, divergence."""
 
+import errno
 import json
 import os
 import subprocess
@@ -14,7 +15,7 @@ from filelock import FileLock
 
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.learning.paper import PaperStudy
-from jaxidl.sweep import launch
+from jaxidl.sweep import launch, store
 from jaxidl.sweep.grid import NOISE_LEVELS, Grid
 from jaxidl.sweep.launch import chunks, run_sweep
 from jaxidl.sweep.run import Kind, inputs_of, program, trace
@@ -179,6 +180,67 @@ def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_p
     assert not (tmp_path / "r.nc.parts").exists()
 
 
+@pytest.mark.parametrize("where", ["example", "write_bytes"])
+def test_an_extension_stopped_at_the_very_end_is_not_forgotten(whole, tmp_path, monkeypatch, where):
+    """All runs are done, but the old file has not been replaced yet: the next call must do that, and nothing else."""
+    _, path, study = whole
+    own = tmp_path / "own.nc"
+    own.write_bytes(path.read_bytes())
+    more = replace(SMALL, seeds=(1, 2, 3))
+    with monkeypatch.context() as patch:
+        if where == "example":
+            patch.setattr(launch, "example", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
+        else:
+            real = store.write_bytes
+            patch.setattr(store, "write_bytes", lambda p, c: _full_disk() if p == own else real(p, c))
+        with pytest.raises(KeyboardInterrupt if where == "example" else StoreError):
+            run(own, study, more)
+    assert own.read_bytes() == path.read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr(launch, "_run_chunks", lambda *a: pytest.fail("nothing was missing"))
+        assert run(own, study, more).seed.values.tolist() == [1, 2, 3]
+    assert read(own).seed.values.tolist() == [1, 2, 3]
+
+
+def _full_disk():
+    raise StoreError("to write", "no space left on device", "make room")
+
+
+def test_a_full_disk_at_the_end_of_a_sweep_leaves_the_old_result_and_no_litter(whole, tmp_path, monkeypatch):
+    _, path, study = whole
+    own = tmp_path / "own.nc"
+    own.write_bytes(path.read_bytes())
+    real = os.fsync
+
+    def fsync(number):
+        if os.fstat(number).st_size > 20_000:  # parts still fit, the results do not
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(number)
+
+    monkeypatch.setattr("jaxidl.files.os.fsync", fsync)
+    with pytest.raises(StoreError, match="no space left"):
+        run(own, study, replace(SMALL, seeds=(1, 2, 3)))
+    assert own.read_bytes() == path.read_bytes()
+    assert {p.name for p in tmp_path.iterdir()} == {"own.nc", "own.nc.parts"}
+    assert not list((tmp_path / "own.nc.parts").glob(".*"))
+
+
+def test_time_and_origin_add_up_over_interruptions(whole, tmp_path, monkeypatch):
+    _, _, study = whole
+    with monkeypatch.context() as patch:
+        interrupted_after(patch, 2)
+        with pytest.raises(KeyboardInterrupt):
+            run(tmp_path / "r.nc", study, per_device=1)
+    kept = [json.loads(str(np.load(part)["origin"])) for part in (tmp_path / "r.nc.parts").glob("*.npz")]
+    data = run(tmp_path / "r.nc", study, per_device=1)
+    assert len(kept) == 2
+    assert json.loads(data.attrs["origins"])[0][2] > sum(seconds for _, _, seconds in kept) > 0
+    (origin,) = json.loads(data.attrs["origins"])
+    assert origin[:2] == kept[0][:2] == [data.attrs["git_revision"], data.attrs["device"]]
+    again = run(tmp_path / "r.nc", study, replace(SMALL, seeds=(1, 2, 3)))
+    assert json.loads(again.attrs["origins"])[0][2] > json.loads(data.attrs["origins"])[0][2]
+
+
 def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_path, monkeypatch):
     data, path, study = whole
     own = tmp_path / "own.nc"
@@ -256,6 +318,7 @@ def test_an_unreadable_result_is_refused_and_left_alone(whole, tmp_path, content
     assert bad.read_bytes() == before
     run(bad, study, overwrite=True)
     assert read(bad).sizes["seed"] == 2
+    assert (tmp_path / "bad.nc.old").read_bytes() == before
 
 
 def test_a_foreign_netcdf_is_refused(tmp_path):
@@ -263,6 +326,14 @@ def test_a_foreign_netcdf_is_refused(tmp_path):
 
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
     with pytest.raises(StoreError, match="a file without q_error"):
+        read(tmp_path / "f.nc")
+
+
+@pytest.mark.parametrize("harm", [{"identity": "none"}, {"origins": "]"}])
+def test_a_file_whose_attributes_were_tampered_with_is_refused(whole, tmp_path, harm):
+    data, _, _ = whole
+    data.assign_attrs(harm).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
+    with pytest.raises(StoreError, match=next(iter(harm))):
         read(tmp_path / "f.nc")
 
 

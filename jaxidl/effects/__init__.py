@@ -3,16 +3,18 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
-from jaxidl.effects.actuator import ConstantOffset
+from jaxidl.effects.actuator import ActuatorLag, ConstantOffset
 from jaxidl.effects.base import Effect, Parameter, regressor
 from jaxidl.effects.friction import PaperFriction, ViscousFriction
+from jaxidl.effects.inertia import InertiaError
 from jaxidl.effects.sensing import SensingNoise
 from jaxidl.effects.stiction import STICTION_LEVEL, Stiction, paper_stiction
 from jaxidl.errors import EffectError
 
 CATALOGUE: dict[str, type[Effect]] = {
-    cls.name: cls for cls in (ViscousFriction, PaperFriction, Stiction, ConstantOffset, SensingNoise)
+    cls.name: cls for cls in (ViscousFriction, PaperFriction, Stiction, InertiaError, ConstantOffset, ActuatorLag, SensingNoise)
 }
 
 
@@ -29,15 +31,20 @@ def from_dict(record: dict[str, Any]) -> Effect:
     missing = [key for key in cls.parameters if key not in record.get("parameters", {})]
     if missing:
         raise EffectError(f"{name} with {', '.join(cls.parameters)}", f"no {', '.join(missing)}", "add what is missing")
-    values = {key: jnp.asarray(record["parameters"][key]["value"]) for key in cls.parameters}
-    return cls(**values, **record.get("options", {})).check()
+    try:
+        values = {key: jnp.asarray(np.asarray(record["parameters"][key]["value"], float)) for key in cls.parameters}
+        return cls(**values, **record.get("options", {})).check()
+    except (TypeError, KeyError, ValueError) as error:
+        raise EffectError(f"a record of {name} as its to_dict writes it", f"{error}", "mend its parameters and options") from None
 
 
 __all__ = [
     "CATALOGUE",
     "STICTION_LEVEL",
+    "ActuatorLag",
     "ConstantOffset",
     "Effect",
+    "InertiaError",
     "PaperFriction",
     "Parameter",
     "SensingNoise",

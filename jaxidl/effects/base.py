@@ -3,7 +3,8 @@
 A plant is a rigid body plus a tuple of effects. Each effect is one class whose fields are its parameters; all of its
 methods are pure functions of one instant of one mechanism and default to "does nothing". So the same object
 
-* *simulates*: the plant adds ``torque``, obeys ``holds``, reads its encoders through ``sense``;
+* *simulates*: the plant takes its body through ``alter``, its command through ``actuate`` (which may keep a hidden state that
+  ``start`` begins), adds ``torque``, obeys ``holds`` and reads its encoders through ``sense``;
 * *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, and where
   ``linear`` is true ``regressor`` gives the matrix of a linear least-squares problem;
 * *is ranked and named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person;
@@ -51,6 +52,18 @@ class Effect(struct.PyTreeNode):
     linear: ClassVar[bool] = False  # is the torque linear in the parameters?
     mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
 
+    def alter(self, body: Any) -> Any:
+        """The rigid body that the mechanism really has, given the one it is said to have."""
+        return body
+
+    def start(self, q: Joints) -> Any:
+        """Hidden state of the effect at rest at ``q`` (J,): a pytree, empty for effects without memory."""
+        return ()
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        """Delivered torque (J,) for the command ``tau`` (J,) over one step ``dt`` [s], and the new hidden state."""
+        return tau, memory
+
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         """Joint torque (J,) [N or Nm] that the effect adds to the delivered torque ``tau`` (J,)."""
         return jnp.zeros_like(qd)
@@ -71,9 +84,14 @@ class Effect(struct.PyTreeNode):
 
     def to_dict(self) -> dict[str, Any]:
         """Name, parameters with units and static fields, ready for JSON."""
-        values = {k: {"value": np.asarray(getattr(self, k)).tolist(), "unit": p.unit} for k, p in self.parameters.items()}
+        values = {k: {"value": _plain(getattr(self, k)), "unit": p.unit} for k, p in self.parameters.items()}
         options = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.parameters}
         return {"effect": self.name, "sentence": self.sentence, "parameters": values, "options": options}
+
+
+def _plain(value: Any) -> Any:
+    """A number or list of numbers that JSON has: infinity, which it has not, as the text "inf"."""
+    return jax.tree.map(lambda x: x if np.isfinite(x) else str(x), np.asarray(value, float).tolist())
 
 
 def regressor(effect: Effect, q: Joints, qd: Joints, tau: Joints) -> Float[Array, "J P"]:

@@ -9,7 +9,7 @@ from flax import struct
 
 from jaxidl.control import FeedbackLaw
 from jaxidl.systems import Plant, RigidBody, integrate
-from jaxidl.types import Joints, Path, Scalar, State, Trajectory
+from jaxidl.types import History, Joints, Scalar, State, Trajectory
 
 Policy = Callable[[Joints, Joints, Any], Joints]
 Feedforward = Callable[[State, Joints], Joints]  # (sensed state, desired acceleration) -> torque (J,) [N]
@@ -39,7 +39,7 @@ def desired_trajectory(task: Task) -> State:
 
 
 def execute(
-    plant: Plant, model: RigidBody, law: FeedbackLaw, task: Task, noise: Path, feedforward: Feedforward | None = None
+    plant: Plant, model: RigidBody, law: FeedbackLaw, task: Task, noise: History, feedforward: Feedforward | None = None
 ) -> Trajectory:
     """Run the task once (Algorithm 1) as a scan over control steps.
 
@@ -53,7 +53,7 @@ def execute(
     """
 
     def instant(carry, inputs):
-        true, sensed, memory = carry
+        true, hidden, sensed, memory = carry
         t, desired, draw = inputs
         qdd_desired = task.policy(sensed.q, sensed.qd, t)
         tau_rbd = task.clip(model.inverse_dynamics(sensed.q, sensed.qd, qdd_desired))
@@ -62,7 +62,7 @@ def execute(
         tau_ff = task.clip(feedforward(sensed, qdd_desired)) if feedforward else jnp.zeros_like(tau_rbd)
         tau = tau_rbd + applied + tau_ff
 
-        true_next = plant.step(true, tau, task.dt)
+        true_next, hidden = plant.step(true, hidden, tau, task.dt)
         q_sensed = plant.sense(true_next.q, draw)
         qd_sensed = (q_sensed - sensed.q) / task.dt
         qdd_actual = (qd_sensed - sensed.qd) / task.dt
@@ -81,8 +81,8 @@ def execute(
             tau_feedback_applied=applied,
             tau_feedforward=tau_ff,
         )
-        return (true_next, State(q_sensed, qd_sensed), memory), record
+        return (true_next, hidden, State(q_sensed, qd_sensed), memory), record
 
-    carry = (task.start, task.start, law.init(task.start.q))
+    carry = (task.start, plant.start(task.start.q), task.start, law.init(task.start.q))
     inputs = (jnp.arange(task.steps), desired_trajectory(task), noise)
     return jax.lax.scan(instant, carry, inputs)[1]

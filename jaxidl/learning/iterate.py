@@ -12,7 +12,7 @@ from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
-from jaxidl.types import Key, Path, Trajectory
+from jaxidl.types import History, Key, Trajectory
 
 
 class Setting(struct.PyTreeNode):
@@ -22,7 +22,7 @@ class Setting(struct.PyTreeNode):
     model: RigidBody  # the believed one
     law: FeedbackLaw
     task: Task
-    reference: Path  # (T, J) positions that q_error is measured against [m]
+    reference: History  # (T, J) positions that q_error is measured against [m]
 
 
 class Metrics(NamedTuple):
@@ -35,7 +35,7 @@ class Metrics(NamedTuple):
     finite: Bool[Array, "..."]  # did everything in the execution stay finite?
 
 
-def measure(run: Trajectory, reference: Path) -> Metrics:
+def measure(run: Trajectory, reference: History) -> Metrics:
     """The metrics of one execution against the ``reference`` (T, J) positions."""
     q_error = jnp.abs(run.q - reference).mean()
     feedback = jnp.abs(run.tau_feedback_applied).mean()

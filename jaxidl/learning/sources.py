@@ -6,12 +6,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from jaxidl.errors import one_of
-from jaxidl.types import Dataset, Path, Trajectory
+from jaxidl.types import Dataset, History, Trajectory
 
 TRAIN_ON = ("true_state", "sensed_state")
 
 
-def _inputs(run: Trajectory, qdd: Path, train_on: str) -> Float[Array, "T F"]:
+def _inputs(run: Trajectory, qdd: History, train_on: str) -> Float[Array, "T F"]:
     """(T, 3J) network inputs; the reference program trains on the true state, a robot has the sensed one."""
     if train_on not in TRAIN_ON:
         raise one_of("train_on", train_on, TRAIN_ON)

@@ -1,5 +1,6 @@
 """The figures of the simulation study, from stored results alone."""
 
+import json
 import textwrap
 import warnings
 from collections.abc import Callable
@@ -11,11 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxidl.errors import StoreError
+from jaxidl.learning.paper import PaperStudy
 from jaxidl.plot import panels
 from jaxidl.plot.style import CONTROLLER_NAME, house_style, save
-from jaxidl.sweep.grid import Grid, Label
-
-LAST = 5  # executions averaged as the final error
+from jaxidl.sweep.claims import LAST
+from jaxidl.sweep.grid import QUICK, Grid, Label
+from jaxidl.sweep.launch import settings_of
 
 
 def finite(data: xr.Dataset, variable: str) -> xr.DataArray:
@@ -24,20 +26,28 @@ def finite(data: xr.Dataset, variable: str) -> xr.DataArray:
 
 
 def caption(data: xr.Dataset) -> str:
-    """What part of the paper's grid the results cover, for the foot of every figure."""
-    seeds, full = data.sizes["seed"], Grid()
+    """What the results cover, for the foot of every figure: the whole study, its quick form, or some part or variation."""
+    seeds = data.sizes["seed"]
     text = f"{seeds} seed{'s' * (seeds != 1)}, noise {', '.join(f'{v * 1e3:g}' for v in data.noise.values)} mm"
-    axes = [tuple(data[name].values.tolist()) for name in Label._fields if name != "seed"]
-    whole = all(set(have) >= set(want) for have, want in zip(axes, _axes(full), strict=True))
     diverged = int((~data["finite"]).sum())
     left = f"; {diverged} diverged iterations left out" if diverged else ""
-    if whole and seeds >= len(full.seeds):
-        return f"whole study: {text}{left}"
-    return f"{'all settings' if whole else 'QUICK STUDY'}: {text}{left}"
+    return f"{_coverage(data)}: {text}{left}"
 
 
-def _axes(grid: Grid) -> list[tuple]:
-    return [values for name, values in grid.axes().items() if name != "seeds"]
+def _coverage(data: xr.Dataset) -> str:
+    axes = {name: set(data[dim].values.tolist()) for name, dim in zip(Grid().axes(), Label._fields, strict=True)}
+
+    def is_grid(grid: Grid, but: str = "") -> bool:
+        same = all(axes[name] == set(values) for name, values in grid.axes().items() if name != but)
+        return same and data.sizes["iteration"] == grid.iterations
+
+    if json.loads(data.attrs["identity"])["study"] != settings_of(PaperStudy()):
+        return "other settings than the paper's"
+    if is_grid(Grid()):
+        return "whole study"
+    if is_grid(Grid(), but="seeds"):
+        return "all settings"
+    return "QUICK STUDY" if is_grid(QUICK) else "part of the grid"
 
 
 def illustration(data: xr.Dataset) -> Figure:
@@ -55,7 +65,10 @@ def illustration(data: xr.Dataset) -> Figure:
     grid[0].set_ylabel("mean position error [m]")
     panels.shared_legend(figure, grid[0])
     band = "median and range of seeds" if data.sizes["seed"] > 1 else "one seed"
-    about = f"low gain, friction {setting['friction']:g}, stiction {setting['stiction']:g}, {setting['epochs']} epochs; {band}"
+    about = (
+        f"{_low_gain(data)} gain, friction {setting['friction']:g}, stiction {setting['stiction']:g}, "
+        f"{setting['epochs']} epochs; {band}"
+    )
     return _foot(figure, f"{about}; {caption(data)}")
 
 

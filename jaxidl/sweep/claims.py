@@ -4,8 +4,8 @@ Every statistic is a positive ratio, computed for each seed over all settings th
 geometric mean and a 95 % Student interval of its logarithm. It is computed twice, because a few runs run away (the mass is
 thrown metres, in an unstable region kilometres) and such a run alone decides an average: *on average*, with means over settings
 as in the paper's figures, and *typically*, with medians. Each interval is compared with the range in which the statement is
-true: inside it holds, outside it does not, across the border it does so partly. The verdict is *holds* or *does not hold* where
-both agree, *only partly* otherwise. Iterations that diverged are left out and counted in ``left_out``.
+true: inside it holds, outside it does not, across the border it is undecided. The verdict is *holds* or *does not hold* where
+both agree, *only partly* otherwise, with what each says. Iterations that diverged are left out and counted in ``left_out``.
 """
 
 import json
@@ -29,7 +29,14 @@ class View:
 
     def __init__(self, data: xr.Dataset, typical: bool):
         self.data, self.typical = data, typical
-        self.noises = (float(data.noise.min()), float(data.noise.max()))
+
+    @property
+    def noises(self) -> tuple[float, float]:
+        """Lowest and highest noise [m]. Raises KeyError if there is but one."""
+        low, high = float(self.data.noise.min()), float(self.data.noise.max())
+        if low == high:
+            raise KeyError("noise")
+        return low, high
 
     def over(self, runs: xr.DataArray, keep: tuple[str, ...] = ("seed",)) -> xr.DataArray:
         """Mean or median over all dims but ``keep``."""
@@ -50,25 +57,50 @@ class View:
         return self.curve(**where).isel(iteration=0)
 
     def end(self, variable: str = "q_error", **where: Any) -> xr.DataArray:
-        """(seed,) average over the last executions."""
+        """(seed,) average over the last executions. Raises KeyError if there are not enough of them."""
+        if self.data.sizes["iteration"] <= LAST:
+            raise KeyError("iteration")
         return self.over(self.curve(variable, **where).isel(iteration=slice(-LAST, None)))
+
+    def gain(self, **where: Any) -> xr.DataArray:
+        """(seed,) final / first error."""
+        return self.end(**where) / self.start(**where)
 
     def area(self, **where: Any) -> xr.DataArray:
         """(seed,) average over all executions after the first: small when learning is fast."""
         return self.over(self.curve(**where).isel(iteration=slice(1, None)))
 
-    def jumps(self, **where: Any) -> xr.DataArray:
-        """(seed,) how erratic: |log ratio| of a run's errors in successive executions of the second half."""
+    def rises(self, **where: Any) -> xr.DataArray:
+        """(seed,) how erratic: what a run's log error rises from one execution to the next, falls counting zero.
+
+        Averaged over the executions of the second half, so that it does not matter when a rise comes.
+        """
         late = self.runs(**where).isel(iteration=slice(self.data.sizes["iteration"] // 2, None))
-        return self.over(abs(xr.ufuncs.log(late).diff("iteration")))
+        steps = xr.ufuncs.log(late).diff("iteration")
+        return self.over(steps.clip(min=0.0).mean("iteration"))
+
+    def unreliable(self, **where: Any) -> xr.DataArray:
+        """(seed,) the final / first error that one run in ten exceeds: small when a source converges in all settings."""
+        self.end(**where)  # are there enough executions?
+        runs = self.runs(**where)
+        ends = runs.isel(iteration=slice(-LAST, None)).mean("iteration") / runs.isel(iteration=0)
+        return ends.quantile(0.9, [dim for dim in ends.dims if dim != "seed"]).drop_vars("quantile")
 
     def spread(self, **where: Any) -> xr.DataArray:
-        """(seed,) standard deviation, or interquartile range, over settings and the last executions."""
-        runs = self.runs(**where).isel(iteration=slice(-LAST, None))
+        """(seed,) standard deviation, or interquartile range, of the log final error over settings."""
+        self.end(**where)
+        runs = xr.ufuncs.log(self.runs(**where).isel(iteration=slice(-LAST, None)).mean("iteration"))
         dims = [dim for dim in runs.dims if dim != "seed"]
         if self.typical:
-            return runs.quantile(0.75, dims) - runs.quantile(0.25, dims)
+            return (runs.quantile(0.75, dims) - runs.quantile(0.25, dims)) / 1.349  # in units of a normal's deviation
         return runs.std(dims)
+
+    def never_best(self, source: str, **where: Any) -> xr.DataArray:
+        """(seed,) share of settings in which ``source`` does not have the lowest final error of the three."""
+        self.end(**where)
+        ends = self.runs(**where).isel(iteration=slice(-LAST, None)).mean("iteration")
+        beaten = ends.sel(source=source) > ends.min("source")
+        return beaten.mean([dim for dim in beaten.dims if dim != "seed"])
 
 
 @dataclass(frozen=True)
@@ -93,9 +125,9 @@ class Number:
 
     def within(self, low: float, high: float) -> str:
         bottom, top = self.interval or (self.value, self.value)
-        if low <= bottom and top <= high:
+        if low < bottom and top < high:
             return "holds"
-        return "does not hold" if top < low or bottom > high else "only partly"
+        return "does not hold" if top <= low or bottom >= high else "undecided"
 
 
 @dataclass(frozen=True)
@@ -108,7 +140,8 @@ class Verdict:
     true_if: str
     average: Number | None
     typical: Number | None
-    verdict: str
+    verdict: str  # holds, does not hold, only partly, not in these results
+    why: str  # of "only partly": what each of the two numbers says
     left_out: int  # diverged iterations in the whole file
 
 
@@ -124,39 +157,62 @@ def _low(who: str, source: str, **where: Any) -> dict[str, Any]:
     return {"controller": who, "gain": "low", "source": source, **where}
 
 
-def _best_other(statistic: Callable[..., xr.DataArray], who: str) -> xr.DataArray:
-    """The smaller of the indirect and direct values, seed by seed."""
-    indirect, direct = (statistic(**_low(who, source)) for source in ("indirect", "direct"))
-    return indirect.where(indirect < direct, direct)
+def _better_other(statistic: Callable[..., xr.DataArray], who: str) -> xr.DataArray:
+    """The indirect or the direct value, whichever is smaller over all seeds together."""
+    values = [statistic(**_low(who, source)) for source in ("indirect", "direct")]
+    return min(values, key=lambda value: float(np.nanmean(np.log(value))))
 
+
+IMPROVES = 0.9  # final / first error below it is an improvement, above it is none
 
 CLAIMS: list[Claim] = [
     Claim(
         "indirect-low-pid",
         "PID: with indirect data and low gain, tracking does not improve",
-        "final / first error, all settings",
-        lambda v: v.end(**_low("pid", "indirect")) / v.start(**_low("pid", "indirect")),
-        low=1.0,
+        "final / first error",
+        lambda v: v.gain(**_low("pid", "indirect")),
+        low=IMPROVES,
+    ),
+    Claim(
+        "joint-low-pid",
+        "PID: with joint data and low gain, it does",
+        "final / first error",
+        lambda v: v.gain(**_low("pid", "joint")),
+        high=IMPROVES,
     ),
     *_both(
         "direct-low-noise",
         "with direct data, low gain and low noise, tracking improves",
         "final / first error at the lowest noise",
-        lambda v, who: v.end(**_low(who, "direct", noise=v.noises[0])) / v.start(**_low(who, "direct", noise=v.noises[0])),
-        high=1.0,
+        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[0])),
+        high=IMPROVES,
+    ),
+    *_both(
+        "direct-high-noise",
+        "with direct data, low gain and very high noise, it does not",
+        "final / first error at the highest noise",
+        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[1])),
+        low=IMPROVES,
+    ),
+    Claim(
+        "indirect-low-doomed",
+        "DOOMED: with indirect data and low gain, tracking improves",
+        "final / first error",
+        lambda v: v.gain(**_low("doomed", "indirect")),
+        high=IMPROVES,
     ),
     Claim(
         "indirect-slower",
-        "DOOMED: indirect data improves tracking, but more slowly than direct (low noise)",
-        "mean error over iterations, indirect / direct",
+        "DOOMED: but more slowly than with direct data (low noise)",
+        "mean error over iterations, indirect / direct at the lowest noise",
         lambda v: v.area(**_low("doomed", "indirect", noise=v.noises[0])) / v.area(**_low("doomed", "direct", noise=v.noises[0])),
         low=1.0,
     ),
     *_both(
         "direct-erratic",
         "with direct data alone, convergence is erratic in very high noise",
-        "mean |log step| between late iterations, direct / joint at the highest noise",
-        lambda v, who: v.jumps(**_low(who, "direct", noise=v.noises[1])) / v.jumps(**_low(who, "joint", noise=v.noises[1])),
+        "rises of the log error between late iterations, direct / joint at the highest noise",
+        lambda v, who: v.rises(**_low(who, "direct", noise=v.noises[1])) / v.rises(**_low(who, "joint", noise=v.noises[1])),
         low=1.0,
     ),
     *_both(
@@ -181,15 +237,22 @@ CLAIMS: list[Claim] = [
     *_both(
         "joint-consistent",
         "joint data converges most consistently (low gain)",
-        "spread of the final error over settings, joint / better of the others",
-        lambda v, who: v.spread(**_low(who, "joint")) / _best_other(v.spread, who),
+        "final / first error that one run in ten exceeds, joint / better of the others",
+        lambda v, who: v.unreliable(**_low(who, "joint")) / _better_other(v.unreliable, who),
         high=1.0,
+    ),
+    *_both(
+        "direct-variance",
+        "results of direct data have a higher variance than those of joint data (low gain)",
+        "spread of the log final error over settings, direct / joint",
+        lambda v, who: v.spread(**_low(who, "direct")) / v.spread(**_low(who, "joint")),
+        low=1.0,
     ),
     *_both(
         "joint-ordering",
         "on average joint data ends with the lowest error (low gain)",
         "final error, joint / better of the others",
-        lambda v, who: v.end(**_low(who, "joint")) / _best_other(v.end, who),
+        lambda v, who: v.end(**_low(who, "joint")) / _better_other(v.end, who),
         high=1.0,
     ),
     *_both(
@@ -202,9 +265,11 @@ CLAIMS: list[Claim] = [
     Claim(
         "direct-degrades",
         "PID: with direct data and low gain, mean tracking degrades again after a few iterations",
-        "final / lowest mean error over iterations",
-        lambda v: v.end(**_low("pid", "direct")) / v.curve(**_low("pid", "direct")).min("iteration"),
-        low=2.0,
+        "final error / lowest before",
+        lambda v: (
+            v.end(**_low("pid", "direct")) / v.curve(**_low("pid", "direct")).isel(iteration=slice(None, -LAST)).min("iteration")
+        ),
+        low=1.0,
     ),
     *_both(
         "indirect-feedback",
@@ -245,6 +310,13 @@ CLAIMS: list[Claim] = [
         lambda v, who: v.start(controller=who, gain="high") / v.start(controller=who, gain="low"),
         high=0.5,
     ),
+    Claim(
+        "single-source-can-win",
+        "there are settings in which a single source does better than both",
+        "share of settings in which joint is not best (5 % count)",
+        lambda v: v.never_best("joint"),
+        low=0.05,
+    ),
 ]
 
 
@@ -258,10 +330,13 @@ def check_claims(data: xr.Dataset) -> list[Verdict]:
 
 
 def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
-    numbers = _number(claim, mean), _number(claim, median)
-    found = {number.within(claim.low, claim.high) for number in numbers if number}
-    verdict = "not in these results" if None in numbers else found.pop() if len(found) == 1 else "only partly"
-    return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, left_out)
+    numbers = average, typical = _number(claim, mean), _number(claim, median)
+    verdict, why = "not in these results", ""
+    if average and typical:
+        found = [number.within(claim.low, claim.high) for number in (average, typical)]
+        verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
+        why = f"on average {found[0]}, typically {found[1]}" if verdict == "only partly" else ""
+    return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, why, left_out)
 
 
 def _number(claim: Claim, view: View) -> Number | None:
@@ -269,7 +344,7 @@ def _number(claim: Claim, view: View) -> Number | None:
         ratios = np.atleast_1d(claim.statistic(view).values).astype(float)
     except KeyError:
         return None
-    logs = np.log(ratios[np.isfinite(ratios) & (ratios > 0)])
+    logs = np.log(np.clip(ratios[~np.isnan(ratios)], 1e-12, 1e12))  # a share of none, or a ratio to it
     if len(logs) == 0:
         return None
     value, interval = float(np.exp(logs.mean())), None
@@ -281,8 +356,8 @@ def _number(claim: Claim, view: View) -> Number | None:
 
 def _range(claim: Claim) -> str:
     if claim.low == 0.0:
-        return f"<= {claim.high:g}"
-    return f">= {claim.low:g}" if claim.high == np.inf else f"{claim.low:g} to {claim.high:g}"
+        return f"< {claim.high:g}"
+    return f"> {claim.low:g}" if claim.high == np.inf else f"{claim.low:g} to {claim.high:g}"
 
 
 def as_json(rows: list[Verdict]) -> str:
@@ -294,7 +369,10 @@ HEADINGS = ("statement", "measured as", "true if", "on average", "typically", "v
 
 
 def _cells(row: Verdict) -> tuple[str, ...]:
-    return row.statement, row.measure, row.true_if, _text(row.average), _text(row.typical), row.verdict
+    verdict = row.verdict + (f": {row.why}" if row.why else "")
+    if row.average and row.average.interval is None:
+        verdict += " (one seed)"
+    return row.statement, row.measure, row.true_if, _text(row.average), _text(row.typical), verdict
 
 
 def _text(number: Number | None) -> str:
@@ -308,7 +386,7 @@ def as_table(rows: list[Verdict]) -> str:
     """The verdicts as a table for a terminal, and what was left out."""
     table = Table(box=box.SIMPLE)
     for heading in HEADINGS:
-        table.add_column(heading, no_wrap=heading in HEADINGS[2:])
+        table.add_column(heading, no_wrap=heading in HEADINGS[2:5])
     for row in rows:
         table.add_row(*_cells(row))
     console = Console(width=170)

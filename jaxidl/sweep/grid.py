@@ -56,6 +56,8 @@ class Grid:
 
     def __post_init__(self) -> None:
         for name, values in self.axes().items():
+            object.__setattr__(self, name, tuple(values))  # lists and ranges are welcome
+        for name, values in self.axes().items():
             if len(values) == 0:
                 raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
             if len(set(values)) < len(values):
@@ -76,7 +78,7 @@ class Grid:
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "iterations"}
 
     def labels(self) -> Iterator[Label]:
-        """All runs, the seed slowest: when a sweep is interrupted, whole seeds are finished."""
+        """All runs, the seed slowest: with chunks smaller than a seed, an interrupted sweep has whole seeds finished."""
         values = dict(zip(Label._fields, self.axes().values(), strict=True))
         order = ["seed", *(name for name in Label._fields if name != "seed")]
         for combination in itertools.product(*(values[name] for name in order)):

@@ -2,6 +2,7 @@
 
 import json
 import sys
+import threading
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Sequence
@@ -19,10 +20,11 @@ from jaxidl.learning.iterate import Metrics
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep.example import example
 from jaxidl.sweep.grid import Grid, Label
-from jaxidl.sweep.provenance import PRECISION, provenance, revision
+from jaxidl.sweep.provenance import PRECISION, device, provenance, revision
 from jaxidl.sweep.run import Kind, inputs_of, program
-from jaxidl.sweep.store import Store, read
+from jaxidl.sweep.store import Origin, Store, read
 
+STOP = threading.Event()  # set by a signal handler: a KeyboardInterrupt raised inside JAX's callbacks can get lost
 RUNS_PER_DEVICE = {"cpu": 4, "gpu": 320}  # of one chunk; a chunk is what an interruption can lose
 
 
@@ -62,16 +64,15 @@ def run_sweep(
     with jax.enable_x64(True):
         devices, per_device, width = layout(devices, per_device, width)
         with Store(path, identity(study, grid), overwrite) as store:
-            store.check_covers(grid)
+            if store.holds(grid):
+                return read(path)
             for part in store.damaged:
                 print(f"jaxidl: {part} was damaged; its runs are computed again", file=sys.stderr)
             missing = store.missing(grid)
-            if not missing and path.exists():
-                return read(path)
             if missing:
                 with _progress(quiet) as bar:
                     _run_chunks(grid, study, store, missing, bar, devices, per_device, width)
-            return store.finish(grid, provenance(width), example(study, grid))
+            return store.finish(grid, provenance(), example(study, grid))
 
 
 def layout(devices: int | None, per_device: int | None, width: int | None) -> tuple[int, int, int]:
@@ -102,11 +103,12 @@ def _run_chunks(
     cost = {kind: _cost(study, kind, grid.iterations) for kind in {Kind.of(label) for label in grid.labels()}}
     left = sum(cost[Kind.of(label)] for label in missing)
     done = len(grid) - len(missing)
+    code, where = revision(), device(width)  # as they are now: the code on disk may change while this runs
     task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
     for chunk in chunks(missing, devices, per_device):
         began = time.monotonic()
         metrics = _wait(program(study, chunk.kind, devices, width)(inputs_of(chunk.padded(), study, grid.iterations)))
-        store.add(chunk.labels, _first(metrics, len(chunk.labels)), revision(), time.monotonic() - began)
+        store.add(chunk.labels, _first(metrics, len(chunk.labels)), Origin(code, where, time.monotonic() - began))
         done += len(chunk.labels)
         bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
 
@@ -127,9 +129,14 @@ def chunks(labels: Sequence[Label], devices: int, per_device: int) -> Iterator[C
 
 def identity(study: PaperStudy, grid: Grid) -> dict:
     """Everything besides the axes that determines a result."""
+    return {"study": settings_of(study), "iterations": grid.iterations, "precision": PRECISION}
+
+
+def settings_of(study: PaperStudy) -> dict:
+    """The study's settings as they stand in a results file."""
     settings = json.loads(json.dumps(study.to_dict()))
     del settings["training"]["epochs"]  # an axis
-    return {"study": settings, "iterations": grid.iterations, "precision": PRECISION}
+    return settings
 
 
 def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
@@ -147,6 +154,8 @@ def _first(metrics: Metrics, count: int) -> Metrics:
 def _wait(metrics: Metrics) -> Metrics:
     """Wait for a dispatched program in a way that Ctrl-C can end."""
     while not all(leaf.is_ready() for leaf in jax.tree.leaves(metrics)):
+        if STOP.is_set():
+            raise KeyboardInterrupt
         time.sleep(0.02)
     return metrics
 

@@ -1,6 +1,7 @@
 """Where a result came from."""
 
 import platform
+import re
 import subprocess
 import sys
 from datetime import UTC, datetime
@@ -13,23 +14,26 @@ import jax
 PRECISION = "float64 simulation, float32 networks"
 
 
-def provenance(width: int) -> dict[str, str]:
-    """Versions, command, device and precision, as attributes of a results file."""
+def provenance() -> dict[str, str]:
+    """Versions, command and precision, as attributes of a results file."""
     packages = ("jaxidl", "jax", "jaxlib", "flax", "optax", "numpy", "xarray")
     return {
         "title": "Task-specific inverse dynamics learning from indirect, direct and joint data",
         "versions": ", ".join(f"{name} {version(name)}" for name in packages) + f", Python {platform.python_version()}",
         "command": command(),
         "precision": PRECISION,
-        "device": f"{jax.devices()[0].device_kind} ({jax.default_backend()}), {len(jax.devices())} devices, {width} runs wide",
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
 def command() -> str:
     """The command line, with folders left out: a result should not tell whose machine it was made on."""
-    words = [Path(word).name if "/" in word else word for word in sys.argv]
-    return " ".join(words)
+    return " ".join(re.sub(r"[^=]*/", "", word) for word in sys.argv)
+
+
+def device(width: int) -> str:
+    """What computed: kind of device, and how many runs side by side."""
+    return f"{jax.devices()[0].device_kind}, {width} wide"
 
 
 @lru_cache

@@ -84,7 +84,11 @@ def program(study: PaperStudy, kind: Kind, devices: int = 1, width: int = 1) -> 
 
 
 def trace(study: PaperStudy, label: Label, inputs: Inputs) -> tuple[Metrics, Trajectory]:
-    """One learning run with every execution kept: metrics (K,) and trajectories (K, T, J)."""
+    """One learning run with every execution kept: metrics (K,) and trajectories (K, T, J).
+
+    Another program than a sweep's, so its rounding differs, and twenty trainings in float32 make that visible: the same run
+    in kind, not digit by digit.
+    """
     metrics, runs = jax.jit(one_run, static_argnums=(0, 1, 3))(study, Kind.of(label), inputs, True)
     assert runs is not None
     return metrics, runs

@@ -9,8 +9,10 @@ import io
 import json
 import zipfile
 import zlib
+from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -33,27 +35,35 @@ META = {
 UNITS = {"noise": "m"}
 
 
+class Origin(NamedTuple):
+    """Where runs came from."""
+
+    revision: str  # of the code
+    device: str  # kind, and how many runs side by side
+    seconds: float  # wall time that they took together
+
+
 class Store:
     """The finished runs of one results file. Use as a context manager: it holds the file's lock.
 
     Args:
         path: where the results go.
         identity: everything besides the axes that determines a result, ready for JSON.
-        overwrite: throw away what lies there, finished or not.
+        overwrite: begin anew; what lies there is moved to ``RESULTS.nc.old``.
 
     Raises:
         StoreError: when another process is at work on the file, or what lies there is unreadable or another study's.
     """
 
     def __init__(self, path: Path, identity: dict, overwrite: bool = False):
-        self.overwrite = overwrite
         self.path, self.parts = Path(path), Path(f"{path}.parts")
+        self.overwrite = overwrite
         self.identity = json.dumps({"format": FORMAT, **identity}, sort_keys=True)
         self.runs: dict[Label, dict[str, np.ndarray]] = {}
+        self.finished: set[Label] = set()  # those in the results file itself
         self.damaged: list[Path] = []
-        self.revisions: set[str] = set()  # of the code that made the runs
-        self.seconds = 0.0  # wall time that the runs took, all sessions together
-        self._contents: dict[Path, list[Label]] = {}
+        self._origins: list[Origin] = []  # of what the results file holds
+        self._parts: dict[Path, tuple[list[Label], Origin]] = {}
         self._lock = FileLock(self.parts / "lock", timeout=0)
 
     def __enter__(self) -> "Store":
@@ -72,90 +82,113 @@ class Store:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._lock.release()
-        leftovers = [p for p in self.parts.iterdir() if p.name != "lock"] if self.parts.exists() else []
-        if not leftovers and self.parts.exists():
+        # emptied and removed while the lock is held, so that nobody can lock a file that is about to vanish
+        if {entry.name for entry in self.parts.iterdir()} <= {"lock"}:
             (self.parts / "lock").unlink(missing_ok=True)
             self.parts.rmdir()
+        self._lock.release()
 
     def _load(self) -> None:
+        for torn in self.parts.glob(".*.tmp"):  # of a process that was killed while writing
+            torn.unlink()
         if self.overwrite:
-            for old in (self.path, *self.parts.glob("*.npz")):
-                old.unlink(missing_ok=True)
+            self._set_aside()
         if self.path.exists():
             data = read(self.path)
-            if data.attrs["identity"] != self.identity:
-                what = difference(json.loads(data.attrs["identity"]), json.loads(self.identity))
-                remedy = "choose another --out, or --overwrite it"
-                raise StoreError(f"{self.path} to hold this study", f"one that differs in {what}", remedy)
+            self._check_identity(self.path, data.attrs["identity"], "choose another --out, or --overwrite it")
             self.runs.update(runs_of(data))
-            self.revisions.update(data.attrs["git_revision"].split(", "))
-            self.seconds += float(data.attrs["seconds"])
+            self.finished.update(self.runs)
+            self._origins += [Origin(*row) for row in json.loads(data.attrs["origins"])]
         for part in sorted(self.parts.glob("*.npz")):
             self._load_part(part)
+
+    def _set_aside(self) -> None:
+        if self.path.is_dir():
+            raise StoreError(f"a file at {self.path}", "a folder", "choose another --out")
+        if self.path.exists():
+            self.path.replace(f"{self.path}.old")
+        for part in self.parts.glob("*.npz"):
+            part.unlink()
+
+    def _check_identity(self, where: Path, identity: str, remedy: str) -> None:
+        if identity != self.identity:
+            what = difference(json.loads(identity), json.loads(self.identity))
+            raise StoreError(f"{where} to hold this study", f"one that differs in {what}", remedy)
 
     def _load_part(self, part: Path) -> None:
         try:
             with np.load(io.BytesIO(part.read_bytes()), allow_pickle=False) as file:
                 identity, labels = str(file["identity"]), [Label(*row) for row in json.loads(str(file["labels"]))]
                 columns = {name: file[name] for name in META}
-                revision, seconds = str(file["revision"]), float(file["seconds"])
+                origin = Origin(*json.loads(str(file["origin"])))
         except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
             part.unlink()  # cut short or changed on disk: its runs are computed again
             self.damaged.append(part)
             return
-        if identity != self.identity:
-            what = difference(json.loads(identity), json.loads(self.identity))
-            remedy = "continue with the old settings, choose another --out, or --overwrite"
-            raise StoreError(f"{self.parts} to hold this study", f"one that differs in {what}", remedy)
-        self._remember(part, labels, columns, revision, seconds)
+        self._check_identity(self.parts, identity, "continue with the old settings, choose another --out, or --overwrite")
+        if self.finished.issuperset(labels):
+            part.unlink()  # of a process that was killed between writing the file and removing its parts
+            return
+        self._remember(part, labels, columns, origin)
 
-    def _remember(self, part: Path, labels: list[Label], columns: dict[str, np.ndarray], revision: str, seconds: float) -> None:
-        self._contents[part] = labels
-        self.revisions.add(revision)
-        self.seconds += seconds
+    def _remember(self, part: Path, labels: list[Label], columns: dict[str, np.ndarray], origin: Origin) -> None:
+        self._parts[part] = labels, origin
         for row, label in enumerate(labels):
             self.runs[label] = {name: column[row] for name, column in columns.items()}
 
-    def add(self, labels: Sequence[Label], metrics: Metrics, revision: str, seconds: float) -> None:
-        """Save finished runs; ``metrics`` has leaves (R, K), ``seconds`` is the wall time that they took together."""
+    def add(self, labels: Sequence[Label], metrics: Metrics, origin: Origin) -> None:
+        """Save finished runs; ``metrics`` has leaves (R, K)."""
         columns = {name: np.asarray(value) for name, value in metrics._asdict().items()}
         buffer, text = io.BytesIO(), json.dumps(labels)
-        about = {"identity": self.identity, "labels": text, "revision": revision, "seconds": seconds}
+        about = {"identity": self.identity, "labels": text, "origin": json.dumps(origin)}
         np.savez(buffer, allow_pickle=False, **about, **columns)
         part = self.parts / f"{zlib.crc32(text.encode()):08x}.npz"
         write_bytes(part, buffer.getvalue())
-        self._remember(part, list(labels), columns, revision, seconds)
+        self._remember(part, list(labels), columns, origin)
 
     def missing(self, grid: Grid) -> list[Label]:
         """The grid's runs that are not finished, in the grid's order."""
         return [label for label in grid.labels() if label not in self.runs]
 
-    def check_covers(self, grid: Grid) -> None:
-        """Raise :class:`StoreError` if finishing ``grid`` would drop runs that the finished file holds."""
-        if not self.path.exists():
-            return
+    def holds(self, grid: Grid) -> bool:
+        """Is the results file just what ``grid`` asks for?
+
+        Raises:
+            StoreError: if finishing ``grid`` would drop runs that the file holds.
+        """
         wanted = set(grid.labels())
-        dropped = [label for label in runs_of(read(self.path)) if label not in wanted]
+        dropped = sorted(self.finished - wanted)
         if dropped:
             got = f"{len(dropped)} finished runs there that this grid leaves out, e.g. {tuple(dropped[0])}"
             raise StoreError(f"a grid that covers {self.path}", got, "choose another --out, or --overwrite it")
+        return self.finished == wanted
 
-    def finish(self, grid: Grid, attrs: dict[str, str], extra: xr.Dataset | None = None) -> xr.Dataset:
+    def finish(self, grid: Grid, attrs: dict[str, str], extra: xr.Dataset) -> xr.Dataset:
         """Assemble the grid's results, write them as one file, and remove the parts that it contains."""
+        wanted = set(grid.labels())
+        used = {part: origin for part, (labels, origin) in self._parts.items() if wanted.intersection(labels)}
+        origins = merge_origins([*self._origins, *used.values()])
         data = assemble(grid, self.runs)
-        data.attrs |= attrs | {"identity": self.identity, "git_revision": ", ".join(sorted(self.revisions))}
-        data.attrs["seconds"] = round(self.seconds, 1)
-        if extra is not None:
-            data = data.merge(extra, combine_attrs="no_conflicts")
+        data.attrs |= attrs | {"identity": self.identity, "origins": json.dumps(origins)}
+        data.attrs["git_revision"] = ", ".join(sorted({origin.revision for origin in origins}))
+        data.attrs["device"] = ", ".join(sorted({origin.device for origin in origins}))
+        data.attrs["seconds"] = round(sum(origin.seconds for origin in origins), 1)
+        data = data.merge(extra, combine_attrs="no_conflicts")
         encoding = {str(name): {"zlib": True, "shuffle": True} for name, column in data.data_vars.items() if column.ndim}
         write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf", encoding=encoding)))
-        wanted = set(grid.labels())
-        for part, labels in list(self._contents.items()):
-            if wanted.issuperset(labels):
+        for part in used:
+            if wanted.issuperset(self._parts[part][0]):
                 part.unlink(missing_ok=True)
-                del self._contents[part]
+                del self._parts[part]
         return data
+
+
+def merge_origins(origins: Sequence[Origin]) -> list[Origin]:
+    """One origin for each revision and device, their seconds added up."""
+    seconds: dict[tuple[str, str], float] = defaultdict(float)
+    for origin in origins:
+        seconds[origin.revision, origin.device] += origin.seconds
+    return [Origin(*key, round(total, 3)) for key, total in sorted(seconds.items())]
 
 
 def assemble(grid: Grid, runs: dict[Label, dict[str, np.ndarray]]) -> xr.Dataset:
@@ -183,22 +216,30 @@ def read(path: Path) -> xr.Dataset:
         StoreError: if there is none, it cannot be read, or it is not one of ours.
     """
     path = Path(path)
-    if not path.exists():
-        raise StoreError(f"a results file at {path}", "no such file", "run `jaxidl sweep --out` first, or mend the path")
     try:
         with xr.open_dataset(io.BytesIO(path.read_bytes()), engine="h5netcdf") as file:
             data = file.load()
+    except FileNotFoundError:
+        remedy = "run `jaxidl sweep --out` first, or mend the path"
+        raise StoreError(f"a results file at {path}", "no such file", remedy) from None
     except Exception as error:  # whatever h5py makes of a broken file
-        reason = type(error).__name__
-        raise StoreError(
-            f"{path} to be a NetCDF results file", f"something unreadable ({reason})", "remove it or name another"
-        ) from None
+        got = f"something unreadable ({type(error).__name__})"
+        raise StoreError(f"{path} to be a NetCDF results file", got, "remove it or name another") from None
     lacking = [name for name in (*META, *DIMS) if name not in data.variables]
-    if lacking or "identity" not in data.attrs:
-        got = f"a file without {', '.join(lacking) or 'identity'}"
+    lacking += [name for name in ("identity", "origins") if not _is_json(data.attrs.get(name))]
+    if lacking:
+        got = f"a file without {', '.join(lacking)}"
         raise StoreError(f"{path} to be written by `jaxidl sweep`", got, "name a results file of jaxidl")
     data["finite"] = data["finite"].astype(bool)
     return data
+
+
+def _is_json(text: object) -> bool:
+    try:
+        json.loads(str(text))
+    except ValueError:
+        return False
+    return text is not None
 
 
 def runs_of(data: xr.Dataset) -> dict[Label, dict[str, np.ndarray]]:

@@ -7,7 +7,7 @@ from jaxidl.types import Joints
 
 
 class PointMass(struct.PyTreeNode):
-    """M·qdd = tau with M diagonal. Bodies of the house share these two methods, so a plant does not ask which it has."""
+    """M·qdd = tau with M diagonal. Bodies of the house share these methods, so a plant does not ask which it has."""
 
     mass: Joints  # (J,) mass seen by each axis [kg]
 
@@ -18,6 +18,10 @@ class PointMass(struct.PyTreeNode):
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
         """Torque (J,) [N] that makes acceleration ``qdd`` (J,) [m/s^2]."""
         return self.mass * qdd
+
+    def add_inertia(self, extra: Joints) -> "PointMass":
+        """The body with ``extra`` (J,) [kg] on its axes."""
+        return PointMass(self.mass + extra)
 
 
 def point_mass(mass: float, joints: int = 2) -> PointMass:
