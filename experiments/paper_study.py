@@ -14,7 +14,7 @@ jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # one device a co
 
 from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
 from jaxidl.plot.figures import draw_all  # noqa: E402
-from jaxidl.sweep.claims import as_table  # noqa: E402
+from jaxidl.sweep.verdicts import as_table  # noqa: E402
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 results = run_sweep(QUICK, folder / "quick.nc", PaperStudy())

@@ -15,10 +15,10 @@ from jaxidl.learning.iterate import Metrics, Setting, learn, measure
 from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
 from jaxidl.learning.sources import SOURCES, direct, indirect, joint
 from jaxidl.models import ErrorModel, Training, fit
-from jaxidl.sweep.claims import check_claims
 from jaxidl.sweep.grid import QUICK, Grid, Label
 from jaxidl.sweep.launch import run_sweep
 from jaxidl.sweep.store import read as read_results
+from jaxidl.sweep.verdicts import check_claims
 from jaxidl.systems import Plant, PointMass, point_mass
 from jaxidl.types import Dataset, State, Trajectory
 

@@ -24,12 +24,12 @@ from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
 from jaxidl.learning.sources import SOURCES
-from jaxidl.sweep.claims import as_json, as_markdown, as_table, check_claims
 from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
 from jaxidl.sweep.launch import STOP, run_sweep
 from jaxidl.sweep.simulate import Request
 from jaxidl.sweep.simulate import simulate as run_simulation
 from jaxidl.sweep.store import read
+from jaxidl.sweep.verdicts import as_json, as_markdown, as_table, check_claims
 
 Names = tuple[str, ...]
 Floats = tuple[float, ...]

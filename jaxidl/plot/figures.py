@@ -15,9 +15,9 @@ from jaxidl.errors import StoreError
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.plot import panels
 from jaxidl.plot.style import CONTROLLER_NAME, house_style, save
-from jaxidl.sweep.claims import LAST
 from jaxidl.sweep.grid import QUICK, Grid, Label
 from jaxidl.sweep.launch import settings_of
+from jaxidl.sweep.view import LAST
 
 
 def finite(data: xr.Dataset, variable: str) -> xr.DataArray:

@@ -102,7 +102,7 @@ def _run_chunks(
 ) -> None:
     cost = {kind: _cost(study, kind, grid.iterations) for kind in {Kind.of(label) for label in grid.labels()}}
     left = sum(cost[Kind.of(label)] for label in missing)
-    done = len(grid) - len(missing)
+    done, said = len(grid) - len(missing), time.monotonic()
     code, where = revision(), device(width)  # as they are now: the code on disk may change while this runs
     task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
     for chunk in chunks(missing, devices, per_device):
@@ -110,6 +110,9 @@ def _run_chunks(
         metrics = _wait(program(study, chunk.kind, devices, width)(inputs_of(chunk.padded(), study, grid.iterations)))
         store.add(chunk.labels, _first(metrics, len(chunk.labels)), Origin(code, where, time.monotonic() - began))
         done += len(chunk.labels)
+        if not bar.console.is_terminal and not bar.disable and time.monotonic() > said + 60:  # a log file has no moving bar
+            said = time.monotonic()
+            print(f"{done}/{len(grid)} learning runs done", file=sys.stderr, flush=True)
         bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
 
 
