@@ -196,9 +196,13 @@ def main(arguments: list[str] | None = None) -> int:
         run = _parse(sys.argv[1:] if arguments is None else arguments)
         if run is not None:
             run()
+            sys.stdout.flush()
     except JaxidlError as error:
         print(f"jaxidl: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:  # the reader, `head` for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except BaseException:
         if not STOP.is_set():
             raise

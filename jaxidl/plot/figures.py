@@ -105,7 +105,7 @@ def single_run(data: xr.Dataset) -> Figure:
         raise StoreError("results with an example run", "none in this file", "run `jaxidl sweep` again with this version")
     about = {name: data.attrs[f"example_{name}"] for name in Label._fields}
     figure = Figure(figsize=(7.2, 6.2), layout="constrained")
-    grid = figure.subplots(3, 2, sharex=True, sharey="row")
+    grid = figure.subplots(3, data.sizes["execution"], sharex=True, sharey="row", squeeze=False)
     for column, execution in enumerate(data.execution.values):
         panels.positions(grid[0, column], data, column)
         for joint in (0, 1):

@@ -41,7 +41,7 @@ def example(study: PaperStudy, grid: Grid) -> xr.Dataset:
     inputs = jax.tree.map(lambda leaf: leaf[0], inputs_of([label], study, grid.iterations))
     _, runs = trace(study, label, inputs)
     dims = ("execution", "time", "joint")
-    shown = [0, grid.iterations - 1]
+    shown = sorted({0, grid.iterations - 1})
     variables: dict[str, tuple] = {
         f"example_{name}": (dims, np.asarray(getattr(runs, name))[shown], {"units": unit, "long_name": text})
         for name, (unit, text) in FIELDS.items()

@@ -84,6 +84,8 @@ class View:
 
     def not_best(self, source: str, **where: Any) -> xr.DataArray:
         """(seed,) share of settings in which ``source`` does not have the lowest final error of the three."""
+        if self.data.sizes["source"] < 3:
+            raise KeyError("source")
         self.end(**where)
         ends = self.runs(**where).isel(iteration=slice(-LAST, None)).mean("iteration")
         beaten = ends.sel(source=source) > ends.min("source")
