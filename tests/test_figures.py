@@ -1,12 +1,14 @@
 """Figures from stored results alone."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from jaxidl.errors import StoreError
 from jaxidl.learning.paper import PaperStudy
+from jaxidl.models import ErrorModel
 from jaxidl.plot.figures import FIGURES, averages, caption, conditions, draw_all, illustration
 from jaxidl.sweep.example import example
 from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
@@ -16,7 +18,6 @@ from tests.test_claims import as_in_the_paper, results
 
 @pytest.fixture(scope="module")
 def quick():
-    from jaxidl.models import ErrorModel
 
     study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
     return results(as_in_the_paper, grid=QUICK).merge(example(study, QUICK), combine_attrs="no_conflicts")
@@ -85,3 +86,10 @@ def test_diverged_iterations_leave_a_gap_and_are_counted():
 def test_results_without_an_example_run_are_named(tmp_path):
     with pytest.raises(StoreError, match="example run"):
         draw_all(results(as_in_the_paper), tmp_path)
+
+
+def test_a_study_of_one_execution_is_drawn_too(quick, tmp_path):
+    one = replace(QUICK, iterations=1)
+    study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
+    data = results(as_in_the_paper, grid=one).merge(example(study, one), combine_attrs="no_conflicts")
+    assert len(draw_all(data, tmp_path)) == 2 * len(FIGURES)
