@@ -56,7 +56,7 @@ CLAIMS: list[Claim] = [
     ),
     Claim(
         "joint-low-pid",
-        "PID: with joint data and low gain, it does",
+        "PID: with joint data and low gain, tracking improves",
         "final / first error",
         lambda v: v.gain(**_low("pid", "joint")),
         high=IMPROVES,
@@ -70,7 +70,7 @@ CLAIMS: list[Claim] = [
     ),
     *_both(
         "direct-high-noise",
-        "with direct data, low gain and very high noise, it does not",
+        "with direct data, low gain and very high noise, tracking does not improve",
         "final / first error at the highest noise",
         lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[1])),
         low=IMPROVES,
@@ -84,7 +84,7 @@ CLAIMS: list[Claim] = [
     ),
     Claim(
         "indirect-slower",
-        "DOOMED: but more slowly than with direct data (low noise)",
+        "DOOMED: indirect data improves tracking more slowly than direct data (low gain, low noise)",
         "mean error over iterations, indirect / direct at the lowest noise",
         lambda v: v.area(**_low("doomed", "indirect", noise=v.noises[0])) / v.area(**_low("doomed", "direct", noise=v.noises[0])),
         low=1.0,
