@@ -14,7 +14,7 @@ from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.iterate import Metrics, Setting, learn, measure
 from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
 from jaxidl.learning.sources import SOURCES, direct, indirect, joint
-from jaxidl.models import ErrorModel, Training, fit
+from jaxidl.models import ErrorModel, Training
 from jaxidl.sweep.grid import QUICK, Grid, Label
 from jaxidl.sweep.launch import run_sweep
 from jaxidl.sweep.store import read as read_results
@@ -58,7 +58,6 @@ __all__ = [
     "draw_noise",
     "effects",
     "execute",
-    "fit",
     "indirect",
     "joint",
     "learn",

@@ -73,6 +73,7 @@ def initial_parameters(golden, dtype):
     return {"params": params}
 
 
+# float32 is chaotic in its rounding (the reference was made in it, too): 0.40 % and 2.1 % here, with room for other processors
 @pytest.mark.parametrize(("dtype", "early", "median"), [(np.float64, 1e-5, 0.01), (np.float32, 0.006, 0.03)])
 def test_training_follows_the_reference_program(reference, dtype, early, median):
     golden = np.load(reference / "training.npz")

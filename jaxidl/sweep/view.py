@@ -40,10 +40,18 @@ class View:
         return self.curve(**where).isel(iteration=0)
 
     def end(self, variable: str = "q_error", **where: Any) -> xr.DataArray:
-        """(seed,) average over the last executions. Raises KeyError if there are not enough of them."""
-        if self.data.sizes["iteration"] <= LAST:
+        """(seed,) average over the last executions."""
+        return self.over(self.last(self.curve(variable, **where)))
+
+    def last(self, runs: xr.DataArray) -> xr.DataArray:
+        """The last executions. Raises KeyError if there are not enough to speak of an end."""
+        if runs.sizes["iteration"] <= LAST:
             raise KeyError("iteration")
-        return self.over(self.curve(variable, **where).isel(iteration=slice(-LAST, None)))
+        return runs.isel(iteration=slice(-LAST, None))
+
+    def ends(self, **where: Any) -> xr.DataArray:
+        """(..., seed) final error of each run: its mean over the last executions."""
+        return self.last(self.runs(**where)).mean("iteration")
 
     def lowest_before(self, **where: Any) -> xr.DataArray:
         """(seed,) lowest average of one execution before the last ones."""
@@ -68,15 +76,12 @@ class View:
 
     def unreliable(self, **where: Any) -> xr.DataArray:
         """(seed,) the final / first error that one run in ten exceeds: small when a source converges in all settings."""
-        self.end(**where)  # are there enough executions?
-        runs = self.runs(**where)
-        ends = runs.isel(iteration=slice(-LAST, None)).mean("iteration") / runs.isel(iteration=0)
+        ends = self.ends(**where) / self.runs(**where).isel(iteration=0)
         return ends.quantile(0.9, [dim for dim in ends.dims if dim != "seed"]).drop_vars("quantile")
 
     def spread(self, **where: Any) -> xr.DataArray:
         """(seed,) standard deviation, or interquartile range, of the log final error over settings."""
-        self.end(**where)
-        runs = xr.ufuncs.log(self.runs(**where).isel(iteration=slice(-LAST, None)).mean("iteration"))
+        runs = xr.ufuncs.log(self.ends(**where))
         dims = [dim for dim in runs.dims if dim != "seed"]
         if self.typical:
             return (runs.quantile(0.75, dims) - runs.quantile(0.25, dims)) / 1.349  # in units of a normal's deviation
@@ -86,7 +91,6 @@ class View:
         """(seed,) share of settings in which ``source`` does not have the lowest final error of the three."""
         if self.data.sizes["source"] < 3:
             raise KeyError("source")
-        self.end(**where)
-        ends = self.runs(**where).isel(iteration=slice(-LAST, None)).mean("iteration")
+        ends = self.ends(**where)
         beaten = ends.sel(source=source) > ends.min("source")
         return beaten.mean([dim for dim in beaten.dims if dim != "seed"])
