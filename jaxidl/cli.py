@@ -15,11 +15,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import jax
 import tyro
 from tyro.conf import arg
 
 from jaxidl import __version__
+from jaxidl.backend import choose_devices
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
@@ -118,7 +118,7 @@ def sweep(
     levels = NOISE_LEVELS[noise_levels] if noise is None else noise
     grid = Grid(controllers, gains, levels, friction, stiction, epochs, seeds, sources, iterations)
     study = PaperStudy(train_on=train_on)
-    _devices(devices)
+    choose_devices(devices)
     run_sweep(grid, out, study, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
     print(f"wrote {out}")
 
@@ -157,7 +157,7 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
         devices: how many CPU cores or accelerators to use, all unless told.
         overwrite: begin anew; the old results are kept beside the new ones.
     """
-    _devices(devices)
+    choose_devices(devices)
     folder = out / ("quick" if quick else "study")
     run_sweep(QUICK if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite)
     report(folder / "study.nc", folder)
@@ -173,15 +173,6 @@ def report(results: Path, out: Path) -> None:
     write_bytes(out / "claims.json", (as_json(rows) + "\n").encode())
     print(as_table(rows))
     print(f"results in {results}, {len(paths)} figures and claims.json in {out}")
-
-
-def _devices(count: int | None) -> None:
-    """Make every core a device of its own (a no-op for accelerators). Must come before the first computation."""
-    if count is not None and count < 1:
-        raise ConfigurationError("at least 1 device", str(count), "leave --devices out to use all")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with contextlib.suppress(RuntimeError):  # the first computation has been: in a process of somebody else's, who has chosen
-        jax.config.update("jax_num_cpu_devices", min(count or cores, cores))
 
 
 COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": claims, "reproduce": reproduce}

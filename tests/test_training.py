@@ -6,6 +6,7 @@ import numpy as np
 import optax
 
 from jaxidl.models import ErrorModel, Training, adam, draw_batches, fit, start
+from jaxidl.models.training import loss_of, reciprocal
 from jaxidl.types import Dataset
 
 MODEL = ErrorModel(joints=2, layers=(8, 1), velocity_scale=1.0, acceleration_scale=1.0, torque_scale=1.0)
@@ -83,3 +84,25 @@ def test_without_a_finite_snapshot_the_learner_comes_back_as_it_was():
     before, best, progress = fitted(Training(epochs=1, batch=16), data=Dataset(data_of(200).x, jnp.full((200, 2), jnp.nan)))
     assert progress.validation == jnp.inf
     jax.tree.map(np.testing.assert_array_equal, before, best)
+
+
+def test_reciprocal_is_within_two_units_in_the_last_place_and_differentiable():
+    a = jnp.asarray(np.exp(np.random.default_rng(5).uniform(-60, 60, 100_000)), jnp.float32)
+    exact = 1 / np.asarray(a, float)
+    np.testing.assert_allclose(np.asarray(reciprocal(a), float), exact, rtol=2e-7)
+    assert (reciprocal(a.astype(jnp.float64)) == 1 / a.astype(jnp.float64)).all()
+    near_one = a[(a > 1e-12) & (a < 1e12)]  # elsewhere the slope leaves float32
+    slopes = np.asarray(jax.vmap(jax.grad(reciprocal))(near_one), float)
+    np.testing.assert_allclose(slopes, -(np.asarray(near_one, float) ** -2), rtol=1e-6)
+
+
+def test_the_training_backward_pass_agrees_with_automatic_differentiation():
+    model = ErrorModel()
+    rng = np.random.default_rng(6)
+    params = model.init(jax.random.key(0))
+    x, y = jnp.asarray(rng.normal(size=(6, 64)), jnp.float32), jnp.asarray(rng.normal(size=(2, 64)), jnp.float32)
+    plain, fast = (
+        jax.jit(jax.grad(lambda p, fast=fast: loss_of(model, p, x, y, in_training=fast)))(params) for fast in (False, True)
+    )
+    for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(fast), strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-8)

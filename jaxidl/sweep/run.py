@@ -10,6 +10,7 @@ import numpy as np
 from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Float, Int
 
+from jaxidl.backend import compiler_options
 from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.learning.paper import GAINS, Condition, PaperStudy, draw_noise
 from jaxidl.sweep.grid import Label
@@ -80,7 +81,8 @@ def program(study: PaperStudy, kind: Kind, devices: int = 1, width: int = 1) -> 
         batch_size = None if width == 1 else width
         return jax.lax.map(lambda one: one_run(study, kind, one)[0], inputs, batch_size=batch_size)
 
-    return jax.jit(jax.shard_map(share, mesh=mesh, in_specs=split, out_specs=split, check_vma=False))
+    shards = jax.shard_map(share, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
+    return jax.jit(shards, compiler_options=compiler_options())
 
 
 def trace(study: PaperStudy, label: Label, inputs: Inputs) -> tuple[Metrics, Trajectory]:

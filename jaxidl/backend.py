@@ -1,0 +1,48 @@
+"""How this machine computes: its devices, XLA's options, and compiled programs kept from one start to the next."""
+
+import contextlib
+import os
+from functools import cache
+
+import jax
+
+from jaxidl.errors import ConfigurationError
+
+CPU_OPTIONS = {
+    # without it XLA copies every weight once a training step (3 % of its time): it does not see that the old weights are
+    # read for the last time before the new ones are written
+    "xla_cpu_copy_insertion_use_region_analysis": True,
+}
+
+
+def choose_devices(count: int | None) -> None:
+    """Make every core a device of its own (a no-op for accelerators). Must come before the first computation.
+
+    Raises:
+        ConfigurationError: for fewer than one device.
+    """
+    if count is not None and count < 1:
+        raise ConfigurationError("at least 1 device", str(count), "leave --devices out to use all")
+    with contextlib.suppress(RuntimeError):  # the first computation has been: in a process of somebody else's, who has chosen
+        jax.config.update("jax_num_cpu_devices", min(count or cores(), cores()))
+
+
+def cores() -> int:
+    """CPU cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@cache
+def compiler_options() -> dict[str, bool]:
+    """Options for ``jax.jit(compiler_options=…)`` on the present backend; those that its XLA does not know are left out."""
+    if jax.default_backend() != "cpu":
+        return {}
+    return {name: value for name, value in CPU_OPTIONS.items() if _known(name, value)}
+
+
+def _known(name: str, value: bool) -> bool:
+    try:
+        jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
+    except jax.errors.JaxRuntimeError:
+        return False
+    return True
