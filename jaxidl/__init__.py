@@ -17,7 +17,7 @@ from jaxidl.learning.sources import SOURCES, direct, indirect, joint
 from jaxidl.models import ErrorModel, Training
 from jaxidl.sweep.grid import QUICK, Grid, Label
 from jaxidl.sweep.launch import run_sweep
-from jaxidl.sweep.store import read as read_results
+from jaxidl.sweep.results import read as read_results
 from jaxidl.sweep.verdicts import check_claims
 from jaxidl.systems import Plant, PointMass, point_mass
 from jaxidl.types import Dataset, State, Trajectory

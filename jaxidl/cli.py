@@ -19,16 +19,16 @@ import tyro
 from tyro.conf import arg
 
 from jaxidl import __version__
-from jaxidl.backend import choose_devices
+from jaxidl.backend import choose_devices, keep_programs
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
 from jaxidl.learning.sources import SOURCES
 from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
 from jaxidl.sweep.launch import STOP, run_sweep
+from jaxidl.sweep.results import read
 from jaxidl.sweep.simulate import Request
 from jaxidl.sweep.simulate import simulate as run_simulation
-from jaxidl.sweep.store import read
 from jaxidl.sweep.verdicts import as_json, as_markdown, as_table, check_claims
 
 Names = tuple[str, ...]
@@ -91,6 +91,7 @@ def sweep(
     devices: int | None = None,
     runs_per_device: int | None = None,
     width: int | None = None,
+    cluster: Annotated[str | None, arg(metavar="ADDRESS|local")] = None,
     overwrite: bool = False,
 ) -> None:
     """Run a grid of learning runs; continue where an interrupted one stopped.
@@ -111,6 +112,7 @@ def sweep(
         devices: how many CPU cores or accelerators to use, all unless told.
         runs_per_device: runs of one chunk on each, a chunk being what an interruption can lose; 4 on a CPU, 320 on a GPU.
         width: runs side by side in a device's program: 1 on a CPU, a whole chunk on a GPU, unless told.
+        cluster: a Ray cluster to run on (needs `pip install 'jaxidl[cluster]'`); --out must lie in a folder that it shares.
         overwrite: begin anew; what lies at --out is kept as RESULTS.nc.old.
     """
     if noise_levels not in NOISE_LEVELS:
@@ -119,7 +121,7 @@ def sweep(
     grid = Grid(controllers, gains, levels, friction, stiction, epochs, seeds, sources, iterations)
     study = PaperStudy(train_on=train_on)
     choose_devices(devices)
-    run_sweep(grid, out, study, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
+    run_sweep(grid, out, study, devices=devices, per_device=runs_per_device, width=width, cluster=cluster, overwrite=overwrite)
     print(f"wrote {out}")
 
 
@@ -181,8 +183,11 @@ COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": 
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status."""
     STOP.clear()
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a file name that the terminal cannot show is no reason to fail
+        sys.stdout.reconfigure(errors="backslashreplace")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
+    keep_programs()
     try:
         run = _parse(sys.argv[1:] if arguments is None else arguments)
         if run is not None:
@@ -244,9 +249,13 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
 
 
 def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
-    """tyro explains in a framed box of several lines; ours is one line: the box up to its first ruler."""
+    """tyro explains in a framed box of several lines; ours is one line: what stands between the title and the next ruler.
+
+    Where the terminal's encoding has no frames, a ruler stands below the title, too.
+    """
     lines = [line.strip("│| \t") for line in box.splitlines()[1:]]
-    message = itertools.takewhile(lambda line: not re.fullmatch(r"[─+-]*", line), lines)
+    ruler = re.compile(r"[─+-]*").fullmatch
+    message = itertools.takewhile(lambda line: not ruler(line), itertools.dropwhile(ruler, lines))
     known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
     return ConfigurationError("a command line that can be understood", " ".join(message), remedy)

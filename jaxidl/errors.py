@@ -16,7 +16,10 @@ class JaxidlError(Exception):
 
     def __init__(self, expected: str, got: str, remedy: str):
         self.expected, self.got, self.remedy = expected, got, remedy
-        super().__init__(" ".join(f"expected {expected}; got {got}; {remedy}".split()))
+        super().__init__(expected, got, remedy)  # so that it can be pickled, and raised again in another process
+
+    def __str__(self) -> str:
+        return " ".join(f"expected {self.expected}; got {self.got}; {self.remedy}".split())
 
 
 class ConfigurationError(JaxidlError):

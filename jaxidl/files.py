@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import secrets
 from pathlib import Path
 
 from jaxidl.errors import StoreError
@@ -13,7 +14,7 @@ def write_bytes(path: Path, content: bytes) -> None:
     Raises:
         StoreError: if the disk is full or the place cannot be written; an existing file is left as it was.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with temporary.open("wb") as file:

@@ -5,6 +5,8 @@ from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
 
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", "")  # compile everything anew, and leave nobody's cache behind
+
 import jax
 import pytest
 from jaxtyping import install_import_hook

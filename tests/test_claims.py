@@ -11,7 +11,7 @@ from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep.claims import CLAIMS
 from jaxidl.sweep.grid import Grid
 from jaxidl.sweep.launch import settings_of
-from jaxidl.sweep.store import assemble
+from jaxidl.sweep.results import assemble
 from jaxidl.sweep.verdicts import as_json, as_markdown, as_table, check_claims
 
 GRID = Grid(noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3))

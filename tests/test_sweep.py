@@ -15,11 +15,13 @@ from filelock import FileLock
 
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep import chunks as chunking
 from jaxidl.sweep import launch, store
+from jaxidl.sweep.chunks import chunks
 from jaxidl.sweep.grid import NOISE_LEVELS, Grid
-from jaxidl.sweep.launch import chunks, run_sweep
+from jaxidl.sweep.launch import run_sweep
+from jaxidl.sweep.results import read
 from jaxidl.sweep.run import Kind, inputs_of, program, trace
-from jaxidl.sweep.store import read
 
 SMALL = Grid(
     controllers=("pid",),
@@ -197,7 +199,7 @@ def test_an_extension_stopped_at_the_very_end_is_not_forgotten(whole, tmp_path, 
             run(own, study, more)
     assert own.read_bytes() == path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(launch, "_run_chunks", lambda *a: pytest.fail("nothing was missing"))
+        patch.setattr(launch, "_here", lambda *a: pytest.fail("nothing was missing"))
         assert run(own, study, more).seed.values.tolist() == [1, 2, 3]
     assert read(own).seed.values.tolist() == [1, 2, 3]
 
@@ -246,12 +248,12 @@ def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_pat
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
     with monkeypatch.context() as patch:
-        patch.setattr(launch, "_run_chunks", lambda *a: pytest.fail("nothing was missing"))
+        patch.setattr(launch, "_here", lambda *a: pytest.fail("nothing was missing"))
         assert_same(data, run(own, study))
     assert own.read_bytes() == path.read_bytes()
     done = []
-    original = launch.inputs_of
-    monkeypatch.setattr(launch, "inputs_of", lambda labels, *a: done.extend(labels) or original(labels, *a))
+    original = chunking.inputs_of
+    monkeypatch.setattr(chunking, "inputs_of", lambda labels, *a: done.extend(labels) or original(labels, *a))
     more = run(own, study, replace(SMALL, seeds=(1, 2, 3)))
     assert {label.seed for label in done} == {3}
     assert_same(data, more.sel(seed=[1, 2]))

@@ -1,9 +1,10 @@
 """The grid of a study, declared as named axes."""
 
 import itertools
+import operator
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise
 from jaxidl.errors import ConfigurationError, EffectError, one_of
@@ -21,6 +22,7 @@ LEVELS = {
     "friction": PaperFriction.parameters["level"],
     "stiction": STICTION_LEVEL,
 }
+COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "iterations": (1, 10_000)}
 
 
 class Label(NamedTuple):
@@ -56,7 +58,8 @@ class Grid:
 
     def __post_init__(self) -> None:
         for name, values in self.axes().items():
-            object.__setattr__(self, name, tuple(values))  # lists and ranges are welcome
+            object.__setattr__(self, name, tuple(_plain(name, value) for value in values))  # lists, ranges, arrays are welcome
+        object.__setattr__(self, "iterations", _plain("iterations", self.iterations))
         for name, values in self.axes().items():
             if len(values) == 0:
                 raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
@@ -67,7 +70,7 @@ class Grid:
                 if value not in valid:
                     raise one_of(name, value, valid)
         check_levels(self.noise, self.friction, self.stiction)
-        for name, low, high in (("epochs", 1, 100_000), ("seeds", 0, 2**31), ("iterations", 1, 10_000)):
+        for name, (low, high) in COUNTS.items():
             values = getattr(self, name)
             for value in values if isinstance(values, tuple) else (values,):
                 if not low <= value <= high:
@@ -89,6 +92,15 @@ class Grid:
         for values in self.axes().values():
             size *= len(values)
         return size
+
+
+def _plain(axis: str, value: Any) -> Any:
+    """A value as plain Python has it: labels are stored as JSON, which knows no NumPy numbers, and 1.5 is no seed."""
+    try:
+        return operator.index(value) if axis in COUNTS else float(value) if axis in LEVELS else value
+    except (TypeError, ValueError, OverflowError):
+        kind = "whole numbers" if axis in COUNTS else "numbers"
+        raise ConfigurationError(f"{kind} for {axis}", repr(value), "mend the value") from None
 
 
 def check_levels(noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]) -> None:

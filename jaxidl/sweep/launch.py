@@ -4,13 +4,10 @@ import json
 import sys
 import threading
 import time
-from collections import Counter, defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import jax
-import numpy as np
 import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -18,25 +15,16 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 from jaxidl.errors import ConfigurationError
 from jaxidl.learning.iterate import Metrics
 from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep.chunks import Chunk, Layout, chunks, dispatch, layout, without_padding
+from jaxidl.sweep.cluster import Cluster
 from jaxidl.sweep.example import example
 from jaxidl.sweep.grid import Grid, Label
 from jaxidl.sweep.provenance import PRECISION, device, provenance, revision
-from jaxidl.sweep.run import Kind, inputs_of, program
-from jaxidl.sweep.store import Origin, Store, read
+from jaxidl.sweep.results import Origin, read
+from jaxidl.sweep.run import Kind
+from jaxidl.sweep.store import Store
 
 STOP = threading.Event()  # set by a signal handler: a KeyboardInterrupt raised inside JAX's callbacks can get lost
-RUNS_PER_DEVICE = {"cpu": 4, "gpu": 320}  # of one chunk; a chunk is what an interruption can lose
-
-
-class Chunk(NamedTuple):
-    """Runs of one kind, computed by one call of one program."""
-
-    kind: Kind
-    labels: list[Label]
-    size: int  # of the program; the rest is padding
-
-    def padded(self) -> list[Label]:
-        return [*self.labels, *[self.labels[-1]] * (self.size - len(self.labels))]
 
 
 def run_sweep(
@@ -47,6 +35,7 @@ def run_sweep(
     devices: int | None = None,
     per_device: int | None = None,
     width: int | None = None,
+    cluster: str | None = None,
     overwrite: bool = False,
     quiet: bool = False,
 ) -> xr.Dataset:
@@ -56,78 +45,68 @@ def run_sweep(
     ``devices`` the recorded averages may differ in the last bit (XLA sums them in another order). ``width``, the runs side by
     side in one device's program, may change the last bits of the runs, which training then amplifies; the file records it.
 
+    With ``cluster``, the address of a Ray cluster or "local", each of its cores or GPUs works on chunks of its own, and
+    ``path`` must lie in a folder that all its machines share.
+
     Raises:
+        ConfigurationError: for an impossible layout, or no such cluster.
         StoreError: see :class:`jaxidl.sweep.store.Store`.
         KeyboardInterrupt: finished chunks are saved; the same call continues.
     """
     study, path = study or PaperStudy(), Path(path)
+    if cluster is not None and devices is not None:
+        raise ConfigurationError("--devices or --cluster", "both", "leave --devices out: the cluster says what it has")
     with jax.enable_x64(True):
-        devices, per_device, width = layout(devices, per_device, width)
+        plan = layout(devices, per_device, width) if cluster is None else None
         with Store(path, identity(study, grid), overwrite) as store:
             if store.holds(grid):
                 return read(path)
             for part in store.damaged:
                 print(f"jaxidl: {part} was damaged; its runs are computed again", file=sys.stderr)
             missing = store.missing(grid)
-            if missing:
-                with _progress(quiet) as bar:
-                    _run_chunks(grid, study, store, missing, bar, devices, per_device, width)
+            if missing and plan is not None:
+                _watch(grid, study, missing, quiet, _here(grid, study, store, missing, plan))
+            elif missing:
+                with Cluster(str(cluster)) as there:
+                    plan = layout(1, per_device, width, there.kind(), 1)
+                    _watch(grid, study, missing, quiet, _there(grid, study, store, missing, plan, there))
             return store.finish(grid, provenance(), example(study, grid))
 
 
-def layout(devices: int | None, per_device: int | None, width: int | None) -> tuple[int, int, int]:
-    """How many devices, runs on each and runs side by side: as asked, else what suits the kind of device.
-
-    A CPU core works on one run at a time, whose weights then stay in its cache; a GPU on as many as a chunk has.
-
-    Raises:
-        ConfigurationError: for a number below one or more devices than there are.
-    """
-    backend, present = jax.default_backend(), len(jax.devices())
-    devices = present if devices is None else devices
-    per_device = RUNS_PER_DEVICE.get(backend, 320) if per_device is None else per_device
-    width = (1 if backend == "cpu" else per_device) if width is None else width
-    for name, value, most in (
-        ("devices", devices, present),
-        ("runs-per-device", per_device, 10**6),
-        ("width", width, per_device),
-    ):
-        if not 1 <= value <= most:
-            raise ConfigurationError(f"--{name} between 1 and {most}", str(value), "mend it or leave it out")
-    return devices, per_device, width
+def _here(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], plan: Layout) -> Iterator[Chunk]:
+    """Compute chunks on this process's devices; yield each when it is saved."""
+    code, where = revision(), device(plan.width)  # as they are now: the code on disk may change while this runs
+    for chunk in chunks(missing, plan.devices, plan.per_device):
+        began = time.monotonic()
+        metrics = _wait(dispatch(study, chunk, grid.iterations, plan.devices, plan.width))
+        store.add(chunk.labels, without_padding(metrics, chunk), Origin(code, where, time.monotonic() - began))
+        yield chunk
 
 
-def _run_chunks(
-    grid: Grid, study: PaperStudy, store: Store, missing: list[Label], bar: Progress, devices: int, per_device: int, width: int
-) -> None:
+def _there(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], plan: Layout, cluster: Cluster) -> Iterator[Chunk]:
+    """Compute chunks on a cluster, whose tasks save them; yield each when its part is taken in."""
+    for finished in cluster.run(study, missing, grid.iterations, plan, store.parts, store.identity):
+        if STOP.is_set():
+            raise KeyboardInterrupt
+        if finished is not None:
+            chunk, part = finished
+            store.adopt(part)
+            yield chunk
+
+
+def _watch(grid: Grid, study: PaperStudy, missing: list[Label], quiet: bool, finished: Iterator[Chunk]) -> None:
+    """Draw chunks from ``finished`` to its end, and show how far it is."""
     cost = {kind: _cost(study, kind, grid.iterations) for kind in {Kind.of(label) for label in grid.labels()}}
     left = sum(cost[Kind.of(label)] for label in missing)
     done, said = len(grid) - len(missing), time.monotonic()
-    code, where = revision(), device(width)  # as they are now: the code on disk may change while this runs
-    task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
-    for chunk in chunks(missing, devices, per_device):
-        began = time.monotonic()
-        metrics = _wait(program(study, chunk.kind, devices, width)(inputs_of(chunk.padded(), study, grid.iterations)))
-        store.add(chunk.labels, _first(metrics, len(chunk.labels)), Origin(code, where, time.monotonic() - began))
-        done += len(chunk.labels)
-        if not bar.console.is_terminal and not bar.disable and time.monotonic() > said + 60:  # a log file has no moving bar
-            said = time.monotonic()
-            print(f"{done}/{len(grid)} learning runs done", file=sys.stderr, flush=True)
-        bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
-
-
-def chunks(labels: Sequence[Label], devices: int, per_device: int) -> Iterator[Chunk]:
-    """Runs of one kind together, in the order given; every chunk of a kind has the same size, so it compiles once."""
-    totals = Counter(Kind.of(label) for label in labels)
-    sizes = {kind: devices * min(per_device, -(-count // devices)) for kind, count in totals.items()}
-    waiting: dict[Kind, list[Label]] = defaultdict(list)
-    for label in labels:
-        kind = Kind.of(label)
-        waiting[kind].append(label)
-        if len(waiting[kind]) == sizes[kind]:
-            yield Chunk(kind, waiting.pop(kind), sizes[kind])
-    for kind, rest in waiting.items():
-        yield Chunk(kind, rest, sizes[kind])
+    with _progress(quiet) as bar:
+        task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
+        for chunk in finished:
+            done += len(chunk.labels)
+            if not bar.console.is_terminal and not quiet and time.monotonic() > said + 60:  # a log file has no moving bar
+                said = time.monotonic()
+                print(f"{done}/{len(grid)} learning runs done", file=sys.stderr, flush=True)
+            bar.update(task, advance=cost[chunk.kind] * len(chunk.labels), count=f"{done}/{len(grid)}")
 
 
 def identity(study: PaperStudy, grid: Grid) -> dict:
@@ -147,11 +126,6 @@ def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
     train_rows = study.training.train_mask(rows[kind.source]).sum()
     return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
-
-
-def _first(metrics: Metrics, count: int) -> Metrics:
-    """On the host, without the padding."""
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[:count], metrics)
 
 
 def _wait(metrics: Metrics) -> Metrics:

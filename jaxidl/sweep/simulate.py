@@ -76,15 +76,17 @@ def _checked(request: Request) -> Label:
 def _load_draws(path: Path, shape: tuple[int, int, int]) -> Float[np.ndarray, "K T J"]:
     try:
         draws = np.load(path, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # whatever NumPy makes of a broken file
         raise ConfigurationError(f"{path} to be a NumPy file", str(error), "save draws with numpy.save") from None
     wanted = shape if shape[0] > 1 else shape[1:]
     if not isinstance(draws, np.ndarray) or draws.shape not in (shape, wanted) or draws.dtype.kind != "f":
         got = f"{draws.dtype} of shape {draws.shape}" if isinstance(draws, np.ndarray) else "an archive"
         raise ConfigurationError(f"{path} to hold floats of shape {wanted}", got, "give one draw per step and joint")
+    with np.errstate(over="ignore"):  # a long double may be beyond what a double holds
+        draws = draws.reshape(shape).astype(float)
     if not np.isfinite(draws).all():
         raise ConfigurationError(f"{path} to hold finite draws", "NaN or infinity", "mend the file")
-    return draws.reshape(shape).astype(float)
+    return draws
 
 
 def _execution(study: PaperStudy, label: Label, draws: Float[np.ndarray, "T J"]) -> dict[str, np.ndarray]:

@@ -7,12 +7,9 @@ a finished file can be extended by more values on an axis. Files are written und
 
 import io
 import json
-import zipfile
 import zlib
-from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import xarray as xr
@@ -22,25 +19,9 @@ from jaxidl.errors import StoreError
 from jaxidl.files import write_bytes
 from jaxidl.learning.iterate import Metrics
 from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.results import META, Origin, assemble, digest, digest_of, merge_origins, read, runs_of
 
 FORMAT = "jaxidl-sweep-1"
-DIMS = (*Label._fields, "iteration")
-META = {
-    "q_error": ("m", "mean |position - frictionless reference|"),
-    "feedback_applied": ("N", "mean |applied feedback|"),
-    "qdd_error": ("m s-2", "mean |desired - actual acceleration|"),
-    "torque": ("N", "mean |commanded torque|"),
-    "finite": ("1", "did execution and training stay finite? false: keep the iteration out of averages"),
-}
-UNITS = {"noise": "m"}
-
-
-class Origin(NamedTuple):
-    """Where runs came from."""
-
-    revision: str  # of the code
-    device: str  # kind, and how many runs side by side
-    seconds: float  # wall time that they took together
 
 
 class Store:
@@ -118,33 +99,38 @@ class Store:
     def _load_part(self, part: Path) -> None:
         try:
             with np.load(io.BytesIO(part.read_bytes()), allow_pickle=False) as file:
-                identity, labels = str(file["identity"]), [Label(*row) for row in json.loads(str(file["labels"]))]
+                about = {name: str(file[name]) for name in ("identity", "labels", "origin")}
                 columns = {name: file[name] for name in META}
-                origin = Origin(*json.loads(str(file["origin"])))
-        except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile, zlib.error):
-            part.unlink()  # cut short or changed on disk: its runs are computed again
+                if digest(about | columns) != str(file["digest"]):
+                    raise ValueError("changed on disk")
+                identity, origin = about["identity"], Origin(*json.loads(about["origin"]))
+                labels = [Label(*row) for row in json.loads(about["labels"])]
+        except Exception:  # whatever zipfile and numpy make of a broken file: its runs are computed again
+            part.unlink(missing_ok=True)
             self.damaged.append(part)
             return
         self._check_identity(self.parts, identity, "continue with the old settings, choose another --out, or --overwrite")
         if self.finished.issuperset(labels):
             part.unlink()  # of a process that was killed between writing the file and removing its parts
             return
-        self._remember(part, labels, columns, origin)
-
-    def _remember(self, part: Path, labels: list[Label], columns: dict[str, np.ndarray], origin: Origin) -> None:
         self._parts[part] = labels, origin
         for row, label in enumerate(labels):
             self.runs[label] = {name: column[row] for name, column in columns.items()}
 
     def add(self, labels: Sequence[Label], metrics: Metrics, origin: Origin) -> None:
         """Save finished runs; ``metrics`` has leaves (R, K)."""
-        columns = {name: np.asarray(value) for name, value in metrics._asdict().items()}
-        buffer, text = io.BytesIO(), json.dumps(labels)
-        about = {"identity": self.identity, "labels": text, "origin": json.dumps(origin)}
-        np.savez(buffer, allow_pickle=False, **about, **columns)
-        part = self.parts / f"{zlib.crc32(text.encode()):08x}.npz"
-        write_bytes(part, buffer.getvalue())
-        self._remember(part, list(labels), columns, origin)
+        self.adopt(write_part(self.parts, self.identity, labels, metrics, origin))
+
+    def adopt(self, part: Path) -> None:
+        """Take in a part that :func:`write_part` has put into the folder, here or on another machine.
+
+        Raises:
+            StoreError: if it is not there or damaged.
+        """
+        self._load_part(part)
+        if part in self.damaged:
+            remedy = "give --out a folder that all machines share, then run it again"
+            raise StoreError(f"a sound part at {part}", "none", remedy)
 
     def missing(self, grid: Grid) -> list[Label]:
         """The grid's runs that are not finished, in the grid's order."""
@@ -174,6 +160,7 @@ class Store:
         data.attrs["device"] = ", ".join(sorted({origin.device for origin in origins}))
         data.attrs["seconds"] = round(sum(origin.seconds for origin in origins), 1)
         data = data.merge(extra, combine_attrs="no_conflicts")
+        data.attrs["digest"] = digest_of(data)
         encoding = {str(name): {"zlib": True, "shuffle": True} for name, column in data.data_vars.items() if column.ndim}
         write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf", encoding=encoding)))
         for part in used:
@@ -183,76 +170,18 @@ class Store:
         return data
 
 
-def merge_origins(origins: Sequence[Origin]) -> list[Origin]:
-    """One origin for each revision and device, their seconds added up."""
-    seconds: dict[tuple[str, str], float] = defaultdict(float)
-    for origin in origins:
-        seconds[origin.revision, origin.device] += origin.seconds
-    return [Origin(*key, round(total, 3)) for key, total in sorted(seconds.items())]
+def write_part(folder: Path, identity: str, labels: Sequence[Label], metrics: Metrics, origin: Origin) -> Path:
+    """Write finished runs as one part file and return its path.
 
-
-def assemble(grid: Grid, runs: dict[Label, dict[str, np.ndarray]]) -> xr.Dataset:
-    """The labelled results of ``grid``: dims (controller, …, source, iteration)."""
-    coords = {dim: list(values) for dim, values in zip(Label._fields, grid.axes().values(), strict=True)}
-    shape = tuple(len(values) for values in coords.values())
-    place = {dim: {value: i for i, value in enumerate(values)} for dim, values in coords.items()}
-    variables = {}
-    for name, (unit, text) in META.items():
-        kind = bool if name == "finite" else np.float64
-        block = np.zeros((*shape, grid.iterations), kind)
-        for label in grid.labels():
-            block[tuple(place[dim][value] for dim, value in label._asdict().items())] = runs[label][name]
-        variables[name] = (DIMS, block, {"units": unit, "long_name": text})
-    data = xr.Dataset(variables, coords | {"iteration": np.arange(grid.iterations)})
-    for dim, unit in UNITS.items():
-        data[dim].attrs["units"] = unit
-    return data
-
-
-def read(path: Path) -> xr.Dataset:
-    """A finished results file.
-
-    Raises:
-        StoreError: if there is none, it cannot be read, or it is not one of ours.
+    The name is made of the labels and the content follows from them, so writing a chunk twice does no harm.
     """
-    path = Path(path)
-    try:
-        with xr.open_dataset(io.BytesIO(path.read_bytes()), engine="h5netcdf") as file:
-            data = file.load()
-    except FileNotFoundError:
-        remedy = "run `jaxidl sweep --out` first, or mend the path"
-        raise StoreError(f"a results file at {path}", "no such file", remedy) from None
-    except Exception as error:  # whatever h5py makes of a broken file
-        got = f"something unreadable ({type(error).__name__})"
-        raise StoreError(f"{path} to be a NetCDF results file", got, "remove it or name another") from None
-    lacking = [name for name in (*META, *DIMS) if name not in data.variables]
-    lacking += [name for name in ("identity", "origins") if not _is_json(data.attrs.get(name))]
-    if lacking:
-        got = f"a file without {', '.join(lacking)}"
-        raise StoreError(f"{path} to be written by `jaxidl sweep`", got, "name a results file of jaxidl")
-    data["finite"] = data["finite"].astype(bool)
-    return data
-
-
-def _is_json(text: object) -> bool:
-    try:
-        json.loads(str(text))
-    except ValueError:
-        return False
-    return text is not None
-
-
-def runs_of(data: xr.Dataset) -> dict[Label, dict[str, np.ndarray]]:
-    """The runs in a results file, by label."""
-    table = {}
-    columns = {name: data[name].transpose(*DIMS).values for name in META}
-    axes: Iterable[np.ndarray] = [data[dim].values for dim in Label._fields]
-    grids = Grid(*(tuple(values.tolist()) for values in axes), iterations=data.sizes["iteration"])
-    values = list(grids.axes().values())
-    for label in grids.labels():
-        index = tuple(axis.index(value) for axis, value in zip(values, label, strict=True))
-        table[label] = {name: column[index] for name, column in columns.items()}
-    return table
+    columns = {name: np.asarray(value) for name, value in metrics._asdict().items()}
+    buffer, text = io.BytesIO(), json.dumps(labels)
+    about = {"identity": identity, "labels": text, "origin": json.dumps(origin)}
+    np.savez(buffer, allow_pickle=False, **about, **columns, digest=digest(about | columns))
+    part = folder / f"{zlib.crc32(text.encode()):08x}.npz"
+    write_bytes(part, buffer.getvalue())
+    return part
 
 
 def difference(old: dict, new: dict, prefix: str = "") -> str:
