@@ -1,0 +1,135 @@
+"""Chunks on a Ray cluster: the same bits as on this machine, whoever is lost on the way."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.sweep import cluster
+from jaxidl.sweep.grid import Grid
+
+pytest.importorskip("ray", reason="the extra jaxidl[cluster] is not installed")
+
+PRELUDE = """
+    import json, sys, threading, time
+    from pathlib import Path
+    from jaxidl.backend import choose_devices
+    from jaxidl.learning.paper import PaperStudy
+    from jaxidl.models import ErrorModel, Training
+    from jaxidl.sweep.grid import Grid
+    from jaxidl.sweep.launch import run_sweep
+
+    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
+    grid = Grid(("pid",), noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(1,), seeds=(1, 2, 3), sources=("joint",),
+                iterations=ITERATIONS)
+    folder = Path(sys.argv[1])
+    names = ("q_error", "feedback_applied", "qdd_error", "torque", "finite")
+
+    def here():
+        choose_devices(1)
+        return run_sweep(grid, folder / "here.nc", study, per_device=1, quiet=True)
+
+    def same(a, b):
+        return all((a[name].values == b[name].values).all() for name in names)
+"""
+
+TWO_NODES = """
+    import ray
+    from ray.cluster_utils import Cluster
+
+    nodes = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    second = nodes.add_node(num_cpus=1)
+    parts, seen = folder / "there.nc.parts", {}
+
+    def kill():
+        while len(list(parts.glob("*.npz"))) < 3:
+            time.sleep(0.01)
+        nodes.remove_node(second, allow_graceful=False)
+        seen["parts"] = len(list(parts.glob("*.npz")))
+
+    threading.Thread(target=kill, daemon=True).start()
+    there = run_sweep(grid, folder / "there.nc", study, cluster=nodes.address, per_device=1, quiet=True)
+    seen["hosts"] = len(json.loads(there.attrs["origins"]))
+    nodes.shutdown()
+    print(json.dumps({"same": same(there, here()), "runs": len(grid), **seen}))
+"""
+
+
+def run_script(folder, code, iterations=3):
+    script = textwrap.dedent(PRELUDE).replace("ITERATIONS", str(iterations)) + textwrap.dedent(code)
+    quiet = {"JAX_PLATFORMS": "cpu", "RAY_DEDUP_LOGS": "0", "PYTHONWARNINGS": "ignore"}
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(folder)], capture_output=True, text=True, env=os.environ | quiet, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_a_cluster_that_loses_one_of_two_nodes_midway_gives_the_same_bits(tmp_path):
+    result = run_script(tmp_path, TWO_NODES, iterations=150)
+    assert result["same"]
+    assert 3 <= result["parts"] < result["runs"] == 12  # the node was lost while there was work left
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["here.nc", "there.nc"]
+
+
+UNSHARED = """
+    from jaxidl.errors import ConfigurationError, StoreError
+    from jaxidl.sweep import cluster, store
+
+    original = cluster.Cluster._result
+    def elsewhere(self, reference):
+        part = original(self, reference)
+        part.unlink()  # as if it had been written to another machine's disk
+        return part
+    cluster.Cluster._result = elsewhere
+    messages = []
+    try:
+        run_sweep(grid, folder / "a.nc", study, cluster="local", per_device=1, quiet=True)
+    except StoreError as error:
+        messages.append(str(error))
+    cluster.Cluster._result = original
+    cluster.versions = lambda: {"jaxidl": "0", "jax": "0", "jaxlib": "0", "numpy": "0", "revision": "0"}
+    try:
+        run_sweep(grid, folder / "a.nc", study, cluster="local", per_device=1, quiet=True)
+    except ConfigurationError as error:
+        messages.append(str(error))
+    print(json.dumps(messages))
+"""
+
+
+def test_a_folder_that_is_not_shared_and_versions_that_differ_are_told(tmp_path):
+    unshared, unlike = run_script(tmp_path, UNSHARED)
+    assert "folder that all machines share" in unshared
+    assert "same versions" in unlike
+    assert not (tmp_path / "a.nc").exists()
+
+
+@pytest.mark.parametrize(("address", "complaint"), [("127.0.0.1:1", "refused"), ("nonsense", "HOST:PORT"), ("", "HOST:PORT")])
+def test_a_cluster_that_is_not_there_is_told_at_once(address, complaint):
+    with pytest.raises(ConfigurationError, match=complaint), cluster.Cluster(address):
+        pass
+
+
+def test_ray_missing_is_told_with_the_remedy(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(ConfigurationError, match=r"jaxidl\[cluster\]"), cluster.Cluster("local"):
+        pass
+
+
+def test_devices_and_cluster_exclude_each_other(tmp_path, small_study):
+    from jaxidl.sweep.launch import run_sweep
+
+    with pytest.raises(ConfigurationError, match="--devices or --cluster"):
+        run_sweep(Grid(), tmp_path / "r.nc", small_study, devices=1, cluster="local")
+    assert not list(tmp_path.iterdir())
+
+
+def test_errors_survive_the_way_from_a_worker():
+    import pickle
+
+    error = pickle.loads(pickle.dumps(StoreError("a", "b", "c")))
+    assert (str(error), error.remedy) == ("expected a; got b; c", "c")
