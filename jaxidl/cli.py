@@ -1,4 +1,4 @@
-"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce``.
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | bench``.
 
 Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130.
 """
@@ -20,6 +20,7 @@ from tyro.conf import arg
 
 from jaxidl import __version__
 from jaxidl.backend import choose_devices, keep_programs
+from jaxidl.bench import run_benchmarks
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
@@ -165,6 +166,19 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
     report(folder / "study.nc", folder)
 
 
+def bench(
+    names: Annotated[Names, tyro.conf.Positional, arg(metavar="NAME ...")] = (), /, *, out: Path = Path("out/bench")
+) -> None:
+    """Measure this machine: training step, control step, cores, growth, compilation, reliability.
+
+    Args:
+        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation,
+            reliability.
+        out: folder for one JSON file of each.
+    """
+    run_benchmarks(names, out)
+
+
 def report(results: Path, out: Path) -> None:
     """Figures, claims.json and the table of claims from a results file into ``out``."""
     from jaxidl.plot.figures import draw_all
@@ -177,7 +191,7 @@ def report(results: Path, out: Path) -> None:
     print(f"results in {results}, {len(paths)} figures and claims.json in {out}")
 
 
-COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": claims, "reproduce": reproduce}
+COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": claims, "reproduce": reproduce, "bench": bench}
 
 
 def main(arguments: list[str] | None = None) -> int:

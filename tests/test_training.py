@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+import pytest
 
 from jaxidl.models import ErrorModel, Training, adam, draw_batches, fit, start
 from jaxidl.models.training import loss_of, reciprocal
@@ -106,3 +107,34 @@ def test_the_training_backward_pass_agrees_with_automatic_differentiation():
     )
     for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(fast), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-8)
+
+
+@pytest.mark.parametrize(("dtype", "tolerance"), [(jnp.float64, 1e-9), (jnp.float32, 1e-3)])
+def test_fast_training_is_plain_training(dtype, tolerance):
+    """100 steps against automatic differentiation and textbook Adam with its division, tolerance relative to the loss."""
+    model, training = ErrorModel(layers=(40, 20, 1)), Training(epochs=8, batch=16, holdout_every=0)
+    data = data_of(200, seed=7)
+    batches = draw_batches(jax.random.key(8), 200, training)
+    params = jax.tree.map(lambda leaf: leaf.astype(dtype), model.init(jax.random.key(9)))
+    _, progress = jax.jit(lambda *a: fit(model, training, *a))(start(training, params), data, batches)
+    x, y = model.scale_inputs(data.x).astype(dtype).T, (data.y / model.torque_scale).astype(dtype).T
+    gradient = jax.jit(jax.value_and_grad(lambda p, rows: loss_of(model, p, x[:, rows], y[:, rows])))
+    m = v = jax.tree.map(jnp.zeros_like, params)
+    losses = []
+    for t, rows in enumerate(batches, start=1):
+        loss, g = gradient(params, rows)
+        losses.append(float(loss))
+        m = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, m, g)
+        v = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, v, g)
+        rate = 1e-3 * np.sqrt(1 - 0.999**t) / (1 - 0.9**t)
+        params = jax.tree.map(lambda p, m, v, rate=rate: p - dtype(rate) * m / (jnp.sqrt(v) + 1e-8), params, m, v)
+    assert len(losses) == 96
+    np.testing.assert_allclose(progress.loss, losses, rtol=tolerance)
+
+
+def test_the_error_model_is_differentiable_in_both_modes():
+    """Training's own backward pass knows reverse mode only; what users differentiate must know both."""
+    params = MODEL.init(jax.random.key(0))
+    x = jnp.asarray(np.random.default_rng(1).normal(size=(6, 5)), jnp.float32)
+    forward = jax.jacfwd(lambda x: MODEL.apply(params, x))(x)
+    np.testing.assert_allclose(forward, jax.jacrev(lambda x: MODEL.apply(params, x))(x), rtol=1e-5, atol=1e-7)

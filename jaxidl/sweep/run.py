@@ -16,6 +16,8 @@ from jaxidl.learning.paper import GAINS, Condition, PaperStudy, draw_noise
 from jaxidl.sweep.grid import Label
 from jaxidl.types import Trajectory
 
+MATMUL_PRECISION = "float32"  # a GPU's default rounds the inputs of every product to 10 bits (TF32); a CPU has no other
+
 
 class Inputs(NamedTuple):
     """The traced half of R runs."""
@@ -53,16 +55,17 @@ def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -
     The key is the seed's alone: runs of one seed share initial weights and batch order whatever their condition, so
     differences between conditions and sources are paired, and a run's result does not depend on the grid around it.
     """
-    metrics, _, runs = learn(
-        study.setting(kind.controller, inputs.condition),
-        inputs.noise,
-        jax.random.key(inputs.seed),
-        source=kind.source,
-        error_model=study.error_model,
-        training=replace(study.training, epochs=kind.epochs),
-        train_on=study.train_on,
-        keep=keep,
-    )
+    with jax.default_matmul_precision(MATMUL_PRECISION):
+        metrics, _, runs = learn(
+            study.setting(kind.controller, inputs.condition),
+            inputs.noise,
+            jax.random.key(inputs.seed),
+            source=kind.source,
+            error_model=study.error_model,
+            training=replace(study.training, epochs=kind.epochs),
+            train_on=study.train_on,
+            keep=keep,
+        )
     return metrics, runs
 
 

@@ -1,0 +1,45 @@
+"""One whole configuration of the study, 20 executions with the trainings between them, for each data source, on one core.
+
+The paper's program needs 127 to 184 core-seconds for the three sources of one 20-epoch configuration (measured once on a core
+of the same kind; its software no longer installs beside ours, so this is the one figure here that is not from the same run).
+"""
+
+from common import arguments, in_turns, machine, pin_to_one_core, report
+
+pin_to_one_core()
+
+import time
+
+import jax
+import numpy as np
+
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.sweep.grid import Grid
+from jaxidl.sweep.run import Kind, inputs_of, program
+
+jax.config.update("jax_enable_x64", True)
+PAPERS_PROGRAM = (127.0, 184.0)  # [core-seconds]
+
+
+def main() -> None:
+    options = arguments(__doc__ or "", rounds=3, epochs=20)
+    grid = Grid(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,))
+    study, calls, compiling = PaperStudy(), {}, {}
+    for label in grid.labels():
+        inputs, run = inputs_of([label], study, grid.iterations), program(study, Kind.of(label))
+        began = time.perf_counter()
+        compiled = run.lower(inputs).compile()
+        compiling[label.source] = time.perf_counter() - began
+        calls[label.source] = lambda compiled=compiled, inputs=inputs: compiled(inputs)
+    seconds = {source: float(np.median(values)) for source, values in in_turns(calls, options.rounds).items()}
+    table = [{"source": source, "core-seconds": seconds[source], "compilation": compiling[source]} for source in calls]
+    total = sum(seconds.values())
+    table.append({"source": "all three", "core-seconds": total, "compilation": sum(compiling.values())})
+    times = " to ".join(f"{figure / total:.0f}" for figure in PAPERS_PROGRAM)
+    title = f"One configuration, {grid.iterations} executions, {options.epochs} epochs, medians of {options.rounds} rounds"
+    about = {"times_the_papers_program": times} if options.epochs == 20 else {}
+    report(title, table, options.json, machine=machine(), **about)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,101 @@
+"""How programs are compiled: options that change no number, full precision, kept programs, many devices."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+
+import jax
+import numpy as np
+import pytest
+
+from jaxidl import backend
+from jaxidl.backend import compiler_options, keep_programs
+from jaxidl.sweep.grid import Grid
+from jaxidl.sweep.run import Kind, inputs_of, one_run, program
+
+GRID = Grid(("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3)
+
+
+def test_compiler_options_change_no_bit(small_study):
+    labels = list(GRID.labels())
+    inputs, kind = inputs_of(labels, small_study, GRID.iterations), Kind.of(labels[0])
+
+    def run(options):
+        mapped = jax.jit(lambda i: jax.lax.map(lambda one: one_run(small_study, kind, one)[0], i), compiler_options=options)
+        return mapped(inputs)
+
+    assert compiler_options()  # this XLA knows them
+    for a, b in zip(run({}), run(compiler_options()), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_an_option_that_xla_no_longer_knows_is_left_out(monkeypatch):
+    monkeypatch.setattr(backend, "CPU_OPTIONS", {"xla_cpu_option_of_another_age": True})
+    assert backend.compiler_options.__wrapped__() == {}
+
+
+def test_networks_are_computed_in_full_single_precision(small_study):
+    """On a GPU the default would be TF32."""
+    labels = list(GRID.labels())
+    text = program(small_study, Kind.of(labels[0]), 1).lower(inputs_of(labels, small_study, GRID.iterations)).as_text()
+    products = [line for line in text.splitlines() if "dot_general" in line and "xf32" in line]
+    assert len(products) > 10
+    assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
+
+
+@pytest.fixture
+def cache_setting():
+    before = jax.config.jax_compilation_cache_dir
+    yield
+    jax.config.update("jax_compilation_cache_dir", before)
+
+
+def test_programs_are_kept_in_the_users_cache_unless_told_otherwise(monkeypatch, tmp_path, cache_setting):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    before = jax.config.jax_compilation_cache_dir
+    keep_programs()  # JAX_COMPILATION_CACHE_DIR is set, as conftest does: JAX's own setting stands
+    assert jax.config.jax_compilation_cache_dir == before
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR")
+    keep_programs()
+    assert jax.config.jax_compilation_cache_dir.startswith(str(tmp_path / "jaxidl" / "programs-"))
+
+
+EIGHT_DEVICES = """
+    import json
+    import jax
+    jax.config.update("jax_enable_x64", True)
+    from jaxidl.learning.paper import PaperStudy
+    from jaxidl.models import ErrorModel, Training
+    from jaxidl.sweep.grid import Grid
+    from jaxidl.sweep.run import Kind, inputs_of, program
+
+    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
+    grid = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2, 3, 4), ("joint",), iterations=4)
+    labels = list(grid.labels())
+    inputs = inputs_of(labels, study, grid.iterations)
+    runs = {}
+    for devices in (1, 2, 8):
+        metrics = program(study, Kind.of(labels[0]), devices)(inputs)
+        assert len(metrics.q_error.sharding.device_set) == devices
+        runs[devices] = metrics.q_error.tolist()
+    print(json.dumps([len(jax.devices()), runs[1], runs[2], runs[8]]))
+"""
+
+
+def test_runs_sharded_over_eight_devices_are_those_of_one():
+    """Simulated devices; recorded averages may differ in the last bit (XLA sums them in another order)."""
+    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8", "JAX_PLATFORMS": "cpu"}
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(EIGHT_DEVICES)],
+        capture_output=True,
+        text=True,
+        env=os.environ | flags,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    count, *runs = json.loads(done.stdout)
+    assert count == 8
+    for other in runs[1:]:
+        np.testing.assert_allclose(other, runs[0], rtol=1e-14)
