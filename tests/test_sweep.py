@@ -296,8 +296,9 @@ def flip(content):
     return content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :]
 
 
+@pytest.mark.parametrize("per_device", [1, 2])  # the new part may have the damaged one's name
 @pytest.mark.parametrize("harm", [cut, flip, lambda content: b""], ids=["cut", "flipped", "empty"])
-def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch, capsys, harm):
+def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch, capsys, harm, per_device):
     data, _, study = whole
     with monkeypatch.context() as patch:
         interrupted_after(patch, 2)
@@ -305,7 +306,7 @@ def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch
             run(tmp_path / "r.nc", study, per_device=1)
     part = sorted((tmp_path / "r.nc.parts").glob("*.npz"))[0]
     part.write_bytes(harm(part.read_bytes()))
-    assert_same(data, run(tmp_path / "r.nc", study))
+    assert_same(data, run(tmp_path / "r.nc", study, per_device=per_device))
     assert part.name in capsys.readouterr().err
 
 

@@ -80,8 +80,7 @@ class Store:
             self.runs.update(runs_of(data))
             self.finished.update(self.runs)
             self._origins += [Origin(*row) for row in json.loads(data.attrs["origins"])]
-        for part in sorted(self.parts.glob("*.npz")):
-            self._load_part(part)
+        self.damaged += [part for part in sorted(self.parts.glob("*.npz")) if not self._load_part(part)]
 
     def _set_aside(self) -> None:
         if self.path.is_dir():
@@ -96,7 +95,8 @@ class Store:
             what = difference(json.loads(identity), json.loads(self.identity))
             raise StoreError(f"{where} to hold this study", f"one that differs in {what}", remedy)
 
-    def _load_part(self, part: Path) -> None:
+    def _load_part(self, part: Path) -> bool:
+        """Take in a part; False, and the part is gone, if it is damaged."""
         try:
             with np.load(io.BytesIO(part.read_bytes()), allow_pickle=False) as file:
                 about = {name: str(file[name]) for name in ("identity", "labels", "origin")}
@@ -107,15 +107,15 @@ class Store:
                 labels = [Label(*row) for row in json.loads(about["labels"])]
         except Exception:  # whatever zipfile and numpy make of a broken file: its runs are computed again
             part.unlink(missing_ok=True)
-            self.damaged.append(part)
-            return
+            return False
         self._check_identity(self.parts, identity, "continue with the old settings, choose another --out, or --overwrite")
         if self.finished.issuperset(labels):
             part.unlink()  # of a process that was killed between writing the file and removing its parts
-            return
+            return True
         self._parts[part] = labels, origin
         for row, label in enumerate(labels):
             self.runs[label] = {name: column[row] for name, column in columns.items()}
+        return True
 
     def add(self, labels: Sequence[Label], metrics: Metrics, origin: Origin) -> None:
         """Save finished runs; ``metrics`` has leaves (R, K)."""
@@ -127,8 +127,7 @@ class Store:
         Raises:
             StoreError: if it is not there or damaged.
         """
-        self._load_part(part)
-        if part in self.damaged:
+        if not self._load_part(part):
             remedy = "give --out a folder that all machines share, then run it again"
             raise StoreError(f"a sound part at {part}", "none", remedy)
 
