@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from jaxidl.cli import main
@@ -227,13 +227,14 @@ def test_a_broken_file_is_refused_by_every_command_that_reads_one(asked, begin, 
     assert not os.listdir()
 
 
-@examples(60)
+@examples(120)
 @given(
-    dtype=st.sampled_from(["f2", "f4", ">f8", "f8", "g", "i8", "c16", "U3", "?", "M8[s]", "f8,f8", "S2"]),
-    shape=st.sampled_from([(1000, 2), (1, 1000, 2), (2, 1000, 2), (2, 1000), (999, 2), (2000,), (0, 2), ()]),
-    odd=st.sampled_from([0, 0, 0, np.nan, np.inf, np.longdouble("1e4000")]),
+    dtype=st.sampled_from(["f2", "f4", ">f8", "g"]) | st.sampled_from(["i8", "c16", "U3", "?", "M8[s]", "f8,f8", "S2"]),
+    shape=st.just((1000, 2)) | st.sampled_from([(1, 1000, 2), (2, 1000, 2), (2, 1000), (999, 2), (2000,), (0, 2), ()]),
+    odd=st.just(0) | st.sampled_from([np.nan, np.inf, np.longdouble("1e4000")]),
     order=st.sampled_from("CF"),
 )
+@example(dtype="g", shape=(1000, 2), odd=np.longdouble("1e4000"), order="C")
 def test_draws_are_taken_where_they_are_finite_floats_of_the_right_shape(asked, dtype, shape, odd, order):
     draws = np.zeros(shape, dtype, order)
     if draws.dtype.kind == "f" and draws.size:

@@ -65,15 +65,15 @@ def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survi
     assert type(grid.iterations) is int
 
 
-MEASURES = st.floats() | st.integers(-1, 2) | st.sampled_from([5e-324, 1e308])
+MEASURES = st.floats(0, exclude_min=True) | st.floats() | st.integers(-1, 2) | st.sampled_from([5e-324, math.inf, math.nan])
 
 
 @examples(200)
 @given(
     numbers=st.fixed_dictionaries(dict.fromkeys(("true_mass", "modelled_mass", "dt", "torque_limit"), MEASURES)),
     usual=st.sets(st.sampled_from(["true_mass", "modelled_mass", "dt", "torque_limit"]), min_size=2),
-    steps=st.integers(-1, 3),
-    train_on=st.sampled_from(TRAIN_ON) | st.text(max_size=5),
+    steps=st.just(2) | st.integers(-1, 3),
+    train_on=st.sampled_from(TRAIN_ON) | st.sampled_from(["", "state", *TRAIN_ON]),
 )
 def test_a_study_is_refused_or_its_settings_survive_json(numbers, usual, steps, train_on):
     numbers = {name: value for name, value in numbers.items() if name not in usual}
