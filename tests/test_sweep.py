@@ -397,3 +397,15 @@ def test_a_full_disk_ends_in_one_line_and_leaves_the_old_file(tmp_path):
     assert "file too large" in done.stderr
     assert out.read_bytes() == b"old"
     assert os.listdir(tmp_path) == ["t.npz"]
+
+
+def test_what_a_killed_process_left_half_written_is_cleared_away(whole, tmp_path):
+    _, path, study = whole
+    own = tmp_path / "r[1].nc"
+    own.write_bytes(path.read_bytes())
+    (tmp_path / "r[1].nc.parts").mkdir()
+    (tmp_path / ".r[1].nc.0123.tmp").write_bytes(b"half of the results")
+    (tmp_path / "r[1].nc.parts" / ".0a.npz.4567.tmp").write_bytes(b"half of a part")
+    (tmp_path / ".r1.nc.0123.tmp").write_bytes(b"another file's")
+    run(own, study)
+    assert sorted(os.listdir(tmp_path)) == [".r1.nc.0123.tmp", "r[1].nc"]

@@ -5,6 +5,7 @@ known by their labels, not by their place in a grid, so a sweep continues whatev
 a finished file can be extended by more values on an axis. Files are written under another name and then renamed.
 """
 
+import glob
 import io
 import json
 import zlib
@@ -70,7 +71,8 @@ class Store:
         self._lock.release()
 
     def _load(self) -> None:
-        for torn in self.parts.glob(".*.tmp"):  # of a process that was killed while writing
+        results = self.path.parent.glob(f".{glob.escape(self.path.name)}.*.tmp")
+        for torn in [*self.parts.glob(".*.tmp"), *results]:  # of a process that was killed while writing
             torn.unlink()
         if self.overwrite:
             self._set_aside()
