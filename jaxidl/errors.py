@@ -30,6 +30,14 @@ class EffectError(JaxidlError):
     """An effect's name or parameter is unknown or out of its bounds."""
 
 
+class ModelError(JaxidlError):
+    """A model file cannot be read, or has what this package does not simulate."""
+
+
+class LogError(JaxidlError):
+    """A measured log cannot be read, or cannot be used."""
+
+
 class StoreError(JaxidlError):
     """A results file cannot be read, cannot be written, or belongs to another configuration."""
 

@@ -4,16 +4,17 @@ A plant is a rigid body plus a tuple of effects. Each effect is one class whose 
 methods are pure functions of one instant of one mechanism and default to "does nothing". So the same object
 
 * *simulates*: the plant takes its body through ``alter``, its command through ``actuate`` (which may keep a hidden state that
-  ``start`` begins), adds ``torque``, obeys ``holds`` and reads its encoders through ``sense``;
-* *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, and where
-  ``linear`` is true ``regressor`` gives the matrix of a linear least-squares problem;
+  ``start`` begins), adds ``torque``, brakes by up to ``dry``, obeys ``holds`` and reads its encoders through ``sense``;
+* *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, where ``linear`` is true
+  ``regressor`` gives the matrix of a linear least-squares problem, where it is not ``guesses`` says where to begin, and
+  ``true_position`` undoes what it does to the encoders;
 * *is ranked and named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person;
 * *is exported*: ``to_dict``/``from_dict`` for ``effects.json``, ``mjcf`` for the attribute that MuJoCo has for it.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.flatten_util
@@ -23,7 +24,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.errors import EffectError
-from jaxidl.types import JointMask, Joints
+from jaxidl.types import History, JointMask, Joints
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,30 @@ class Parameter:
             raise EffectError(bounds, str(numbers.tolist()), f"set {self.meaning} within these bounds")
 
 
+class Scale(NamedTuple):
+    """How large things are on one joint of a log: what :meth:`Effect.guesses` measures its starting values with."""
+
+    torque: float  # largest command [N or Nm]
+    speed: float  # largest speed [m/s or rad/s]
+    lower: float  # least position [m or rad]
+    upper: float  # largest position [m or rad]
+    inertia: float  # median inertia that the joint sees [kg or kg m^2]
+    residual: float  # root mean square of what the model lacks [N or Nm]
+    band: float  # frequency up to which the log can be trusted [Hz]
+    dt: float  # sampling interval [s]
+
+
+Guess = Mapping[str, float | np.ndarray]  # starting values of the parameters; those not named stay at ``Effect.neutral``
+
+
 class Effect(struct.PyTreeNode):
     """Base of every effect in the catalogue. Fields named in ``parameters`` are traced, the others are static."""
 
     name: ClassVar[str] = ""
     sentence: ClassVar[str] = ""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
-    linear: ClassVar[bool] = False  # is the torque linear in the parameters?
+    linear: ClassVar[bool] = False  # is what it adds (torque, level of dry friction, inertia) linear in the parameters?
+    whole: ClassVar[bool] = False  # does it belong to the whole mechanism rather than to a joint?
     mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
 
     def alter(self, body: Any) -> Any:
@@ -68,13 +86,32 @@ class Effect(struct.PyTreeNode):
         """Joint torque (J,) [N or Nm] that the effect adds to the delivered torque ``tau`` (J,)."""
         return jnp.zeros_like(qd)
 
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        """Level (J,) >= 0 [N or Nm] of dry friction: the largest torque with which the effect opposes motion, or keeps from it.
+
+        ``direction`` (J,) is the velocity that the joint would have without dry friction [m/s or rad/s]; where ``qd`` is zero its
+        sign is that of the impending motion.
+        """
+        return jnp.zeros_like(qd)
+
     def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
         """Which joints (J,) the effect keeps from accelerating under the delivered torque ``tau`` (J,)."""
         return jnp.zeros(qd.shape, bool)
 
-    def sense(self, q: Joints, noise: Joints) -> Joints:
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         """What the encoders read (J,) at true position ``q`` (J,), given standard-normal draws ``noise`` (J,)."""
         return q
+
+    def true_position(self, q: History, dt: float) -> History:
+        """True positions (T, J) behind noise-free encoder readings ``q`` (T, J) sampled every ``dt`` [s]: ``sense`` undone."""
+        return q
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        """Where a fit on one joint begins: one or several sets of starting values, measured with the log's ``scale``."""
+        if cls.linear:
+            return [dict.fromkeys(cls.parameters, 0.0)]
+        return [{key: float(np.sqrt(max(p.lower, 1e-6) * p.upper)) for key, p in cls.parameters.items()}]
 
     def check(self) -> "Effect":
         """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or NaN."""

@@ -23,6 +23,20 @@ class ViscousFriction(Effect):
         return -self.coefficient * qd
 
 
+class QuadraticDrag(Effect):
+    """−d·qd·|qd| on each joint: air, water, a fan."""
+
+    coefficient: Joints  # (J,) d [N s^2/m^2 or Nm s^2/rad^2]
+
+    name: ClassVar[str] = "quadratic_drag"
+    sentence: ClassVar[str] = "drag that grows with the square of speed"
+    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")}
+    linear: ClassVar[bool] = True
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return -self.coefficient * qd * jnp.abs(qd)
+
+
 class PaperFriction(Effect):
     """The paper's friction: viscous, with a coefficient c(q) that changes from region to region of joints 0 and 1.
 

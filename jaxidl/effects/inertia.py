@@ -2,19 +2,49 @@
 
 from typing import Any, ClassVar
 
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
 from jaxidl.effects.base import Effect, Parameter
-from jaxidl.types import Joints
+from jaxidl.types import Joints, Scalar
 
 
 class InertiaError(Effect):
-    """Inertia that the model lacks on each joint, rotor inertia for one; negative where it has too much."""
+    """Inertia that the model lacks: of each joint's rotor, and of the body that the joint carries; negative where it has too much.
 
-    extra: Joints  # (J,) [kg or kg m^2]
+    A body's inertia about its centre of mass changes in proportion to its mass.
+    """
+
+    extra: Joints  # (J,) of the rotor [kg or kg m^2]
+    mass: Joints | float = 0.0  # (J,) of the body [kg]
 
     name: ClassVar[str] = "inertia_error"
     sentence: ClassVar[str] = "a joint carries another inertia than the model says"
-    parameters: ClassVar = {"extra": Parameter("kg", -1e4, 1e4, "the missing inertia")}
-    mjcf: ClassVar = {"extra": "joint/armature"}
+    parameters: ClassVar = {
+        "extra": Parameter("kg", -1e4, 1e4, "the missing rotor inertia"),
+        "mass": Parameter("mass", -1e4, 1e4, "the missing mass of the body"),
+    }
+    linear: ClassVar[bool] = True
+    mjcf: ClassVar = {"extra": "joint/armature", "mass": "body/inertial"}
 
     def alter(self, body: Any) -> Any:
-        return body.add_inertia(self.extra)
+        return body.add_mass(self.mass).add_inertia(self.extra)
+
+
+class Payload(Effect):
+    """A point-like mass carried by the last body, at ``com`` in that body's frame."""
+
+    mass: Scalar  # [kg]
+    com: Float[Array, "3"]  # [m]
+
+    name: ClassVar[str] = "payload"
+    sentence: ClassVar[str] = "the last body carries a load that the model does not have"
+    parameters: ClassVar = {
+        "mass": Parameter("mass", 0.0, 1e4, "the load"),
+        "com": Parameter("length", -1e2, 1e2, "where it is in the last body's frame"),
+    }
+    whole: ClassVar[bool] = True
+    mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial"}
+
+    def alter(self, body: Any) -> Any:
+        return body.add_payload(self.mass, jnp.asarray(self.com))

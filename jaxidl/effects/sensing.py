@@ -1,11 +1,14 @@
 """Effects on the measurement side: the plant moves truly, the encoders tell something else."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
+from flax import struct
 
-from jaxidl.effects.base import Effect, Parameter
-from jaxidl.types import Joints, Scalar
+from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.delay import DELAYS, late, line, push
+from jaxidl.types import History, Joints, Scalar
 
 
 class SensingNoise(Effect):
@@ -17,5 +20,55 @@ class SensingNoise(Effect):
     sentence: ClassVar[str] = "the encoders read the position with bounded random error"
     parameters: ClassVar = {"scale": Parameter("m", 0.0, 1.0, "the noise scale")}
 
-    def sense(self, q: Joints, noise: Joints) -> Joints:
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return q + jnp.clip(self.scale * noise, -self.scale, self.scale)
+
+
+class PositionBias(Effect):
+    """The encoder reads q + bias. Only where forces depend on position (gravity, coupling) does a log show it."""
+
+    bias: Joints  # (J,) [m or rad]
+
+    name: ClassVar[str] = "position_bias"
+    sentence: ClassVar[str] = "the encoder's zero is not where the model has it"
+    parameters: ClassVar = {"bias": Parameter("m", -10.0, 10.0, "the encoder's offset")}
+
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
+        return q + self.bias
+
+    def true_position(self, q: History, dt: float) -> History:
+        return q - self.bias
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        return [{"bias": 0.0}]
+
+
+class SensorDelay(Effect):
+    """The encoder's reading is ``delay`` old, by linear interpolation between past positions; at most ``steps`` steps."""
+
+    delay: Joints  # (J,) [s]
+    steps: int = struct.field(pytree_node=False, default=64)
+
+    name: ClassVar[str] = "sensor_delay"
+    sentence: ClassVar[str] = "the measured position is late against the torque"
+    parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the age of the reading")}
+
+    def start(self, q: Joints) -> Any:
+        return line(q, self.steps), jnp.zeros_like(q)
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        """Leaves the torque alone; remembers the position and how many steps the delay is."""
+        return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
+
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
+        return late(q, *memory)
+
+    def true_position(self, q: History, dt: float) -> History:
+        t = jnp.arange(q.shape[0]) * dt
+        shifted = jax.vmap(lambda column, d: jnp.interp(t + d, t, column), (1, 0), 1)
+        return shifted(q, jnp.broadcast_to(self.delay, q.shape[1:]))
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        return [{"delay": x} for x in DELAYS]

@@ -3,23 +3,25 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
-from jaxidl.effects.base import Effect, Parameter
+from jaxidl.effects.base import Effect, Guess, Parameter, Scale
 from jaxidl.types import JointMask, Joints, Scalar
 
 
 class Stiction(Effect):
-    """A resting joint does not accelerate while the delivered torque stays below the breakaway torque.
+    """A resting joint withstands the breakaway torque, beyond what other dry friction holds, before it moves.
 
     A joint rests where |qd| < ``speed``; the effect acts below position ``below`` only. Both borders are strict. With
-    ``signed`` the torque itself, not its magnitude, is compared, as in the paper's program: there a resting axis is then held
-    against every negative torque, and the program's results depend on it.
+    ``signed`` it is the paper's program: a resting joint does not accelerate (its speed stays what it was) while the delivered
+    torque itself, not its magnitude, is below the breakaway torque, so that it is held against every negative torque, and the
+    program's results depend on it.
     """
 
     breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
-    speed: Scalar  # below it a joint counts as resting [m/s]
-    below: Scalar  # positions from here on do not stick [m]
+    speed: Joints | float  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
+    below: Joints | float  # (J,) or (): positions from here on do not stick [m]
     signed: bool = struct.field(pytree_node=False, default=False)
 
     name: ClassVar[str] = "stiction"
@@ -30,9 +32,22 @@ class Stiction(Effect):
         "below": Parameter("m", -float("inf"), float("inf"), "the position below which the joint sticks"),
     }
 
+    def _rests(self, q: Joints, qd: Joints) -> JointMask:
+        return (jnp.abs(qd) < self.speed) & (q < self.below)
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        if self.signed:
+            return jnp.zeros_like(qd)
+        return jnp.where(self._rests(q, qd), self.breakaway, 0.0)
+
     def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
-        push = tau if self.signed else jnp.abs(tau)
-        return (jnp.abs(qd) < self.speed) & (q < self.below) & (push < self.breakaway)
+        if not self.signed:
+            return jnp.zeros(qd.shape, bool)
+        return self._rests(q, qd) & (tau < self.breakaway)
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        return [{"breakaway": scale.residual, "speed": 0.002 * scale.speed, "below": np.inf}]
 
 
 STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")

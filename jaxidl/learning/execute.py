@@ -63,7 +63,7 @@ def execute(
         tau = tau_rbd + applied + tau_ff
 
         true_next, hidden = plant.step(true, hidden, tau, task.dt)
-        q_sensed = plant.sense(true_next.q, draw)
+        q_sensed = plant.sense(hidden, true_next.q, draw)
         qd_sensed = (q_sensed - sensed.q) / task.dt
         qdd_actual = (qd_sensed - sensed.qd) / task.dt
         memory = law.observe(memory, qdd_desired, qdd_actual)

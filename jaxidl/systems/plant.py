@@ -4,9 +4,12 @@ from typing import Any, Protocol, runtime_checkable
 
 import jax.numpy as jnp
 from flax import struct
+from jaxtyping import Array, Float
 
-from jaxidl.effects import Effect
-from jaxidl.types import Joints, State
+from jaxidl.effects import Effect, OnJoint
+from jaxidl.types import Joints, Scalar, State
+
+GAUSS_SEIDEL_ROUNDS = 6
 
 
 @runtime_checkable
@@ -17,7 +20,13 @@ class RigidBody(Protocol):
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints: ...
 
+    def mobility(self, q: Joints) -> Float[Array, "J J"]: ...
+
     def add_inertia(self, extra: Joints) -> "RigidBody": ...
+
+    def add_mass(self, extra: Joints | float) -> "RigidBody": ...
+
+    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "RigidBody": ...
 
 
 class Plant(struct.PyTreeNode):
@@ -30,15 +39,24 @@ class Plant(struct.PyTreeNode):
         """Hidden states of all effects at rest at ``q`` (J,)."""
         return tuple(effect.start(q) for effect in self.effects)
 
-    def acceleration(self, state: State, tau: Joints) -> Joints:
-        """Acceleration (J,) [m/s^2] under the delivered torque ``tau`` (J,) [N]."""
+    def acceleration(self, state: State, tau: Joints, dt: float) -> Joints:
+        """Acceleration (J,) [m/s^2] over a step ``dt`` [s] under the delivered torque ``tau`` (J,) [N].
+
+        Dry friction takes the velocity towards zero by as much as its level can in one step, and never through it.
+        """
         q, qd = state
         body, total, held = self.body, tau, jnp.zeros(qd.shape, bool)
         for effect in self.effects:
             body = effect.alter(body)
             total = total + effect.torque(q, qd, tau)
             held = held | effect.holds(q, qd, tau)
-        return jnp.where(held, 0.0, body.forward_dynamics(q, qd, total))
+        qdd = jnp.where(held, 0.0, body.forward_dynamics(q, qd, total))
+        gripping = [effect for effect in self.effects if type(effect).dry is not Effect.dry or isinstance(effect, OnJoint)]
+        if not gripping:
+            return qdd
+        free = qd + dt * qdd
+        level = sum((effect.dry(q, qd, tau, free) for effect in gripping), jnp.zeros_like(qd))
+        return qdd - body.mobility(q) @ friction_torque(free / dt, body.mobility(q), jnp.maximum(level, 0.0))
 
     def step(self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float) -> tuple[State, tuple[Any, ...]]:
         """State and hidden states one time step ``dt`` [s] later, under the commanded torque ``tau`` (J,) [N].
@@ -49,13 +67,28 @@ class Plant(struct.PyTreeNode):
         for effect, memory in zip(self.effects, hidden, strict=True):
             tau, memory = effect.actuate(memory, state.q, state.qd, tau, dt)
             after.append(memory)
-        return integrate(state, self.acceleration(state, tau), dt), tuple(after)
+        return integrate(state, self.acceleration(state, tau, dt), dt), tuple(after)
 
-    def sense(self, q: Joints, noise: Joints) -> Joints:
-        """Encoder reading (J,) at ``q`` (J,), given standard-normal draws ``noise`` (J,)."""
-        for effect in self.effects:
-            q = effect.sense(q, noise)
+    def sense(self, hidden: tuple[Any, ...], q: Joints, noise: Joints) -> Joints:
+        """Encoder reading (J,) at ``q`` (J,), given hidden states and standard-normal draws ``noise`` (J,)."""
+        for effect, memory in zip(self.effects, hidden, strict=True):
+            q = effect.sense(memory, q, noise)
         return q
+
+
+def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:
+    """Torque (J,) within ±``level`` that brings the joints to rest, or as near as it can.
+
+    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of ``push`` (J,), the acceleration that
+    would carry on [m/s^2]. One joint needs one round, joints that the inertia couples a few.
+    """
+    joints = push.shape[0]
+    grip = jnp.zeros_like(push)
+    for _ in range(1 if joints == 1 else GAUSS_SEIDEL_ROUNDS):
+        for j in range(joints):
+            left = push[j] - mobility[j] @ grip + mobility[j, j] * grip[j]
+            grip = grip.at[j].set(jnp.clip(left / mobility[j, j], -level[j], level[j]))
+    return grip
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:

@@ -2,8 +2,9 @@
 
 import jax.numpy as jnp
 from flax import struct
+from jaxtyping import Array, Float
 
-from jaxidl.types import Joints
+from jaxidl.types import Joints, Scalar
 
 
 class PointMass(struct.PyTreeNode):
@@ -19,9 +20,21 @@ class PointMass(struct.PyTreeNode):
         """Torque (J,) [N] that makes acceleration ``qdd`` (J,) [m/s^2]."""
         return self.mass * qdd
 
+    def mobility(self, q: Joints) -> Float[Array, "J J"]:
+        """Inverse of the inertia matrix (J, J) [1/kg]."""
+        return jnp.diag(1.0 / self.mass)
+
     def add_inertia(self, extra: Joints) -> "PointMass":
         """The body with ``extra`` (J,) [kg] on its axes."""
         return PointMass(self.mass + extra)
+
+    def add_mass(self, extra: Joints | float) -> "PointMass":
+        """A point's mass and an axis' inertia are the same thing."""
+        return PointMass(self.mass + extra)
+
+    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "PointMass":
+        """All axes move the load; where it sits makes no difference."""
+        return PointMass(self.mass + mass)
 
 
 def point_mass(mass: float, joints: int = 2) -> PointMass:

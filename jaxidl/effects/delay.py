@@ -1,0 +1,29 @@
+"""Dead time: a line of past values, read between two of them."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from jaxidl.types import Joints
+
+Line = Float[Array, "H J"]  # row h is the value h + 1 steps ago
+
+DELAYS = (0.002, 0.006, 0.015, 0.035)  # where fits of a dead time begin [s]
+
+
+def line(value: Joints, steps: int) -> Line:
+    """A line that has held ``value`` (J,) for ever."""
+    return jnp.broadcast_to(value, (steps, *value.shape))
+
+
+def push(past: Line, value: Joints) -> Line:
+    """The line one step later."""
+    return jnp.concatenate([value[None], past[:-1]])
+
+
+def late(value: Joints, past: Line, delay: Joints) -> Joints:
+    """What was ``delay`` (J,) steps ago [1], between two steps by linear interpolation; no older than the line is long."""
+    everything = jnp.concatenate([value[None], past])
+    delay = jnp.clip(delay, 0.0, past.shape[0] - 1e-6)
+    before = jnp.floor(delay).astype(int)
+    joints, share = jnp.arange(value.shape[0]), delay - before
+    return (1.0 - share) * everything[before, joints] + share * everything[before + 1, joints]

@@ -1,0 +1,82 @@
+"""Dry friction: a level up to which motion is opposed, and a resting joint kept at rest.
+
+An effect here tells its level only; the plant applies the levels of all its effects together, as an impulse over the step that
+takes the velocity towards zero and never through it. So a joint sticks where friction can hold it, without a smoothing width
+and without chattering, and a derivative through a step is that of the branch taken: a sliding joint feels the level, a stuck
+one does not.
+"""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.types import Joints
+
+
+class CoulombFriction(Effect):
+    """−c·sign(qd)."""
+
+    level: Joints  # (J,) c [N or Nm]
+
+    name: ClassVar[str] = "coulomb_friction"
+    sentence: ClassVar[str] = "dry friction of the same size at every speed"
+    parameters: ClassVar = {"level": Parameter("N", 0.0, 1e5, "the level of dry friction")}
+    linear: ClassVar[bool] = True
+    mjcf: ClassVar = {"level": "joint/frictionloss"}
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        return self.level + jnp.zeros_like(qd)
+
+
+class AsymmetricFriction(Effect):
+    """Dry and viscous friction that differ by direction: −(c₊ + b₊·qd) for qd > 0, c₋ − b₋·qd for qd < 0.
+
+    A pure difference in dry friction moves exactly as Coulomb friction of the mean level with a constant offset does.
+    Beside other friction on the same joint the values may be negative: what one direction has less than the other.
+    """
+
+    positive: Joints  # (J,) c₊ [N or Nm]
+    negative: Joints  # (J,) c₋ [N or Nm]
+    viscous_positive: Joints  # (J,) b₊ [N s/m or Nm s/rad]
+    viscous_negative: Joints  # (J,) b₋ [N s/m or Nm s/rad]
+
+    name: ClassVar[str] = "asymmetric_friction"
+    sentence: ClassVar[str] = "friction that differs between the two directions"
+    parameters: ClassVar = {
+        "positive": Parameter("N", -1e5, 1e5, "dry friction in the positive direction"),
+        "negative": Parameter("N", -1e5, 1e5, "dry friction in the negative direction"),
+        "viscous_positive": Parameter("N s/m", -1e4, 1e4, "torque per speed in the positive direction"),
+        "viscous_negative": Parameter("N s/m", -1e4, 1e4, "torque per speed in the negative direction"),
+    }
+    linear: ClassVar[bool] = True
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        return jnp.where(direction > 0.0, self.positive, self.negative)
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return -jnp.where(qd > 0.0, self.viscous_positive, self.viscous_negative) * qd
+
+
+class StribeckFriction(Effect):
+    """−(c + a·exp(−(qd/v)²))·sign(qd): dry friction with an excess a at low speed."""
+
+    level: Joints  # (J,) c, at high speed [N or Nm]
+    excess: Joints  # (J,) a, above it when starting [N or Nm]
+    speed: Joints  # (J,) v, at which the excess has mostly gone [m/s or rad/s]
+
+    name: ClassVar[str] = "stribeck_friction"
+    sentence: ClassVar[str] = "dry friction that is larger at low speed"
+    parameters: ClassVar = {
+        "level": Parameter("N", 0.0, 1e5, "the level at high speed"),
+        "excess": Parameter("N", 0.0, 1e5, "the excess at low speed"),
+        "speed": Parameter("m/s", 1e-6, 1e3, "the speed at which the excess fades"),
+    }
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        return self.level + self.excess * jnp.exp(-((qd / self.speed) ** 2))
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        size = scale.residual
+        return [{"level": size, "excess": size, "speed": share * scale.speed} for share in (0.02, 0.05, 0.1, 0.2, 0.4)]

@@ -1,0 +1,81 @@
+"""An effect of the catalogue on one joint only."""
+
+from typing import Any
+
+import jax.numpy as jnp
+from flax import struct
+
+from jaxidl.effects.base import Effect
+from jaxidl.types import History, JointMask, Joints
+
+
+class _Part:
+    """The body as one joint sees it: inertia that it is given goes to that joint."""
+
+    def __init__(self, body: Any, joint: int, like: Joints):
+        self.body, self.joint, self.like = body, joint, like
+
+    def _spread(self, extra: Joints | float) -> Joints:
+        return jnp.zeros_like(self.like).at[self.joint].set(jnp.reshape(jnp.asarray(extra), ()))
+
+    def add_inertia(self, extra: Joints | float) -> "_Part":
+        return _Part(self.body.add_inertia(self._spread(extra)), self.joint, self.like)
+
+    def add_mass(self, extra: Joints | float) -> "_Part":
+        return _Part(self.body.add_mass(self._spread(extra)), self.joint, self.like)
+
+
+class OnJoint(Effect):
+    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of ``joints``; nothing on the others."""
+
+    effect: Effect
+    joint: int = struct.field(pytree_node=False)
+    joints: int = struct.field(pytree_node=False)
+
+    def _of(self, values: Joints) -> Joints:
+        return values[self.joint : self.joint + 1]
+
+    def _put(self, values: Joints, own: Joints) -> Joints:
+        return values.at[self.joint].set(own[0])
+
+    def alter(self, body: Any) -> Any:
+        if type(self.effect).alter is Effect.alter:
+            return body
+        return self.effect.alter(_Part(body, self.joint, jnp.zeros(self.joints))).body
+
+    def start(self, q: Joints) -> Any:
+        return self.effect.start(self._of(q))
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        delivered, memory = self.effect.actuate(memory, self._of(q), self._of(qd), self._of(tau), dt)
+        return self._put(tau, delivered), memory
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return self._put(jnp.zeros_like(qd), self.effect.torque(self._of(q), self._of(qd), self._of(tau)))
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        own = self.effect.dry(self._of(q), self._of(qd), self._of(tau), self._of(direction))
+        return self._put(jnp.zeros_like(qd), own)
+
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
+        own = self.effect.holds(self._of(q), self._of(qd), self._of(tau))
+        return self._put(jnp.zeros(qd.shape, bool), own)
+
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
+        return self._put(q, self.effect.sense(memory, self._of(q), self._of(noise)))
+
+    def true_position(self, q: History, dt: float) -> History:
+        column = slice(self.joint, self.joint + 1)
+        return q.at[:, column].set(self.effect.true_position(q[:, column], dt))
+
+    def check(self) -> "OnJoint":
+        self.effect.check()
+        return self
+
+    def to_dict(self) -> dict[str, Any]:
+        """The effect's own record with the joint's number; parameters of one joint are plain numbers."""
+        record = self.effect.to_dict()
+        for entry in record["parameters"].values():
+            if isinstance(entry["value"], list) and len(entry["value"]) == 1:
+                entry["value"] = entry["value"][0]
+        return record | {"joint": self.joint, "joints": self.joints}

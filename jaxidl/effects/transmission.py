@@ -1,0 +1,112 @@
+"""What lies between motor and link: a hidden motor-side state that the joint's encoder does not see.
+
+The motor carries ``motor_inertia``, a part of the joint's inertia; the link keeps the rest. In one step the motor moves under the
+command and the transmission's torque in ``SUBSTEPS`` small ones, the link's velocity taken as constant, and the link feels the
+transmission's mean torque.
+"""
+
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.types import Joints
+
+SUBSTEPS = 8
+
+_MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
+
+
+def drive(
+    transmitted: Callable[[Joints, Joints], Joints], inertia: Joints, memory: Any, qd: Joints, tau: Joints, dt: float
+) -> tuple[Joints, Any]:
+    """Mean transmitted torque (J,) over a step and the new motor state: twist (J,) and motor speed (J,)."""
+
+    def small(state: Any, _: None) -> tuple[Any, Joints]:
+        twist, speed = state
+        torque = transmitted(twist, speed - qd)
+        speed = speed + dt / SUBSTEPS * (tau - torque) / inertia
+        return (twist + dt / SUBSTEPS * (speed - qd), speed), torque
+
+    memory, torques = jax.lax.scan(small, memory, None, length=SUBSTEPS, unroll=True)
+    return jnp.mean(torques, axis=0), memory
+
+
+class JointElasticity(Effect):
+    """Motor and link are joined by a spring and a damper: k·twist + d·(twist's rate)."""
+
+    stiffness: Joints  # (J,) k [N/m or Nm/rad]
+    damping: Joints  # (J,) d [N s/m or Nm s/rad]
+    motor_inertia: Joints  # (J,) [kg or kg m^2]
+
+    name: ClassVar[str] = "joint_elasticity"
+    sentence: ClassVar[str] = "motor and link are joined by a spring and swing against each other"
+    parameters: ClassVar = {
+        "stiffness": Parameter("N/m", 1e-6, 1e9, "the transmission's stiffness"),
+        "damping": Parameter("N s/m", 0.0, 1e6, "the transmission's damping"),
+        "motor_inertia": _MOTOR,
+    }
+
+    def alter(self, body: Any) -> Any:
+        return body.add_inertia(-self.motor_inertia)
+
+    def start(self, q: Joints) -> Any:
+        return jnp.zeros_like(q), jnp.zeros_like(q)
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        transmitted = lambda twist, rate: self.stiffness * twist + self.damping * rate  # noqa: E731
+        return drive(transmitted, self.motor_inertia, memory, qd, tau, dt)
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        def guess(share: float, hertz: float) -> Guess:
+            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
+            stiffness = omega**2 * inertia * (1.0 - share)  # the frequency at which motor and link swing against each other
+            return {"stiffness": stiffness, "damping": 0.1 * stiffness / omega, "motor_inertia": inertia}
+
+        top = min(scale.band, 0.2 / scale.dt)
+        return [guess(share, f * top) for share in (0.1, 0.3, 0.6) for f in (0.12, 0.25, 0.5, 0.9)]
+
+
+class Backlash(Effect):
+    """A dead zone of width ``gap`` between motor and link; beyond it a stiff contact with a damper."""
+
+    gap: Joints  # (J,) total play [m or rad]
+    stiffness: Joints  # (J,) of the contact [N/m or Nm/rad]
+    motor_inertia: Joints  # (J,) [kg or kg m^2]
+
+    name: ClassVar[str] = "backlash"
+    sentence: ClassVar[str] = "there is play between motor and link"
+    parameters: ClassVar = {
+        "gap": Parameter("m", 0.0, 10.0, "the total play"),
+        "stiffness": Parameter("N/m", 1e-6, 1e9, "the contact's stiffness"),
+        "motor_inertia": _MOTOR,
+    }
+
+    def alter(self, body: Any) -> Any:
+        return body.add_inertia(-self.motor_inertia)
+
+    def start(self, q: Joints) -> Any:
+        return jnp.zeros_like(q), jnp.zeros_like(q)
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        damping = jnp.sqrt(self.stiffness * self.motor_inertia)  # half of critical
+
+        def transmitted(twist: Joints, rate: Joints) -> Joints:
+            pressed = twist - jnp.clip(twist, -self.gap / 2, self.gap / 2)
+            return self.stiffness * pressed + jnp.where(pressed == 0.0, 0.0, damping * rate)
+
+        return drive(transmitted, self.motor_inertia, memory, qd, tau, dt)
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        hertz = 2.0 * np.pi * min(2.0 * scale.band, 0.5 / scale.dt)
+        width = scale.upper - scale.lower
+        return [
+            {"gap": gap * width, "stiffness": hertz**2 * share * scale.inertia, "motor_inertia": share * scale.inertia}
+            for share in (0.05, 0.15, 0.4)
+            for gap in (0.001, 0.004, 0.015, 0.05)
+        ]

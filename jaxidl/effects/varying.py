@@ -1,0 +1,83 @@
+"""Friction that depends on where the mechanism is, or on what it carries."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxidl.effects.base import Effect, Parameter
+from jaxidl.types import Joints, Scalar
+
+Table = Float[Array, "*J K"]  # a value at each of K evenly spaced positions
+
+_ENDS = {
+    "lower": Parameter("m", -1e4, 1e4, "the position of the table's first value"),
+    "upper": Parameter("m", -1e4, 1e4, "the position of the table's last value"),
+}
+
+
+def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Scalar:
+    """The table (K,) at ``q``, linear between its evenly spaced positions and constant beyond the ends."""
+    return jnp.interp(q, jnp.linspace(lower, upper, table.shape[-1]), table)
+
+
+class PositionDependentFriction(Effect):
+    """−c(q)·sign(qd) − b(q)·qd with c and b tables over position; a negative b feeds motion, a negative c counts as zero."""
+
+    level: Table  # (J, K) c [N or Nm]
+    coefficient: Table  # (J, K) b [N s/m or Nm s/rad]
+    lower: Joints  # (J,) [m or rad]
+    upper: Joints  # (J,) [m or rad]
+
+    name: ClassVar[str] = "position_dependent_friction"
+    sentence: ClassVar[str] = "friction that varies with position"
+    parameters: ClassVar = {
+        "level": Parameter("N", -1e5, 1e5, "dry friction at the table's positions"),
+        "coefficient": Parameter("N s/m", -1e4, 1e4, "torque per speed at the table's positions"),
+        **_ENDS,
+    }
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        return jax.vmap(table_value)(self.level, self.lower, self.upper, q)
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        return -jax.vmap(table_value)(self.coefficient, self.lower, self.upper, q) * qd
+
+
+class CoupledFriction(Effect):
+    """Friction of joint ``joint`` that varies with the position of joint ``other``: −c(q_o)·sign(qd_j) − b(q_o)·qd_j."""
+
+    level: Table  # (K,) c [N or Nm]
+    coefficient: Table  # (K,) b [N s/m or Nm s/rad]
+    lower: Scalar  # [m or rad]
+    upper: Scalar  # [m or rad]
+    joint: int = struct.field(pytree_node=False, default=0)
+    other: int = struct.field(pytree_node=False, default=1)
+
+    name: ClassVar[str] = "coupled_friction"
+    sentence: ClassVar[str] = "friction that varies with another joint's position"
+    parameters: ClassVar = PositionDependentFriction.parameters
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        level = table_value(self.level, self.lower, self.upper, q[self.other])
+        return jnp.zeros_like(qd).at[self.joint].set(level)
+
+    def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        coefficient = table_value(self.coefficient, self.lower, self.upper, q[self.other])
+        return jnp.zeros_like(qd).at[self.joint].set(-coefficient * qd[self.joint])
+
+
+class LoadDependentFriction(Effect):
+    """−μ·|tau|·sign(qd), tau being the torque that the motor delivers: gears and screws under load."""
+
+    coefficient: Joints  # (J,) μ [1]
+
+    name: ClassVar[str] = "load_dependent_friction"
+    sentence: ClassVar[str] = "dry friction in proportion to the transmitted torque"
+    parameters: ClassVar = {"coefficient": Parameter("1", 0.0, 0.99, "friction over transmitted torque")}
+    linear: ClassVar[bool] = True
+
+    def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        return self.coefficient * jnp.abs(tau)

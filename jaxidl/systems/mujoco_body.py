@@ -1,0 +1,85 @@
+"""A mechanism of slides and hinges as a rigid body: MuJoCo's model, its dynamics in MJX.
+
+Only smooth rigid-body dynamics is asked of MJX, M(q)·qdd + bias(q, qd) = tau: no constraint solver, which reverse mode cannot
+pass, no passive forces and no actuators. Those are effects of the plant (:mod:`jaxidl.systems.mjcf` reads them).
+"""
+
+import contextlib
+import io
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import mujoco
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxidl.types import History, Joints, Scalar
+
+with contextlib.redirect_stdout(io.StringIO()):  # it announces what optional packages are missing
+    from mujoco import mjx
+
+LOAD = "jaxidl_payload"  # a massless body on the last one, in every loaded model: a payload's place
+
+
+class MujocoBody(struct.PyTreeNode):
+    """Body number ``bodies[j]`` moves with joint j. Shares its methods with :class:`jaxidl.systems.point_mass.PointMass`."""
+
+    model: Any  # mjx.Model
+    names: tuple[str, ...] = struct.field(pytree_node=False)
+    kinds: tuple[str, ...] = struct.field(pytree_node=False)  # slide or hinge
+    bodies: tuple[int, ...] = struct.field(pytree_node=False)
+    source: mujoco.MjModel = struct.field(pytree_node=False)  # the same body in C, as loaded
+
+    def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
+        """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
+        # float64 where JAX has it: the model's own arrays may be single
+        model = jax.tree.map(lambda x: x.astype(q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, self.model)
+        data = mjx.make_data(model).replace(qpos=q, qvel=qd)
+        for stage in (mjx.kinematics, mjx.com_pos, mjx.crb, mjx.com_vel):
+            data = stage(model, data)
+        return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+
+    def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
+        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,)."""
+        inertia, bias = self.equation_of_motion(q, qd)
+        return inertia @ qdd + bias
+
+    def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        """Acceleration (J,) [m/s^2 or rad/s^2] under the joint torque ``tau`` (J,)."""
+        inertia, bias = self.equation_of_motion(q, qd)
+        return jax.scipy.linalg.solve(inertia, tau - bias, assume_a="pos")
+
+    def mobility(self, q: Joints) -> Float[Array, "J J"]:
+        """Inverse of the inertia matrix (J, J)."""
+        return jnp.linalg.inv(self.equation_of_motion(q, jnp.zeros_like(q))[0])
+
+    def add_inertia(self, extra: Joints) -> "MujocoBody":
+        """The body with rotor inertia ``extra`` (J,) more on its joints [kg or kg m^2]."""
+        return self.replace(model=self.model.replace(dof_armature=self.model.dof_armature + extra))
+
+    def add_mass(self, extra: Joints | float) -> "MujocoBody":
+        """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in proportion."""
+        of = jnp.asarray(self.bodies)
+        mass, inertia = self.model.body_mass, self.model.body_inertia
+        heavier = mass.at[of].add(extra)
+        factor = (heavier / jnp.where(mass > 0.0, mass, 1.0))[:, None]
+        return self.replace(model=self.model.replace(body_mass=heavier, body_inertia=jnp.where(mass[:, None] > 0, factor, 1) * inertia))
+
+    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "MujocoBody":
+        """The body with a point of ``mass`` [kg] at ``com`` (3,) [m] in its last body's frame."""
+        load = mujoco.mj_name2id(self.source, mujoco.mjtObj.mjOBJ_BODY, LOAD)
+        place = self.model.body_ipos.at[load].set(jnp.asarray(com, self.model.body_ipos.dtype))
+        return self.replace(model=self.model.replace(body_mass=self.model.body_mass.at[load].add(mass), body_ipos=place))
+
+
+def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
+    """The body of a compiled MuJoCo model that has nothing but slides and hinges."""
+    kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in model.jnt_type)
+    names = tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
+    return MujocoBody(mjx.put_model(model), names, kinds, tuple(int(b) for b in model.jnt_bodyid), model)
+
+
+def batched_inverse_dynamics(body: Any, q: History, qd: History, qdd: History) -> History:
+    """Inverse dynamics (T, J) of a whole log: one instant after the other, which on a CPU is what MJX is fastest at."""
+    return jax.lax.map(lambda instant: body.inverse_dynamics(*instant), (q, qd, qdd))
