@@ -15,7 +15,7 @@ import numpy as np
 from jaxidl.effects.base import Effect, Guess, Parameter, Scale
 from jaxidl.types import Joints
 
-SUBSTEPS = 8
+SUBSTEPS = 4
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 

@@ -1,0 +1,180 @@
+"""The cases of the benchmark: every effect alone at three severities, pairs, nothing, and effects outside the catalogue."""
+
+import json
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxidl.gap.benchmark.believed import Controller
+from jaxidl.gap.benchmark.catalogue import INJECTED, make
+from jaxidl.gap.benchmark.draw import PLACES, clipping, parameters
+from jaxidl.gap.benchmark.engine import Run, run
+from jaxidl.gap.benchmark.mechanisms import JOINTS, MECHANISMS
+from jaxidl.gap.benchmark.outside import OUTSIDE
+from jaxidl.gap.benchmark.severity import SIZES
+
+EXCLUDED: dict[tuple[str, str], str] = {
+    ("coupled_friction", "slider"): "there is no other joint",
+    ("coupled_friction", "pendulum"): "there is no other joint",
+    ("payload", "slider"): "the same motion as with an inertia error: no gravity along the slide, no other joint",
+    ("position_bias", "slider"): "nothing on a horizontal slide depends on the position",
+}
+"""What cannot show on a mechanism, and why."""
+
+VARIANTS = {"inertia_error": ["", "/mass"], "position_dependent_friction": ["", "/viscous"]}
+"""Kinds that take turns from draw to draw; a body on a slide has no other inertia than its joint."""
+
+MERGING: tuple[frozenset[str], ...] = (
+    frozenset({"coulomb_friction", "asymmetric_friction", "stribeck_friction", "position_dependent_friction", "constant_offset"}),
+    frozenset({"stribeck_friction", "stiction"}),
+    frozenset({"viscous_friction", "position_dependent_friction", "coupled_friction"}),
+    frozenset({"inertia_error", "torque_scale", "payload"}),
+    frozenset({"actuator_lag", "actuator_delay", "sensor_delay", "joint_elasticity", "backlash"}),
+)
+"""Two of a group on one joint are, or nearly are, a single effect of the catalogue: no pairs of them."""
+
+DRAWS, NONE, PAIRS = 2, 34, 22  # draws of each single effect and severity; cases of each mechanism
+
+
+class Hidden(NamedTuple):
+    """A hidden effect; ``joint`` is None for one of the whole mechanism. ``"outside"`` has its kind among the parameters."""
+
+    effect: str
+    joint: int | None
+    parameters: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One log to be judged. The identity says nothing of what is hidden."""
+
+    id: str
+    mechanism: str
+    seed: int
+    hidden: tuple[Hidden, ...]
+    severity: str | None  # "weak", "medium", "clear"; None where nothing is hidden
+
+    @property
+    def family(self) -> str:
+        """``"none"``, ``"single"``, ``"pair"`` or ``"outside"``."""
+        names = [hidden.effect for hidden in self.hidden]
+        return "outside" if names == ["outside"] else ("none", "single", "pair")[len(names)]
+
+    @property
+    def log(self) -> str:
+        """Name of the log's file; by chance CSV or NPZ."""
+        return "log.npz" if self.seed % 2 else "log.csv"
+
+    def measure(self, duration: float = 24.0) -> Run:
+        """Run the engine.
+
+        Raises:
+            Diverged: if the controller lost the mechanism; no case of :func:`all_cases` does.
+        """
+        return run(MECHANISMS[self.mechanism], [make(*hidden) for hidden in self.hidden], self.seed, duration)
+
+
+def all_cases(root: int = 2026) -> list[Case]:
+    """Every case, in an order without meaning for the workflow; the same for the same ``root``, whatever else is in the list."""
+    cases = []
+    for mechanism in MECHANISMS:
+        for label, severity, rows in _rows(mechanism, root):
+            rng = _rng(root, mechanism, label)
+            seed = int(rng.integers(2**31))
+            hidden = tuple(_hidden(row, joint, severity, rng, mechanism, seed) for row, joint in rows)
+            cases.append(Case(f"{mechanism}-{len(cases):04d}", mechanism, seed, hidden, severity if rows else None))
+    return cases
+
+
+def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
+    """Measure ``case`` and write ``folder/log.csv`` or ``folder/log.npz`` and ``folder/model.xml``, and no word of the truth.
+
+    Raises:
+        Diverged: if the controller lost the mechanism.
+    """
+    columns = case.measure(duration).log()
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "model.xml").write_text(MECHANISMS[case.mechanism])
+    if case.log.endswith("npz"):
+        np.savez(folder / case.log, **columns)  # pyright: ignore[reportArgumentType]
+    else:
+        form = ["%.8g" if name.startswith("tau") else "%.6f" for name in columns]
+        table = np.column_stack(list(columns.values()))
+        np.savetxt(folder / case.log, table, fmt=form, delimiter=",", header=",".join(columns), comments="")
+
+
+def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
+    """What is hidden, by the cases' identities: ``mechanism``, ``family``, ``severity`` and ``hidden`` of each."""
+    return {
+        case.id: {
+            "mechanism": case.mechanism,
+            "family": case.family,
+            "severity": case.severity,
+            "hidden": [{"effect": h.effect, "joint": h.joint, "parameters": dict(h.parameters)} for h in case.hidden],
+        }
+        for case in cases
+    }
+
+
+def write_truth(cases: Iterable[Case], path: Path) -> None:
+    """Write :func:`truth` as JSON; to be kept away from where the workflow reads."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(truth(cases), indent=1))
+
+
+def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str, int]]]]:
+    """Label, severity and (row of the severity table, joint) of each hidden effect, case after case."""
+    for name, joint in _singles(mechanism):
+        for severity in ("weak", "medium", "clear"):
+            for draw in range(DRAWS):
+                yield f"{name} {joint} {severity} {draw}", severity, [(_variant(name, mechanism, draw), joint)]
+    for draw in range(NONE):
+        yield f"none {draw}", "", []
+    for kind in OUTSIDE:
+        for joint in range(JOINTS[mechanism]):
+            for severity in ("medium", "clear"):
+                yield f"outside {kind} {joint} {severity}", severity, [(f"outside/{kind}", joint)]
+    for draw in range(PAIRS):
+        yield f"pair {draw}", "clear", _pair(_rng(root, mechanism, f"pick {draw}"), mechanism)
+
+
+def _singles(mechanism: str) -> list[tuple[str, int]]:
+    """Effects and joints that can show on the mechanism."""
+    names = [name for name in INJECTED if (name, mechanism) not in EXCLUDED]
+    return [(name, joint) for name in names for joint in range(1 if name == "payload" else JOINTS[mechanism])]
+
+
+def _pair(rng: np.random.Generator, mechanism: str) -> list[tuple[str, int]]:
+    """Two different effects that are not one."""
+    singles = _singles(mechanism)
+    while True:
+        one, other = (singles[k] for k in rng.choice(len(singles), 2, replace=False))
+        near = one[1] == other[1] or "payload" in (one[0], other[0])
+        if one[0] != other[0] and not (near and any({one[0], other[0]} <= group for group in MERGING)):
+            return [(_variant(name, mechanism, int(rng.integers(2))), joint) for name, joint in (one, other)]
+
+
+def _variant(name: str, mechanism: str, draw: int) -> str:
+    kinds = VARIANTS.get(name, [""])
+    row = name + kinds[draw % len(kinds)]
+    return name if row == "inertia_error/mass" and mechanism == "slider" else row
+
+
+def _hidden(row: str, joint: int, severity: str, rng: np.random.Generator, mechanism: str, seed: int) -> Hidden:
+    """The effect of the table's ``row`` with parameters drawn within 25 % of the table's size."""
+    sizes = SIZES[row][list(PLACES).index((mechanism, joint))]
+    assert sizes is not None, f"{row} cannot show on joint {joint} of {mechanism}"
+    size = sizes[("weak", "medium", "clear").index(severity)] * float(np.exp(rng.uniform(np.log(0.8), np.log(1.25))))
+    name = row.partition("/")[0]
+    if name == "torque_saturation":
+        size = clipping(size, Controller(MECHANISMS[mechanism], seed, 24.0, 100.0).ahead[:, joint])
+    return Hidden(name, None if name == "payload" else joint, parameters(row, size, rng, mechanism, joint))
+
+
+def _rng(root: int, mechanism: str, label: str) -> np.random.Generator:
+    """Chance that belongs to a case by its name, so that cases can be added without changing the others."""
+    return np.random.default_rng([root, zlib.crc32(f"{mechanism} {label}".encode())])

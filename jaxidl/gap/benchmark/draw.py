@@ -1,0 +1,133 @@
+"""Parameters of hidden effects, drawn at random around a size that sets how strong the effect is."""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxidl.gap.benchmark.believed import SPAN
+from jaxidl.gap.benchmark.reference import Array
+
+
+class Place(NamedTuple):
+    """A joint of a mechanism, and what the effects there have to be in proportion to."""
+
+    span: float  # m or rad
+    rotor: float  # kg or kg m², the model's armature
+    link: float  # kg or kg m², the rest of the joint's inertia
+    arm: float  # m, length of the last body
+
+
+PLACES: dict[tuple[str, int], Place] = {
+    ("slider", 0): Place(SPAN["slide"], 0.3, 2.0, 0.0),
+    ("pendulum", 0): Place(SPAN["hinge"], 0.02, 0.166, 0.5),
+    ("two_link", 0): Place(SPAN["hinge"], 0.05, 0.42, 0.35),
+    ("two_link", 1): Place(SPAN["hinge"], 0.03, 0.041, 0.35),
+}
+FINE = 2e-4  # s, the engine's step at 500 Hz; dead times are whole steps
+
+
+def parameters(row: str, size: float, rng: np.random.Generator, mechanism: str, joint: int) -> Mapping[str, Any]:
+    """Parameters of the effect in the severity table's ``row``, ``"name"`` or ``"name/kind"``, at ``size``."""
+    place, (name, _, kind) = PLACES[mechanism, joint], row.partition("/")
+    if name == "outside":
+        return {"kind": kind} | _outside(kind, size, rng, place)
+    if name == "inertia_error":  # may be too large as well as too small, but has to stay an inertia
+        most = 0.6 if kind else 0.8 * place.rotor
+        return {"extra": size * float(rng.choice([-1, 1])) if size < most else size, "kind": kind or "rotor"}
+    drawn = _plain(name, size, rng) or _shaped(name, size, rng, place) or _hidden_rotor(name, size, rng, place)
+    if name == "coupled_friction":
+        drawn["other"] = 1 - joint
+    return drawn | ({"kind": kind} if kind else {})
+
+
+def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
+    """Effects of which the size is the parameter, but for its sign."""
+    signed = size * float(rng.choice([-1, 1]))
+    match name:
+        case "viscous_friction" | "quadratic_drag" | "load_dependent_friction":
+            return {"coefficient": size}
+        case "coulomb_friction":
+            return {"level": size}
+        case "stiction":
+            return {"breakaway": size}
+        case "constant_offset":
+            return {"offset": signed}
+        case "torque_scale":
+            return {"scale": 1 + signed}
+        case "torque_saturation":
+            return {"limit": size}
+        case "actuator_lag":
+            return {"time_constant": size}
+        case "actuator_delay" | "sensor_delay":
+            return {"delay": FINE * round(size / FINE)}
+        case "position_bias":
+            return {"bias": signed}
+    return {}
+
+
+def clipping(share: float, torque: Array) -> float:
+    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks differ from motion to motion."""
+    low, high = 0.0, float(np.abs(torque).max())
+    for _ in range(40):
+        limit = (low + high) / 2
+        clipped = np.linalg.norm(torque - np.clip(torque, -limit, limit)) / np.linalg.norm(torque)
+        low, high = (limit, high) if clipped > share else (low, limit)
+    return (low + high) / 2
+
+
+def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
+    """Effects that have a shape besides their size."""
+    phase = float(rng.uniform(0, 2 * math.pi))
+    wave = {"variation": _in(rng, 0.7, 0.95), "period": place.span * _in(rng, 0.7, 1.6), "phase": phase}
+    match name:
+        case "asymmetric_friction":
+            sides = size * (1 + _in(rng, 0.4, 0.8) * np.array([1, -1]) * rng.choice([-1, 1]))
+            return {"positive": float(sides[0]), "negative": float(sides[1])}
+        case "stribeck_friction":
+            return {"sliding": size, "excess": size * _in(rng, 0.9, 1.5), "speed": place.span * _in(rng, 0.1, 0.25)}
+        case "position_dependent_friction" | "coupled_friction":
+            return {"level": size} | wave
+        case "payload":
+            return {"mass": size, "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)]}
+        case "spring":
+            return {"stiffness": size, "rest": place.span * _in(rng, -0.3, 0.3)}
+        case "torque_ripple":
+            return {"amplitude": size, "period": place.span * _in(rng, 0.15, 0.45), "phase": phase}
+    return {}
+
+
+def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
+    """Elasticity of stiffness ``size``, or backlash of gap ``size`` between stiff ends; the damping keeps the loop stable."""
+    reduced = place.rotor * place.link / (place.rotor + place.link)
+    stiffness = size if name == "joint_elasticity" else reduced * (2 * math.pi * 50) ** 2
+    drawn = {
+        "stiffness": stiffness,
+        "damping": 2 * _in(rng, 0.27, 0.35) * math.sqrt(stiffness * reduced),
+        "motor_inertia": place.rotor,
+    }
+    return drawn if name == "joint_elasticity" else drawn | {"gap": size}
+
+
+def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
+    """Effects that the catalogue does not hold."""
+    phase = float(rng.uniform(0, 2 * math.pi))
+    match kind:
+        case "hysteresis":
+            return {"level": size, "distance": place.span * _in(rng, 0.15, 0.3)}
+        case "offset_drift" | "scale_drift":
+            return {"amplitude": size, "frequency": _in(rng, 0.04, 0.06), "phase": phase}
+        case "disturbance":
+            return {"amplitude": size, "frequency": _in(rng, 1.1, 1.6), "phase": phase}
+        case "cubic_spring":
+            return {"stiffness": size, "rest": place.span * _in(rng, -0.15, 0.15)}
+        case "memory_drag":
+            return {"coefficient": size, "memory": _in(rng, 0.25, 0.35)}
+        case "dropouts":
+            return {"depth": _in(rng, 0.8, 1.0), "length": size, "interval": _in(rng, 1.2, 1.8), "phase": phase}
+    raise KeyError(kind)
+
+
+def _in(rng: np.random.Generator, low: float, high: float) -> float:
+    return float(rng.uniform(low, high))

@@ -1,0 +1,255 @@
+"""The catalogue's effects as they are put into MuJoCo, in plain floats, written apart from the code that is to find them.
+
+Each acts on one joint ``joint`` through the hooks of :class:`Injected` that it overrides; the engine calls them at every fine
+step. Positions in m or rad, torques in N or Nm, times in s.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+Floats = list[float]
+
+
+@dataclass
+class Injected:
+    """One hidden effect; a plain one changes nothing."""
+
+    joint: int
+
+    def alter(self, spec: Any) -> None:
+        """Change the true mechanism before it is compiled."""
+
+    def start(self, step: float, position: float, command: float) -> None:
+        """Forget everything: a run with the fine step ``step`` [s] starts at rest at ``position`` under ``command``."""
+
+    def encoder(self) -> tuple[float, float]:
+        """How late the reading is, and how much it reads too much."""
+        return 0.0, 0.0
+
+    def actuate(self, t: float, command: float) -> float:
+        """The torque that the motor delivers for ``command``, or for what the stage before it delivers."""
+        return command
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        """A smooth torque on the joint."""
+        return 0.0
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        """Dry friction: its level when moving forward, backward, and what it bears at rest if that is more."""
+        return 0.0, 0.0, 0.0
+
+
+@dataclass
+class ViscousFriction(Injected):
+    coefficient: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient * qd[self.joint]
+
+
+@dataclass
+class QuadraticDrag(Injected):
+    coefficient: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient * qd[self.joint] * abs(qd[self.joint])
+
+
+@dataclass
+class CoulombFriction(Injected):
+    level: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.level, self.level, 0.0
+
+
+@dataclass
+class AsymmetricFriction(Injected):
+    positive: float
+    negative: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.positive, self.negative, 0.0
+
+
+@dataclass
+class StribeckFriction(Injected):
+    sliding: float
+    excess: float
+    speed: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = self.sliding + self.excess * math.exp(-((qd / self.speed) ** 2))
+        return level, level, self.sliding + self.excess
+
+
+@dataclass
+class Stiction(Injected):
+    breakaway: float
+    sliding: float = 0.0
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.sliding, self.sliding, self.breakaway
+
+
+@dataclass
+class PositionDependentFriction(Injected):
+    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own position."""
+
+    level: float
+    variation: float
+    period: float
+    phase: float
+    kind: str = "coulomb"
+
+    def coefficient(self, q: float) -> float:
+        return self.level * (1 + self.variation * math.sin(2 * math.pi * q / self.period + self.phase))
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient(q[self.joint]) * qd[self.joint] if self.kind == "viscous" else 0.0
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = 0.0 if self.kind == "viscous" else self.coefficient(q)
+        return level, level, 0.0
+
+
+@dataclass
+class LoadDependentFriction(Injected):
+    coefficient: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = self.coefficient * abs(delivered)
+        return level, level, 0.0
+
+
+@dataclass
+class CoupledFriction(Injected):
+    """Viscous friction whose coefficient is a sine of another joint's position."""
+
+    other: int
+    level: float
+    variation: float
+    period: float
+    phase: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        wave = math.sin(2 * math.pi * q[self.other] / self.period + self.phase)
+        return -self.level * (1 + self.variation * wave) * qd[self.joint]
+
+
+@dataclass
+class InertiaError(Injected):
+    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 + ``extra``) times as large."""
+
+    extra: float
+    kind: str = "rotor"
+
+    def alter(self, spec: Any) -> None:
+        joint = spec.joints[self.joint]
+        if self.kind == "rotor":
+            joint.armature += self.extra
+        else:
+            joint.parent.mass *= 1 + self.extra
+            joint.parent.inertia = joint.parent.inertia * (1 + self.extra)
+
+
+@dataclass
+class Payload(Injected):
+    """A point mass on the last body at ``com``, in that body's frame."""
+
+    mass: float
+    com: Floats
+
+    def alter(self, spec: Any) -> None:
+        load = spec.joints[-1].parent.add_body(name="load", pos=self.com)
+        load.mass, load.inertia, load.explicitinertial = self.mass, [1e-7 * self.mass] * 3, True
+        load.ipos = [0.0, 0.0, 0.0]
+
+
+@dataclass
+class ConstantOffset(Injected):
+    offset: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return self.offset
+
+
+@dataclass
+class Spring(Injected):
+    stiffness: float
+    rest: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.stiffness * (q[self.joint] - self.rest)
+
+
+@dataclass
+class TorqueRipple(Injected):
+    amplitude: float
+    period: float
+    phase: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return self.amplitude * math.sin(2 * math.pi * q[self.joint] / self.period + self.phase)
+
+
+@dataclass
+class TorqueScale(Injected):
+    scale: float
+
+    def actuate(self, t: float, command: float) -> float:
+        return self.scale * command
+
+
+@dataclass
+class TorqueSaturation(Injected):
+    limit: float
+
+    def actuate(self, t: float, command: float) -> float:
+        return min(max(command, -self.limit), self.limit)
+
+
+@dataclass
+class ActuatorLag(Injected):
+    time_constant: float
+    _delivered: float = field(default=0.0, init=False, repr=False)
+    _share: float = field(default=1.0, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        self._delivered, self._share = command, -math.expm1(-step / self.time_constant)
+
+    def actuate(self, t: float, command: float) -> float:
+        self._delivered += self._share * (command - self._delivered)
+        return self._delivered
+
+
+@dataclass
+class ActuatorDelay(Injected):
+    delay: float
+    _line: deque[float] = field(default_factory=deque, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        steps = round(self.delay / step)
+        self._line = deque([command] * (steps + 1), maxlen=steps + 1)
+
+    def actuate(self, t: float, command: float) -> float:
+        self._line.append(command)
+        return self._line[0]
+
+
+@dataclass
+class PositionBias(Injected):
+    bias: float
+
+    def encoder(self) -> tuple[float, float]:
+        return 0.0, self.bias
+
+
+@dataclass
+class SensorDelay(Injected):
+    delay: float
+
+    def encoder(self) -> tuple[float, float]:
+        return self.delay, 0.0

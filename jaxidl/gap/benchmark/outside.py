@@ -1,0 +1,106 @@
+"""Effects that the catalogue does not hold: whoever names one of its effects for them is wrong."""
+
+import math
+from dataclasses import dataclass, field
+
+from jaxidl.gap.benchmark.injected import Floats, Injected
+
+
+@dataclass
+class Hysteresis(Injected):
+    """Dahl's friction with a long presliding distance: a spring that forgets, neither dry friction nor a spring [N or Nm]."""
+
+    level: float
+    distance: float
+    _stretch: float = field(default=0.0, init=False, repr=False)
+    _step: float = field(default=0.0, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        self._stretch, self._step = 0.0, step
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        speed = qd[self.joint]
+        self._stretch += self._step * (speed - abs(speed) * self._stretch / self.distance)
+        return -self.level * self._stretch / self.distance
+
+
+@dataclass
+class OffsetDrift(Injected):
+    """A torque that wanders slowly with time."""
+
+    amplitude: float
+    frequency: float
+    phase: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return self.amplitude * math.sin(2 * math.pi * self.frequency * t + self.phase)
+
+
+@dataclass
+class Disturbance(OffsetDrift):
+    """A periodic force from outside that knows nothing of the joint's position."""
+
+
+@dataclass
+class ScaleDrift(Injected):
+    """A motor constant that wanders slowly with time, as with temperature."""
+
+    amplitude: float
+    frequency: float
+    phase: float
+
+    def actuate(self, t: float, command: float) -> float:
+        return command * (1 + self.amplitude * math.sin(2 * math.pi * self.frequency * t + self.phase))
+
+
+@dataclass
+class CubicSpring(Injected):
+    stiffness: float
+    rest: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.stiffness * (q[self.joint] - self.rest) ** 3
+
+
+@dataclass
+class MemoryDrag(Injected):
+    """Drag of a fluid that has to be set moving: it follows the speed with a lag."""
+
+    coefficient: float
+    memory: float
+    _speed: float = field(default=0.0, init=False, repr=False)
+    _share: float = field(default=0.0, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        self._speed, self._share = 0.0, -math.expm1(-step / self.memory)
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        self._speed += self._share * (qd[self.joint] - self._speed)
+        return -self.coefficient * self._speed
+
+
+@dataclass
+class Dropouts(Injected):
+    """The motor loses a share ``depth`` of its torque for ``length`` s at irregular moments, ``interval`` s apart on average."""
+
+    depth: float
+    length: float
+    interval: float
+    phase: float
+
+    def actuate(self, t: float, command: float) -> float:
+        count = t / self.interval
+        moment = 0.5 + 0.3 * math.sin(12.9898 * math.floor(count) + self.phase)  # irregular, and the same in every run
+        out = 0 <= (count - math.floor(count) - moment) * self.interval < self.length
+        return command * (1 - self.depth) if out else command
+
+
+OUTSIDE: dict[str, type[Injected]] = {
+    "hysteresis": Hysteresis,
+    "offset_drift": OffsetDrift,
+    "scale_drift": ScaleDrift,
+    "disturbance": Disturbance,
+    "cubic_spring": CubicSpring,
+    "memory_drag": MemoryDrag,
+    "dropouts": Dropouts,
+}

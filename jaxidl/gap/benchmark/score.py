@@ -1,0 +1,151 @@
+"""The score of a workflow on the benchmark: pure functions of the truth and of the reports, both by the cases' identities."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from jaxidl.gap.benchmark import judge
+from jaxidl.gap.benchmark.judge import Record
+
+Pair = tuple[Record, Record | None]  # truth and report of a case
+Z95 = 1.959963984540054
+
+
+def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> dict[str, Any]:
+    """Everything that the benchmark says; shares are dictionaries as :func:`share` makes them. A missing report is a wrong one.
+
+    Args:
+        truth: what :func:`jaxidl.gap.benchmark.cases.truth` says of each case that counts.
+        reports: the ``report.json`` of each case.
+    """
+    families: dict[str, list[Pair]] = {name: [] for name in ("single", "none", "outside", "pair")}
+    for name, record in truth.items():
+        families[record["family"]].append((record, reports.get(name)))
+    return {
+        "cases": {name: len(pairs) for name, pairs in families.items()},
+        "failed": sum(report is None for pairs in families.values() for _, report in pairs),
+        "singles": _singles(families["single"]),
+        "none": _none(families["none"]),
+        "outside": _outside(families["outside"]),
+        "pairs": _pairs(families["pair"]),
+        "parameters": _parameters(families["single"]),
+        "gap_removed": _gap_removed(families),
+        "confusion": confusion(families["single"] + families["none"] + families["outside"]),
+    }
+
+
+def share(credits: Iterable[float]) -> dict[str, float]:
+    """``share`` of right answers among ``n``, and Wilson's 95 % interval ``low`` to ``high``; half credits count half."""
+    values = list(credits)
+    n, k = len(values), float(sum(values))
+    if not n:
+        return {"share": math.nan, "n": 0, "low": 0.0, "high": 1.0}
+    p, z2 = k / n, Z95**2
+    centre = (p + z2 / (2 * n)) / (1 + z2 / n)
+    half = Z95 * math.sqrt(p * (1 - p) / n + z2 / (4 * n * n)) / (1 + z2 / n)
+    return {"share": p, "n": n, "low": max(0.0, centre - half), "high": min(1.0, centre + half)}
+
+
+def quartiles(values: Iterable[float]) -> dict[str, float]:
+    """``n``, ``q25``, ``median`` and ``q75`` of the values; NaN without any."""
+    array = np.array(list(values), float)
+    low, middle, high = np.quantile(array, [0.25, 0.5, 0.75]) if len(array) else [math.nan] * 3
+    return {"n": len(array), "q25": float(low), "median": float(middle), "q75": float(high)}
+
+
+def confusion(pairs: Iterable[Pair]) -> dict[str, dict[str, int]]:
+    """How often each hidden effect, ``"none"`` or ``"outside"`` (rows) is called what (columns, see :func:`judge.column`)."""
+    counts: dict[str, dict[str, int]] = {}
+    for truth, report in pairs:
+        row = counts.setdefault(truth["hidden"][0]["effect"] if truth["hidden"] else "none", {})
+        name = judge.column(truth, report)
+        row[name] = row.get(name, 0) + 1
+    return counts
+
+
+def _singles(pairs: list[Pair]) -> dict[str, Any]:
+    """``right`` overall and by severity, mechanism and effect; ``right_or_tied`` counts an ambiguity that is physical in full."""
+    credits = [judge.single_credit(truth["hidden"][0], report) for truth, report in pairs]
+    rows = list(zip((truth for truth, _ in pairs), credits, strict=True))
+    return {
+        "right": share(credits),
+        "right_or_tied": share(1.0 if c == 0.5 and judge.tied(truth) else c for truth, c in rows),
+        "by_severity": _by(rows, lambda truth: truth["severity"]),
+        "by_mechanism": _by(rows, lambda truth: truth["mechanism"]),
+        "by_effect": _by(rows, lambda truth: truth["hidden"][0]["effect"]),
+        "verdicts": _verdicts(pairs),
+    }
+
+
+def _by(rows: list[tuple[Record, float]], group: Callable[[Record], str]) -> dict[str, dict[str, float]]:
+    names = dict.fromkeys(group(truth) for truth, _ in rows)
+    return {name: share(credit for truth, credit in rows if group(truth) == name) for name in names}
+
+
+def _verdicts(pairs: list[Pair]) -> dict[str, int]:
+    verdicts = [report["verdict"] if report else "failed" for _, report in pairs]
+    return {name: verdicts.count(name) for name in dict.fromkeys(verdicts)}
+
+
+def _none(pairs: list[Pair]) -> dict[str, Any]:
+    """``false_alarm``: an effect is named where none is hidden; ``not_nothing``: any other verdict than nothing missing."""
+    return {
+        "false_alarm": share(float(bool(judge.named(report))) for _, report in pairs),
+        "not_nothing": share(float(report is None or report["verdict"] != "nothing_missing") for _, report in pairs),
+        "verdicts": _verdicts(pairs),
+    }
+
+
+def _outside(pairs: list[Pair]) -> dict[str, Any]:
+    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence; overall and by kind."""
+    unsure = ("ambiguous", "unexplained")
+    rows = [(t, float(r is not None and bool(judge.named(r)) and r["verdict"] not in unsure)) for t, r in pairs]
+    return {
+        "misnamed": share(wrong for _, wrong in rows),
+        "by_kind": _by(rows, lambda truth: truth["hidden"][0]["parameters"]["kind"]),
+        "by_severity": _by(rows, lambda truth: truth["severity"]),
+        "verdicts": _verdicts(pairs),
+    }
+
+
+def _pairs(pairs: list[Pair]) -> dict[str, Any]:
+    """``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: of all effects; ``exact``: named
+    both and no other."""
+    credits = [judge.pair_credits(truth["hidden"], report) for truth, report in pairs]
+    rows = [(truth, float(np.mean(c)) if min(c) > 0 else 0.0) for (truth, _), c in zip(pairs, credits, strict=True)]
+    exact = [{judge.key(h) for h in truth["hidden"]} == set(judge.named(report)) for truth, report in pairs]
+    return {
+        "both": share(credit for _, credit in rows),
+        "found": share(credit for both in credits for credit in both),
+        "exact": share(map(float, exact)),
+        "by_mechanism": _by(rows, lambda truth: truth["mechanism"]),
+        "verdicts": _verdicts(pairs),
+    }
+
+
+def _parameters(pairs: list[Pair]) -> dict[str, Any]:
+    """Relative errors where a single effect is named right: of all parameters, by effect and parameter; and their honesty."""
+    errors: dict[str, dict[str, list[float]]] = {}
+    deviations: list[float] = []
+    for truth, report in pairs:
+        hidden = truth["hidden"][0]
+        if report is None or judge.single_credit(hidden, report) < 1:
+            continue
+        for name, (error, deviation) in judge.parameter_errors(hidden, report["effects"][0]).items():
+            errors.setdefault(hidden["effect"], {}).setdefault(name, []).append(error)
+            deviations += [] if deviation is None else [deviation]
+    return {
+        "all": quartiles(e for parts in errors.values() for values in parts.values() for e in values),
+        "by_effect": {effect: {name: quartiles(values) for name, values in parts.items()} for effect, parts in errors.items()},
+        "within_two_stderr": share(float(d <= 2) for d in deviations),
+    }
+
+
+def _gap_removed(families: Mapping[str, list[Pair]]) -> dict[str, Any]:
+    """Share of the excess held-out gap removed, where something is named: singles, those of them named right, and pairs."""
+    values = {name: [judge.removed(*pair) for pair in families[name]] for name in ("single", "pair")}
+    right = [judge.single_credit(truth["hidden"][0], report) == 1 for truth, report in families["single"]]
+    values["single_right"] = [v for v, is_right in zip(values["single"], right, strict=True) if is_right]
+    return {name: quartiles(v for v in found if v is not None) for name, found in values.items()}

@@ -1,0 +1,180 @@
+"""What may be missing: every effect of the catalogue on every joint, with where its fit begins."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.effects import (
+    CATALOGUE,
+    SEARCHED,
+    AsymmetricFriction,
+    CoupledFriction,
+    Effect,
+    InertiaError,
+    Payload,
+    PositionDependentFriction,
+    Scale,
+    Stiction,
+    StribeckFriction,
+)
+from jaxidl.gap.signals import Signals
+from jaxidl.gap.terms import Free, as_effect
+
+KNOTS = (6, 12)  # of tables over position
+
+ATOMS = ("viscous_friction", "coulomb_friction", "constant_offset", "quadratic_drag", "inertia_error", "torque_scale")
+"""Effects of one parameter that others may imitate together."""
+
+CONTAINS = {
+    "asymmetric_friction": ("viscous_friction", "coulomb_friction", "constant_offset"),
+    "stribeck_friction": ("coulomb_friction", "stiction"),
+    "position_dependent_friction": ("viscous_friction", "coulomb_friction"),
+    "coupled_friction": ("viscous_friction", "coulomb_friction"),
+    "payload": ("inertia_error",),
+    "joint_elasticity": ("actuator_lag", "actuator_delay"),
+    "backlash": ("joint_elasticity",),
+    "torque_ripple": ("constant_offset", "spring"),
+}
+"""Effects that can imitate others, which are simpler: the simpler one is preferred unless the other is clearly better."""
+
+ABSORBS = {
+    ("stribeck_friction", "level"): "coulomb_friction",
+    ("position_dependent_friction", "level"): "coulomb_friction",
+    ("position_dependent_friction", "coefficient"): "viscous_friction",
+    ("coupled_friction", "level"): "coulomb_friction",
+    ("coupled_friction", "coefficient"): "viscous_friction",
+}
+"""What an effect with a certain free parameter makes superfluous on its joint, because it has it as a part."""
+
+TIMING = ("actuator_lag", "actuator_delay", "sensor_delay", "joint_elasticity", "backlash")
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """An effect that may be missing, before it is fitted. Compared by identity."""
+
+    name: str
+    joint: int | None
+    variant: str
+    guess: Effect
+    free: Free
+    loose: bool = False  # may one linear step go as far as it likes?
+
+    @property
+    def key(self) -> tuple[str, int | None, str]:
+        return self.name, self.joint, self.variant
+
+    @property
+    def cost(self) -> float:
+        """Complexity: of two equally good explanations the one of lower cost is the simpler."""
+        values = sum(np.size(getattr(self.guess, name)) for name in self.free)
+        return min(values, 6) + (0.0 if CATALOGUE.get(self.name, Effect).linear else 0.5) + (self.name in TIMING) * 0.5
+
+    @property
+    def spread(self) -> bool:
+        """Does it reach beyond its joint although it is a one-joint effect?"""
+        return "mass" in self.free and self.name == InertiaError.name
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper bounds (P,) of its free parameters."""
+        lower, upper = [], []
+        for name in self.free:
+            spec, size = self.guess.parameters[name], np.size(getattr(self.guess, name))
+            lower += [spec.lower] * size
+            upper += [spec.upper] * size
+        return np.array(lower), np.array(upper)
+
+
+def scale_of(signals: Signals, joint: int, residual: float) -> Scale:
+    """How large things are on one joint."""
+    q, qd = signals.q[:, joint], signals.qd[:, joint]
+    low, high = np.quantile(q, [0.002, 0.998])
+    inertia = float(np.median(signals.tables.inertia[:, joint, joint]))
+    torque, speed = np.abs(signals.tau[:, joint]).max(), np.quantile(np.abs(qd), 0.998)
+    return Scale(float(torque), float(speed), float(low), float(high), inertia, residual, signals.band, signals.dt)
+
+
+def candidates(signals: Signals, residual: np.ndarray, names: Sequence[str] = SEARCHED) -> list[Candidate]:
+    """All candidates for a log whose present residual has the root mean square ``residual`` (J,)."""
+    joints = signals.q.shape[1]
+    out: list[Candidate] = []
+    for joint in range(joints):
+        scale = scale_of(signals, joint, float(residual[joint]))
+        if scale.speed <= 0.0:
+            continue  # nothing is learned of a joint that never moves
+        for name in names:
+            out += _of_joint(CATALOGUE[name], joint, joints, scale, signals)
+    if Payload.name in names:
+        out += _payloads(signals)
+    return out
+
+
+def _of_joint(cls: type[Effect], joint: int, joints: int, scale: Scale, signals: Signals) -> list[Candidate]:
+    if cls.whole:
+        return []
+    if cls in (PositionDependentFriction, CoupledFriction):
+        return _tables_of(cls, joint, joints, signals)
+    if cls is InertiaError:
+        return _inertia(joint, signals)
+    if cls is AsymmetricFriction:
+        kinds = {"dry": ("positive", "negative"), "viscous": ("viscous_positive", "viscous_negative")}
+        kinds["both"] = (*kinds["dry"], *kinds["viscous"])
+        return [Candidate(cls.name, joint, kind, as_effect(cls, {}), free) for kind, free in kinds.items()]
+    if cls is Stiction:
+        return [Candidate(cls.name, joint, "", as_effect(cls, cls.guesses(scale)[0]), ("breakaway",))]
+    found = []
+    for number, guess in enumerate(cls.guesses(scale)):
+        free, loose = tuple(cls.parameters), cls.name == "spring"
+        found.append(Candidate(cls.name, joint, str(number), as_effect(cls, guess, **_options(cls, signals)), free, loose))
+    return found
+
+
+def _options(cls: type[Effect], signals: Signals) -> dict[str, Any]:
+    """Lines of dead time are long enough for 80 ms, and no longer: they cost time."""
+    return {"steps": max(4, int(0.08 / signals.dt))} if "steps" in cls.__dataclass_fields__ else {}
+
+
+def _inertia(joint: int, signals: Signals) -> list[Candidate]:
+    """Rotor inertia, and the body's mass where that is not the same thing."""
+    kinds = {"rotor": ("extra",)}
+    rotor, body = signals.qdd[signals.rows, joint], signals.tables.by_mass[signals.rows, :, joint]
+    own = body[:, joint]
+    share = (own @ rotor) ** 2 / max((own @ own) * (rotor @ rotor), 1e-300)
+    if share < 1.0 - 1e-6 or np.abs(np.delete(body, joint, 1)).max(initial=0.0) > 1e-9 * np.abs(own).max(initial=0.0):
+        kinds["body"] = ("mass",)
+    guess = as_effect(InertiaError, {})
+    return [Candidate(InertiaError.name, joint, kind, guess, free) for kind, free in kinds.items()]
+
+
+def _tables_of(cls: type[Effect], joint: int, joints: int, signals: Signals) -> list[Candidate]:
+    """Dry and viscous tables over the joint's own or another one's position."""
+    found = []
+    others = [joint] if cls is PositionDependentFriction else [other for other in range(joints) if other != joint]
+    for other in others:
+        low, high = np.quantile(signals.q[:, other], [0.002, 0.998])
+        if not high > low:
+            continue
+        for knots in KNOTS:
+            zeros, ends = np.zeros(knots), {"lower": low, "upper": high}
+            if cls is PositionDependentFriction:
+                tables = {key: jnp.asarray(zeros[None]) for key in ("level", "coefficient")}
+                guess: Effect = cls(**tables, **{key: jnp.asarray([x]) for key, x in ends.items()})
+            else:
+                tables = {key: jnp.asarray(zeros) for key in ("level", "coefficient")}
+                guess = cls(**tables, **{key: jnp.asarray(x) for key, x in ends.items()}, joint=joint, other=other)
+            for free in ("level", "coefficient"):
+                found.append(Candidate(cls.name, joint, f"{free} {knots} over {other}", guess, (free,)))
+    return found
+
+
+def _payloads(signals: Signals) -> list[Candidate]:
+    if not np.abs(signals.tables.by_load).max() > 0.0:
+        return []
+    guess = Payload(jnp.asarray(0.1), jnp.zeros(3))
+    return [Candidate(Payload.name, None, "", guess, ("mass", "com"), loose=True)]
+
+
+__all__ = ["ATOMS", "CONTAINS", "TIMING", "Candidate", "StribeckFriction", "candidates", "scale_of"]

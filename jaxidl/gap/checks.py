@@ -1,0 +1,263 @@
+"""What must be true of a measured log before anything is concluded from it, and what is worth telling about it.
+
+From a file's columns to numbers of the same joints in order of time, and what a whole log shows of motion. What a user has to
+mend is a `LogError` that names column and row; what only looks odd is a note.
+"""
+
+import difflib
+import re
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxidl.errors import LogError
+from jaxidl.gap.tables import KINDS, Table, listed, shown
+
+LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log; [s]
+STILL = 1e-9  # [m or rad]; less is no motion
+CLIPPED = 20  # samples in a row at the very same extreme
+LARGEST = 1e9  # no position, speed or torque in SI units is larger
+OTHER_WORDS = {
+    "time": "t times timestamp timestamps sec secs second seconds clock",
+    "run": "runs trial trials episode lap runid",
+    "q": "pos position angle joint theta x qpos",
+    "tau": "torque force effort u f ctrl trq",
+    "qd": "dq qdot vel velocity v qvel speed",
+    "qdd": "ddq qddot acc acceleration a qacc",
+}
+MEANT = {word: kind for kind, words in OTHER_WORDS.items() for word in [kind, *words.split()]}
+
+
+class Samples(NamedTuple):
+    """What one file holds, in numbers and in order."""
+
+    table: Table
+    time: np.ndarray  # (T,) [s], strictly increasing within a run
+    signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
+    run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
+
+
+def meant(name: str) -> str | None:
+    """The column that a near miss stands for: ``t [ms]`` is ``time``, ``Torque_1`` is ``tau1``."""
+    plain = re.sub(r"[\[(]\s*([0-9]+)\s*[\])]", r"\1", name[:40].lower())  # q[0]; any other bracket holds a unit
+    plain = re.sub(r"_(s|sec|ms|us|ns|rad|deg|m|mm|n|nm)$", "", re.sub(r"[\[(].*", "", plain).strip())
+    parts = re.fullmatch(r"([a-z]+)([0-9]{0,4})", re.sub(r"[^a-z0-9]", "", plain))
+    kind = MEANT.get(parts[1]) if parts else None
+    return kind if kind is None or parts is None or kind in ("time", "run") else f"{kind}{int(parts[2] or 0)}"
+
+
+def count_joints(table: Table, joints: int | None) -> int:
+    """J, once time is there, and q and tau are there for each of the joints 0 to J - 1.
+
+    Args:
+        joints: how many the model has; None takes the log's word for it.
+
+    Raises:
+        LogError: if a column is missing, with the one that may be it; if the joints are not the model's.
+    """
+    has = {kind: sorted(int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)) for kind in KINDS}
+    count = max([0, *has["q"], *has["tau"]]) + 1 if joints is None else joints
+    if "time" not in table.columns:
+        got = f"columns {listed([*table.columns, *table.ignored])}"
+        raise LogError(f"a column time in {table.name}", got, (_near(table, "time") or "add a column time") + ", in seconds")
+    for kind in KINDS:
+        if kind in ("q", "tau") or has[kind]:
+            _numbered(table, kind, has[kind], count, joints)
+    return count
+
+
+def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int | None) -> None:
+    """Complain unless a kind of column is there for the joints 0, 1, ..., count - 1."""
+    if has == list(range(count)):
+        return
+    missing = sorted(set(range(count)) - set(has))
+    remedy = f"remove {kind}{count} and above, or give the model that was measured"
+    if missing:
+        remedy = _near(table, f"{kind}{missing[0]}") or f"add a column {kind}{missing[0]}"
+    from_one = has == list(range(1, len(has) + 1)) and not any(f"{other}0" in table.columns for other in KINDS)
+    if has and from_one and "rename" not in remedy:
+        count -= joints is None
+        remedy = f"number joints from 0: rename {kind}1 to {kind}0, and so on"
+    span = f"column {kind}0" if count == 1 else f"columns {kind}0..{kind}{count - 1}"
+    why = "without gaps" if joints is None else f"for the model's {joints} joint{'s' * (joints > 1)}"
+    got = [f"{kind}{n}" for n in has] or [*table.columns, *table.ignored]
+    raise LogError(f"{span} {why} in {table.name}", listed(got), remedy)
+
+
+def _near(table: Table, key: str) -> str | None:
+    """What to do about a missing column if it seems to go by another name."""
+    candidates = [name for name in table.ignored[:200] if len(name) <= 40]
+    near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(key, candidates, 1, 0.7)
+    return f"rename column {shown(near[0])} to {key}" if near else None
+
+
+def numbers(table: Table, key: str) -> np.ndarray:
+    """A column (T,) as finite float64.
+
+    Raises:
+        LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on sizes that no SI unit gives.
+    """
+    column, where = table.columns[key], f"column {key} of {table.name}"
+    if isinstance(column, list):
+        values = _parsed(table, key, column)
+    elif column.dtype.kind not in "fiu":
+        got = f"{column.dtype}, {shown(column[:1].tolist()[0])} in {table.row(0)}"
+        raise LogError(f"real numbers in {where}", got, "store the column as float64")
+    else:
+        with np.errstate(over="ignore"):  # more than 64 bits: infinite, and said below
+            values = column.astype(np.float64)
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        got = f"{values[bad[0]]} in {table.row(int(bad[0]))}" + (f" and in {bad.size - 1} more" if bad.size > 1 else "")
+        remedy = "interpolate them, or cut those rows out and start a new `run` after them"
+        raise LogError(f"finite numbers in {where}", got, remedy)
+    big = np.flatnonzero(np.abs(values) > LARGEST) if key != "time" else bad
+    if big.size:
+        got = f"{values[big[0]]:g} in {table.row(int(big[0]))}"
+        raise LogError(f"SI units (m or rad, N or N m) in {where}", got, "convert the column, or remove that row")
+    return values
+
+
+def _parsed(table: Table, key: str, cells: list[str]) -> np.ndarray:
+    try:
+        if "_" not in "".join(cells):  # Python takes 1_000 for a number; here it is a slip
+            return np.fromiter(map(float, cells), np.float64, len(cells))
+    except ValueError:
+        pass
+    for i, cell in enumerate(cells):
+        text = cell.strip()
+        try:
+            if "_" not in text:
+                float(text)
+                continue
+        except ValueError:
+            pass
+        got, remedy = f"{shown(text)} in {table.row(i)}", "write a number there, or remove the row"
+        if not text:
+            got, remedy = f"an empty cell in {table.row(i)}", "fill it, or remove the row"
+        elif re.fullmatch(r"[-+]?[0-9]+,[0-9]+", text):
+            remedy = "write decimals with a point, not a comma"
+        raise LogError(f"numbers in column {key} of {table.name}", got, remedy)
+    raise AssertionError("a cell that is no number")
+
+
+def samples(table: Table, joints: int | None) -> Samples:
+    """A file's columns as numbers, once they are complete, of equal length, and in order.
+
+    Raises:
+        LogError: naming column and row.
+    """
+    count = count_joints(table, joints)
+    lengths = {key: len(column) for key, column in table.columns.items()}
+    for key, length in lengths.items():
+        if length != lengths["time"]:
+            got = f"{length} in {key} and {lengths['time']} in time"
+            raise LogError(f"as many rows in every column of {table.name}", got, "store all columns at the same instants")
+    if not lengths["time"]:
+        raise LogError(f"rows of data in {table.name}", "none below the header", "record the motion again, or export it whole")
+    time = numbers(table, "time")
+    kinds = [kind for kind in KINDS if f"{kind}0" in table.columns]
+    signals = {kind: np.stack([numbers(table, f"{kind}{j}") for j in range(count)], axis=1) for kind in kinds}
+    found = Samples(table, time, signals, labels(table) if "run" in table.columns else np.zeros(len(time), int))
+    in_order(found)
+    return found
+
+
+def labels(table: Table) -> np.ndarray:
+    """The column ``run`` (T,), whose labels may be anything, as 0, 1, 2, ... in order of appearance.
+
+    Raises:
+        LogError: on an empty label, and on a run whose rows are not all together.
+    """
+    column, codes, run = table.columns["run"], {}, []
+    for i, label in enumerate(column if isinstance(column, list) else column.tolist()):
+        key = label.strip() if isinstance(label, str) else label
+        if not ((isinstance(key, str | bytes) and key) or (isinstance(key, int | float) and key == key)):
+            got = f"{shown(key)} in {table.row(i)}"
+            raise LogError(f"a label in column run of {table.name}", got, "number the runs 0, 1, 2, ...")
+        if codes.setdefault(key, len(codes)) != len(codes) - 1:
+            got = f"{shown(key)} again in {table.row(i)}, after other runs"
+            raise LogError(f"the rows of each run together in {table.name}", got, "sort by run, or give that part its own label")
+        run.append(codes[key])
+    return np.array(run, int)
+
+
+def in_order(found: Samples) -> None:
+    """Complain where time stands still or goes back within a run, and where a position jumps by a whole turn."""
+    table, time = found.table, found.time
+    with np.errstate(over="ignore"):
+        step = np.diff(time)
+    within = np.diff(found.run) == 0
+    bad = np.flatnonzero(within & (step <= 0)) + 1
+    if bad.size:
+        i = int(bad[0])
+        before = float(time[i - 1])
+        expected = f"time in {table.name} to increase from row to row"
+        if before == time[i]:
+            got, remedy = f"{time[i]:.9g} again in {table.row(i)}", "remove the repeated row, or write time with more digits"
+        else:
+            got = f"{time[i]:.9g} after {before:.9g} in {table.row(i)}"
+            remedy = "sort the rows by time, or give the rows from there on another label in column run"
+            if i > 1 and time[i] > time[i - 2]:
+                remedy = "correct the time of one of the two rows, or sort by time"
+            elif "run" not in table.columns and time[i] <= time[0] + 0.1 * (before - time[0]):
+                got, remedy = got + ", as if it started again", "add a column run that numbers the runs 0, 1, 2, ..."
+        raise LogError(expected, got, remedy)
+    for j, q in enumerate(found.signals["q"].T):
+        if np.ptp(q) <= 2.01 * np.pi:  # an angle that wraps stays within a turn, and jumps from one end of it to the other
+            jump = np.flatnonzero(within & (np.abs(np.diff(q)) > 1.8 * np.pi)) + 1
+            if jump.size:
+                got = f"a jump from {q[jump[0] - 1]:.4g} to {q[jump[0]]:.4g} in {table.row(int(jump[0]))}"
+                raise LogError(f"q{j} in {table.name} to be continuous", got, "unwrap the angle (numpy.unwrap)")
+
+
+def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]) -> list[str]:
+    """What is odd about a whole log: channels that stand still, sit at a limit, or jump.
+
+    Args:
+        q: (T, J) [m or rad]; tau: (T, J) [N or N m]; time: (T,) [s]; dt: the sampling interval [s].
+        segments: the rows of each run.
+
+    Raises:
+        LogError: if the log is too short, nothing moved or nothing drove it.
+    """
+    if len(time) < LEAST_SAMPLES or round(len(time) * dt, 6) < LEAST_DURATION:
+        got = f"{len(time)} samples over {len(time) * dt:.3g} s"
+        remedy = "record longer, and give time in seconds"
+        raise LogError(f"at least {LEAST_SAMPLES} samples and {LEAST_DURATION:g} s of motion", got, remedy)
+    still = [j for j, s in enumerate(q.T) if all(np.ptp(s[run]) <= STILL for run in segments)]
+    if len(still) == q.shape[1]:
+        remedy = "record a motion, or check that the q columns are the measured positions"
+        raise LogError("a joint that moves", f"nothing moved: {listed([f'q{j}' for j in still])} constant", remedy)
+    idle = [j for j, s in enumerate(tau.T) if not s.any()]
+    if len(idle) == tau.shape[1]:
+        remedy = "check that the tau columns are the measured or commanded torques"
+        raise LogError("a torque", f"nothing drove it: {listed([f'tau{j}' for j in idle])} zero throughout", remedy)
+    notes = [f"q{j} is constant: nothing can be said about that joint" for j in still]
+    notes += [f"tau{j} is zero throughout: taken for a joint without a drive" for j in idle]
+    notes += [f"tau{j} is constant at {s[0]:g}" for j, s in enumerate(tau.T) if s[0] and not np.ptp(s)]
+    for j, s in enumerate(tau.T):
+        for limit in (s.max(), s.min()):
+            at = s == limit
+            if limit and np.ptp(s) and at.mean() >= 0.01 and _longest(at) >= CLIPPED:
+                notes.append(f"tau{j} sits at its limit {limit:g} for {at.mean():.0%} of the time")
+    for j, s in enumerate(q.T):
+        jumps = [run.start + i for run in segments for i in _jumps(s[run])]
+        if jumps:
+            often = f", and {len(jumps) - 1} more" if len(jumps) > 1 else ""
+            notes.append(f"q{j} jumps at {time[jumps[0]]:.6g} s{often}: a glitch of its sensor?")
+    return notes
+
+
+def _longest(flags: np.ndarray) -> int:
+    """The length of the longest row of True in flags (T,)."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def _jumps(q: np.ndarray) -> list[int]:
+    """Samples of one run (n,) at which the position jumps: its second difference is far above nearly all others."""
+    bend = np.abs(np.diff(q, 2))
+    usual = max(float(np.quantile(bend, 0.98)), float(bend[bend > STILL].min(initial=np.inf)))  # or one count of the encoder
+    far = np.flatnonzero(bend > 50 * usual) + 1
+    return far[np.diff(far, prepend=-9) > 3].tolist()  # one jump bends up to three samples

@@ -1,0 +1,313 @@
+"""Fits of sets of effects to a log, and their errors on blocks that took no part.
+
+The torque balance of joint j at a kept row is ``net = delivered + torques − inverse dynamics``; a moving joint's dry friction must
+equal it, a resting one's may be anything within its level. All is linearised about the members' present parameters, solved by
+least squares with bounds, and validated by leaving out one contiguous block after the other: residuals of real machines are correlated
+from sample to sample, blocks hardly are.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxidl.effects import Effect
+from jaxidl.gap.candidates import Candidate
+from jaxidl.gap.signals import Signals
+from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_parameters
+
+BLOCKS = 24
+SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
+STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
+RIDGE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A candidate with parameters, and what it contributes there."""
+
+    candidate: Candidate
+    effect: Effect
+    value: Contribution
+    slopes: Contribution
+    delivered: np.ndarray | None = field(default=None, repr=False)  # (T, J) torque after it, if it changes the torque
+
+    @property
+    def theta(self) -> np.ndarray:
+        return parameters_of(self.effect, self.candidate.free)
+
+    def joints(self) -> tuple[int, ...]:
+        """The joints that it touches."""
+        touched = [np.any(self.slopes.net, (0, 1)) | np.any(self.slopes.slide, (0, 1)) | np.any(self.slopes.grip, (0, 1))]
+        touched += [np.any(part, 0) for part in self.value]
+        return tuple(np.flatnonzero(np.any(touched, axis=0)).tolist())
+
+
+def member(candidate: Candidate, effect: Effect, signals: Signals, tau: np.ndarray) -> Member:
+    """The candidate at an effect's parameters, given the torque (T, J) that arrives at it."""
+    value, slopes, delivered = contribution(
+        effect,
+        candidate.joint if candidate.name != "coupled_friction" else None,
+        candidate.free,
+        signals,
+        tau,
+        everywhere=candidate.spread,
+    )
+    changed = None if delivered is tau or np.array_equal(delivered, tau) else delivered
+    return Member(candidate, effect, value, slopes, changed)
+
+
+class Data(NamedTuple):
+    """Rows that fits share: N of them on J joints, those of training in blocks."""
+
+    base: Float[np.ndarray, "N J"]  # the balance without any effect
+    moving: Bool[np.ndarray, "N J"]
+    resting: Bool[np.ndarray, "N J"]
+    block: np.ndarray  # (N,) block number; −1 for rows kept aside
+    floor: Float[np.ndarray, "J"]  # of the noise
+    command: Float[np.ndarray, "J"]  # spread of the commanded torque
+    signals: Signals
+
+
+def data_of(signals: Signals, held_out: float, blocks: int = BLOCKS) -> Data:
+    """Rows of a log; the last share ``held_out`` is kept aside."""
+    rows = signals.rows
+    base = signals.command(signals.tau)[rows] - signals.tables.torque[rows]
+    train = round(len(rows) * (1.0 - held_out))
+    block = np.full(len(rows), -1)
+    block[:train] = np.arange(train) * blocks // max(train, 1)
+    spread = np.std(signals.tau[rows], axis=0)
+    return Data(base, signals.moving[rows], signals.resting[rows], block, signals.noise_floor, spread, signals)
+
+
+class Fit(NamedTuple):
+    """A set of members with fitted parameters."""
+
+    members: tuple[Member, ...]  # as given: linearised where they were
+    thetas: tuple[np.ndarray, ...]  # fitted parameters of each
+    samples: tuple[np.ndarray, ...]  # (B, P) of each: fitted without block b
+    error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it
+    count: Float[np.ndarray, "B J"]  # rows of block b
+    residual: Float[np.ndarray, "N J"]  # fitted on all blocks, on all rows
+    feasible: bool
+
+    def rms(self, joint: int) -> float:
+        """Held-out root mean square error over the training blocks of one joint."""
+        return float(np.sqrt(self.error[:, joint].sum() / max(self.count[:, joint].sum(), 1)))
+
+    def stderr(self, which: int) -> np.ndarray:
+        """Standard errors (P,) of one member's parameters: block jackknife."""
+        samples = self.samples[which]
+        b = len(samples)
+        return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
+
+
+def used(data: Data) -> np.ndarray:
+    """Rows (N, J) that count: not those where a rest begins or ends."""
+    return data.moving | data.resting
+
+
+def only(data: Data, joints: tuple[int, ...]) -> Data:
+    """The rows of some joints."""
+    pick = list(joints)
+    return data._replace(
+        base=data.base[:, pick],
+        moving=data.moving[:, pick],
+        resting=data.resting[:, pick],
+        floor=data.floor[pick],
+        command=data.command[pick],
+    )
+
+
+def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Fit:
+    """Least squares over the training rows, joints weighted by ``weight`` (J,) [1/N or 1/Nm]; ``joints`` alone if given."""
+    pick: slice | list[int] = slice(None)
+    if joints is not None and len(joints) < data.base.shape[1]:
+        pick, data, weight = list(joints), only(data, joints), weight[list(joints)]
+    sizes = [len(m.theta) for m in members]
+    theta0 = np.concatenate([m.theta for m in members]) if members else np.zeros(0)
+    stack = lambda part: np.concatenate([getattr(m.slopes, part)[..., pick] for m in members])  # noqa: E731
+    total = lambda part: sum(getattr(m.value, part)[..., pick] for m in members)  # noqa: E731
+    if members:
+        net0, slide0, grip0 = data.base + total("net"), total("slide"), total("grip")
+        problem = _Problem(data, weight, net0, slide0, grip0, stack("net"), stack("slide"), stack("grip"))
+    else:
+        nothing = np.zeros((0, *data.base.shape))
+        problem = _Problem(data, weight, data.base, 0 * data.base, 0 * data.base, nothing, nothing, nothing)
+    limits = [_limits(m) for m in members]
+    lower = np.concatenate([low for low, _ in limits]) - theta0 if members else theta0
+    upper = np.concatenate([high for _, high in limits]) - theta0 if members else theta0
+    step, steps, feasible = problem.solve(lower, upper)
+    cuts = np.cumsum(sizes)[:-1]
+    blocks = len(steps)
+    size = problem.typical(step)
+    residual = problem.residual(np.broadcast_to(step, (len(data.base), len(step))), np.arange(len(data.base)), size)
+    train = np.flatnonzero(data.block >= 0)
+    kept_out = problem.residual(steps[data.block[train]], train, size)
+    counted = used(data)[train]
+    edges = np.flatnonzero(np.diff(data.block[train], prepend=-1))
+    error = np.add.reduceat(kept_out**2 * counted, edges, axis=0)
+    count = np.add.reduceat(counted.astype(float), edges, axis=0)
+    assert len(error) == blocks
+    split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
+    return Fit(members, split(theta0 + step), split(theta0 + steps), error, count, residual, feasible)
+
+
+def _limits(m: Member) -> tuple[np.ndarray, np.ndarray]:
+    """How far one linear step may go: within the bounds, and for shapes not too far from where they are linearised."""
+    low, high = m.candidate.bounds()
+    theta = m.theta
+    if not (m.candidate.loose or m.effect.linear):
+        small = np.array([name in ("sine", "cosine", "bias", "scale", "level", "excess", "mass", "com") for name in _names(m)])
+        reach = np.where(small, np.inf, STEP * np.abs(theta) + 1e-12)
+        low, high = np.maximum(low, theta - reach), np.minimum(high, theta + reach)
+    return low, high
+
+
+def _names(m: Member) -> list[str]:
+    return [name for name in m.candidate.free for _ in range(np.size(getattr(m.effect, name)))]
+
+
+@dataclass
+class _Problem:
+    """The linearised balance about the members' parameters: ``net0 + net @ step`` and so on."""
+
+    data: Data
+    weight: np.ndarray
+    net0: np.ndarray
+    slide0: np.ndarray
+    grip0: np.ndarray
+    net: np.ndarray  # (P, N, J)
+    slide: np.ndarray
+    grip: np.ndarray
+
+    def __post_init__(self) -> None:
+        self.dry = np.any(self.slide0, 0) | np.any(self.grip0, 0) | np.any(self.slide, (0, 1)) | np.any(self.grip, (0, 1))
+        self.at_rest_only = np.any(self.grip, (1, 2)) & ~np.any(self.slide, (1, 2)) & ~np.any(self.net, (1, 2))
+
+    def _balance(self, step: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Balance, sliding friction and hold at ``rows`` (n,); ``step`` (P,), or (n, P) with one of its own for each row."""
+
+        def at(zero: np.ndarray, slope: np.ndarray) -> np.ndarray:
+            if not slope.any():
+                return zero[rows]
+            if step.ndim == 1:
+                return zero[rows] + np.tensordot(step, slope[:, rows], 1)
+            return zero[rows] + sum(step[:, p, None] * slope[p, rows] for p in range(len(slope)))
+
+        return at(self.net0, self.net), at(self.slide0, self.slide), np.maximum(at(self.grip0, self.grip), 0.0)
+
+    def residual(self, step: np.ndarray, rows: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """What is left (n, J) at ``rows``; at rest nothing is thought to be known to better than ``size`` (J,)."""
+        net, slide, grip = self._balance(step, rows)
+        moving = net - slide
+        resting = self.data.resting[rows] & self.dry
+        if not resting.any():
+            return moving
+        beyond = np.maximum(np.abs(net) - grip, 0.0)
+        held = np.sign(net) * np.maximum(beyond, np.minimum(np.abs(net), size))
+        return np.where(resting, held, moving)
+
+    def typical(self, step: np.ndarray) -> np.ndarray:
+        """Error in motion (J,), which friction is not believed to undo at rest; never below three times the noise."""
+        rows = np.flatnonzero(self.data.block >= 0)[::4]
+        net, slide, _ = self._balance(step, rows)
+        moving = self.data.moving[rows]
+        rms = np.sqrt(np.sum((net - slide) ** 2 * moving, 0) / np.maximum(moving.sum(0), 1))
+        return SHARE_AT_REST * np.maximum(rms, 3.0 * self.data.floor)
+
+    def solve(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Step (P,) from all blocks, (B, P) from all but one each, and whether no bound of a parameter was hit."""
+        blocks = self.data.block.max() + 1
+        step = np.clip(np.zeros(len(lower)), lower, upper)
+        if not len(lower):
+            return step, np.tile(step, (blocks, 1)), True
+        pinned = self.at_rest_only.copy()
+        gram, right = np.zeros(0), np.zeros(0)
+        sticking = bool((self.data.resting & self.dry).any())
+        for _ in range(3 if sticking else 1):
+            gram, right = self._normal(step)
+            for _ in range(4):
+                step[~pinned] = _solve(gram.sum(0), right.sum(0), step, ~pinned)
+                wrong = ~pinned & ((step < lower) | (step > upper))
+                step = np.clip(step, lower, upper)
+                if not wrong.any():
+                    break
+                pinned |= wrong
+            self._cover(step, np.ones(len(self.data.base), bool), lower)
+        steps = np.tile(step, (blocks, 1))
+        steps[:, ~pinned] = _solve(gram.sum(0) - gram, right.sum(0) - right, step, ~pinned)
+        if self.at_rest_only.any():
+            for b in range(blocks):
+                self._cover(steps[b], self.data.block != b, lower)
+        return step, steps, not (pinned & ~self.at_rest_only).any()
+
+    def _normal(self, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normal equations (B, P, P) and (B, P) of each training block."""
+        rows = np.flatnonzero(self.data.block >= 0)
+        counted = used(self.data)[rows].astype(float)
+        columns, target = self.net[:, rows] - self.slide[:, rows], self.net0[rows] - self.slide0[rows]
+        resting = self.data.resting[rows] & self.dry
+        if resting.any():
+            net, _, grip = self._balance(step, rows)
+            loose = np.abs(net) > grip + self.typical(step)
+            columns = np.where(resting, self.net[:, rows] - np.sign(net) * self.grip[:, rows], columns)
+            target = np.where(resting, self.net0[rows] - np.sign(net) * self.grip0[rows], target)
+            counted = np.where(resting & ~loose, 0.0, counted)
+        both = np.concatenate([columns, target[None]]) * (counted * self.weight)
+        edges = np.flatnonzero(np.diff(self.data.block[rows], prepend=-1))
+        parts = [part.reshape(len(both), -1) for part in np.split(both, edges[1:], axis=1)]
+        product = np.stack([part @ part.T for part in parts])
+        return product[:, :-1, :-1], -product[:, :-1, -1]
+
+    def _cover(self, step: np.ndarray, among: np.ndarray, lower: np.ndarray) -> None:
+        """Levels that act at rest only: the least one that holds what rested, nearly always."""
+        for p in np.flatnonzero(self.at_rest_only):
+            step[p] = lower[p]
+            rows = np.flatnonzero((self.data.block >= 0) & among)
+            net, _, grip = self._balance(step, rows)
+            unit = self.grip[p, rows]
+            needed = np.where(unit > 0.0, (np.abs(net) - grip) / np.where(unit > 0.0, unit, 1.0), 0.0)
+            needed = needed[(unit > 0.0) & self.data.resting[rows]]
+            step[p] += max(float(np.quantile(needed, 0.998)), 0.0) if len(needed) else 0.0
+
+
+def _solve(gram: np.ndarray, right: np.ndarray, step: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The free part of the solution (..., F), the rest of ``step`` being given.
+
+    Scaled, and slightly damped so that what the data does not show stays where it is.
+    """
+    if not free.any():
+        return np.zeros((*gram.shape[:-2], 0))
+    a = gram[..., free, :][..., :, free]
+    y = right[..., free] - gram[..., free, :][..., :, ~free] @ step[~free]
+    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 1e-300))
+    a = a / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(a.shape[-1])
+    return np.linalg.solve(a, (y / scale)[..., None])[..., 0] / scale
+
+
+def updated(found: Fit, signals: Signals) -> tuple[Member, ...]:
+    """The members at their fitted parameters: the torque passes through them in their order."""
+    tau, out = signals.tau, []
+    for m, theta in zip(found.members, found.thetas, strict=True):
+        low, high = m.candidate.bounds()
+        effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))
+        if effect.linear and m.delivered is None and not _needs_torque(effect):
+            out.append(_moved(m, effect, theta))
+        else:
+            out.append(member(m.candidate, effect, signals, tau))
+        if out[-1].delivered is not None:
+            tau = out[-1].delivered
+    return tuple(out)
+
+
+def _needs_torque(effect: Effect) -> bool:
+    return effect.name == "load_dependent_friction"
+
+
+def _moved(m: Member, effect: Effect, theta: np.ndarray) -> Member:
+    """A member linear in its parameters, elsewhere: no need to compute it again."""
+    step = theta - m.theta
+    value = Contribution(*(v + np.tensordot(step, s, 1) for v, s in zip(m.value, m.slopes, strict=True)))
+    return replace(m, effect=effect, value=value)

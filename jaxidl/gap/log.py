@@ -1,0 +1,259 @@
+"""Measured logs: read from CSV, NPZ or Parquet, checked, and brought onto one sampling interval.
+
+A log is what a mechanism did: time, positions and torques of its joints, perhaps velocities and accelerations, in SI units,
+in one run or several. What cannot be used is refused with one line that names column and row; what was mended is a note.
+"""
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int
+
+from jaxidl.errors import LogError
+from jaxidl.gap import checks
+from jaxidl.gap.checks import Samples
+from jaxidl.gap.tables import KINDS, Table, expanded, listed, load, name_of, reason
+
+LATEST = 1e10  # [s]; a Unix time is smaller
+LEAST_RATE = 20.0  # [Hz]
+LEAST_RUN = 50  # samples
+BRIDGED = 5  # as many missing samples in a row are interpolated, more split the run
+UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left as they are
+IRREGULAR = 0.1  # share of intervals that may be off by half
+SAME_RATE = 0.01  # relative; further apart is another rate
+
+
+@dataclass(frozen=True)
+class Log:
+    """What a mechanism did, sampled at one rate. Within a run the samples are ``dt`` apart."""
+
+    time: Float64[np.ndarray, " T"]  # [s], increasing within a run
+    q: Float64[np.ndarray, "T J"]  # [m or rad]
+    tau: Float64[np.ndarray, "T J"]  # [N or N m]
+    qd: Float64[np.ndarray, "T J"] | None  # [m/s or rad/s], if it was measured
+    qdd: Float64[np.ndarray, "T J"] | None  # [m/s^2 or rad/s^2], if it was measured
+    run: Int[np.ndarray, " T"]  # 0, 1, 2, ... in order of appearance
+    dt: float  # [s] nominal sampling interval
+    notes: tuple[str, ...]  # what is worth telling and was no error
+
+    @property
+    def joints(self) -> int:
+        """J, the number of joints."""
+        return self.q.shape[1]
+
+    @property
+    def samples(self) -> int:
+        """T, the number of samples in all runs."""
+        return len(self.time)
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return int(self.run[-1]) + 1
+
+    def segments(self) -> list[slice]:
+        """The rows of each run."""
+        edges = np.searchsorted(self.run, np.arange(self.runs + 1)).tolist()
+        return [slice(a, b) for a, b in pairwise(edges)]
+
+
+def read(paths: Path | str | Sequence[Path | str], joints: int | None = None) -> Log:
+    """A log from files; each file after the first adds its runs.
+
+    Args:
+        paths: CSV (comma, semicolon or tab; ``#`` comments), NPZ or Parquet, with columns ``time``, ``q0...``, ``tau0...`` and,
+            where there are such, ``qd0...``, ``qdd0...`` and ``run`` (any labels). NPZ may hold ``q`` and ``tau`` as (T, J).
+        joints: how many the model has; None takes the log's word for it.
+
+    Raises:
+        LogError: if a file cannot be read, or what it holds cannot be used.
+    """
+    files = [Path(path) for path in ([paths] if isinstance(paths, Path | str) else paths)]
+    if not files:
+        raise LogError("at least one log", "none", "name a CSV, NPZ or Parquet file")
+    tables = [load(path) for path in files]
+    for i, path in enumerate(files):
+        if any(os.path.samefile(path, other) for other in files[:i]):
+            raise LogError("each log once", f"{name_of(path)} twice", "leave one of them out, or data kept aside would be known")
+    return _assemble(tables, joints)
+
+
+def from_arrays(
+    time: object,
+    q: object,
+    tau: object,
+    qd: object | None = None,
+    qdd: object | None = None,
+    run: object | None = None,
+    joints: int | None = None,
+) -> Log:
+    """A log from arrays, checked as a file is.
+
+    Args:
+        time: (T,) [s].
+        q: (T, J) or (T,) [m or rad]; so are tau [N or N m], and qd and qdd if given.
+        run: (T,) labels of any kind; None is one run.
+        joints: how many the model has; None takes the arrays' word for it.
+
+    Raises:
+        LogError: if they cannot be used.
+    """
+    given = {"time": time, "q": q, "tau": tau, "qd": qd, "qdd": qdd, "run": run}
+    arrays = {}
+    for key, value in given.items():
+        if np.ma.is_masked(value):  # an array would bring back what was masked
+            raise LogError(f"every value of {key}", "masked values", "interpolate them, or cut them out and start a new run")
+        try:
+            if value is not None:
+                arrays[key] = np.asarray(value)
+        except Exception as error:  # whatever a foreign array type raises
+            raise LogError(f"an array for {key}", reason(error), "give lists of numbers of one length") from None
+    return _assemble([expanded("the arrays", arrays, ())], joints)
+
+
+def _assemble(tables: list[Table], joints: int | None) -> Log:
+    """One log of all files' runs."""
+    found: list[Samples] = []
+    notes: list[str] = []
+    for table in tables:
+        found.append(checks.samples(table, joints))
+        counts = [samples.signals["q"].shape[1] for samples in found]
+        if counts[-1] != counts[0]:
+            got = f"{counts[0]} in {tables[0].name} and {counts[-1]} in {table.name}"
+            raise LogError("as many joints in every log", got, "give logs of one mechanism")
+        if table.ignored:
+            notes.append(f"column{'s' * (len(table.ignored) > 1)} {listed(table.ignored)} of {table.name} ignored")
+    kinds = [kind for kind in KINDS if all(kind in samples.signals for samples in found)]
+    for kind in KINDS:
+        if kind not in kinds and any(kind in samples.signals for samples in found):
+            notes.append(f"{kind} ignored: not every log has it")
+    cut = [piece for samples in found for piece in pieces(samples, notes)]
+    if not cut:
+        raise LogError(f"a run of at least {LEAST_RUN} samples", "only shorter ones", "record longer")
+    dt = interval(cut)
+    even = [resample(piece, dt) for piece in cut]
+    if missing := sum(part.missing for part in even):
+        notes.append(f"{missing} missing sample{'s were' if missing > 1 else ' was'} interpolated")
+    if uneven := max(part.uneven for part in even):
+        notes.append(f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by linear interpolation")
+    time = np.concatenate([part.time for part in even])
+    run = np.repeat(np.arange(len(even)), [len(part.time) for part in even])
+    signals = {kind: np.concatenate([part.signals[kind] for part in even]) for kind in kinds}
+    log = Log(time, signals["q"], signals["tau"], signals.get("qd"), signals.get("qdd"), run, dt, ())
+    return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments())))
+
+
+class Piece(NamedTuple):
+    """A stretch without gaps."""
+
+    samples: Samples
+    where: slice  # rows of it
+    number: np.ndarray  # (n,) of each sample on a uniform grid that starts with the first; misses the missing ones
+    step: float  # [s] interval of that grid
+
+
+class Even(NamedTuple):
+    """A piece on a uniform grid."""
+
+    time: np.ndarray  # (n,) [s]
+    signals: dict[str, np.ndarray]  # each (n, J)
+    missing: int  # samples that were not measured
+    uneven: float  # largest deviation of an interval from the nominal one, relative to it; 0 if no sample was moved
+
+
+def pieces(found: Samples, notes: list[str]) -> list[Piece]:
+    """A file's runs, cut where many samples are missing; what is too short is left out. What was done goes to the notes.
+
+    Raises:
+        LogError: if time is too irregular to call it sampled.
+    """
+    table, result, short = found.table, [], 0
+    edges = np.flatnonzero(np.diff(found.run)) + 1
+    for start, stop in pairwise([0, *edges.tolist(), len(found.run)]):
+        counts = _counts(found, start, stop)
+        gaps = (np.flatnonzero(counts > BRIDGED + 1) + start + 1).tolist()
+        for gap in gaps[:3]:
+            length = found.time[gap] - found.time[gap - 1]
+            notes.append(f"a gap of {length:.3g} s after {table.row(gap - 1)} of {table.name}: the run is split there")
+        if len(gaps) > 3:
+            notes.append(f"{len(gaps) - 3} more such gaps in that run of {table.name}")
+        for a, b in pairwise([start, *gaps, stop]):
+            if b - a < LEAST_RUN:
+                short += 1
+            else:
+                number = np.concatenate([[0], np.cumsum(counts[a - start : b - start - 1])])
+                result.append(Piece(found, slice(a, b), number, _slope(number, found.time[a:b])))
+    if short:
+        notes.append(f"{short} run{'s' * (short > 1)} of fewer than {LEAST_RUN} samples left out of {table.name}")
+    return result
+
+
+def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
+    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no sample is missing."""
+    if stop - start < LEAST_RUN:
+        return np.ones(stop - start - 1, int)
+    with np.errstate(over="ignore"):
+        step = np.diff(found.time[start:stop])
+        relative = step / np.median(step)
+    off = np.flatnonzero(np.abs(relative - 1) > 0.5)
+    if off.size > IRREGULAR * step.size:
+        where = f"{found.table.row(int(start + off[0]))} with {step[off[0]]:.3g} s instead of {np.median(step):.3g} s"
+        got = f"{off.size / step.size:.0%} of the intervals off by half or more, first after {where}"
+        remedy = "record at a constant rate, or write time with more digits"
+        raise LogError(f"a constant sampling interval in {found.table.name}", got, remedy)
+    return np.clip(np.rint(relative), 1, 1e6).astype(int)
+
+
+def _slope(number: np.ndarray, time: np.ndarray) -> float:
+    """The interval [s] that fits all samples best: the median alone would drift where time is written with few digits."""
+    centred = number - number.mean()
+    return float(centred @ (time - time[0]) / (centred @ centred))
+
+
+def interval(cut: Iterable[Piece]) -> float:
+    """The sampling interval [s] of all pieces.
+
+    Raises:
+        LogError: if time cannot be in seconds, or the pieces differ.
+    """
+    cut = list(cut)
+    dt = float(np.quantile([piece.step for piece in cut], 0.5, method="nearest"))
+    name, time = cut[0].samples.table.name, cut[0].samples.time
+    if dt > 1 / LEAST_RATE:
+        got = f"one sample every {dt:g} s"
+        if dt > 0.25 or np.all(time == np.rint(time)):
+            remedy = "give time in seconds: it looks like milliseconds or sample numbers"
+        else:
+            remedy = "record faster, or convert time to seconds if it is in another unit"
+        raise LogError(f"at least {LEAST_RATE:g} samples a second in {name}", got, remedy)
+    for piece in cut:
+        table = piece.samples.table
+        if abs(piece.samples.time[piece.where][[0, -1]]).max() > LATEST:
+            got = f"{piece.samples.time[piece.where.start]:g} in {table.row(piece.where.start)}"
+            raise LogError(f"time in seconds in {table.name}", got, "convert it, or subtract the first instant")
+        if abs(piece.step / dt - 1) > SAME_RATE:
+            where = f"{table.row(piece.where.start)} of {table.name}"
+            got = f"{1 / piece.step:.6g} Hz from {where} on, and {1 / dt:.6g} Hz elsewhere"
+            raise LogError("one sampling rate for all runs", got, "resample to one rate, or give the logs one at a time")
+    return dt
+
+
+def resample(piece: Piece, dt: float) -> Even:
+    """A piece on a uniform grid; the samples stay as they are where they are on it already."""
+    time, signals = piece.samples.time[piece.where], {kind: s[piece.where] for kind, s in piece.samples.signals.items()}
+    step = piece.step if abs(piece.step / dt - 1) < 1e-4 else dt  # clocks of two recordings differ by parts in a million
+    grid = (time - time[0]) / step
+    offset = grid - piece.number
+    missing = int(piece.number[-1]) + 1 - len(time)
+    uneven = float(np.abs(np.diff(offset)).max()) if np.ptp(offset) > 2 * UNIFORM else 0.0
+    if not missing and not uneven:
+        return Even(time, signals, 0, 0.0)
+    places = np.arange(int(grid[-1] + 1e-6) + 1) if uneven else np.arange(piece.number[-1] + 1)
+    at = grid if uneven else piece.number
+    filled = {kind: np.stack([np.interp(places, at, s) for s in signal.T], axis=1) for kind, signal in signals.items()}
+    return Even(time[0] + step * places, filled, missing, uneven)

@@ -1,0 +1,140 @@
+"""A log made ready for comparison: smoothed, differentiated, compared with the rigid body, thinned out.
+
+One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout. Positions pass it before they are
+differentiated (five-point stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of the
+comparison lose the same frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
+reaches ``NOISE_SHARE`` of the commanded torque.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy import ndimage, signal
+
+from jaxidl.gap.log import Log
+from jaxidl.systems.tables import Tables, tables
+
+NOISE_SHARE = 0.02  # of the command's spread: where the band ends
+BAND = (4.0, 100.0)  # least and largest [Hz]
+HIGHEST_BAND = 0.2  # of the sampling rate
+ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band
+TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
+TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
+
+
+class Signals(NamedTuple):
+    """T instants of J joints at the log's rate, and N rows kept of them."""
+
+    dt: float
+    band: float  # [Hz]
+    slices: tuple[slice, ...]  # the runs
+    q: Float[np.ndarray, "T J"]
+    qd: Float[np.ndarray, "T J"]
+    qdd: Float[np.ndarray, "T J"]
+    tau: Float[np.ndarray, "T J"]  # commands as logged
+    tables: Tables  # of the modelled rigid body, T rows
+    sigma: Float[np.ndarray, "J"]  # encoder noise, standard deviation [m or rad]
+    noise_floor: Float[np.ndarray, "J"]  # what it alone puts into the residual, root mean square [N or Nm]
+    rest_speed: Float[np.ndarray, "J"]  # below it a joint counts as resting [m/s or rad/s]
+    rows: np.ndarray  # (N,) instants kept
+    moving: Bool[np.ndarray, "T J"]
+    resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
+
+    held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
+
+    def smooth(self, x: np.ndarray) -> np.ndarray:
+        """H applied to each run of ``x`` (T, ...)."""
+        return _by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
+
+    def command(self, x: np.ndarray) -> np.ndarray:
+        """H applied to delivered torques (T, ...); what is held acts half an interval later on average."""
+        if self.held:
+            x = _by_run(x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0)
+        return self.smooth(x)
+
+    def differentiate(self, x: np.ndarray) -> np.ndarray:
+        """First derivative by time of each run of ``x`` (T, ...)."""
+        return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
+
+
+def prepare(log: Log, body: Any, held: bool = True) -> Signals:
+    """Signals of a log and its modelled rigid body."""
+    dt, slices = log.dt, tuple(log.segments())
+    sigma = encoder_noise(log.q, slices)
+    inertia = _typical_inertia(log, body)
+    reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
+    band = choose_band(reach, log.tau, dt)
+    q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
+    smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))  # noqa: E731
+    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
+    qd = slope(q) if log.qd is None else smooth(log.qd)
+    qdd = smooth(log.qdd) if log.qdd is not None else slope(qd)
+    stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
+    table = tables(body, q, qd, qdd, stride)
+    speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
+    rest_speed = np.maximum(4.0 * speed_noise, 0.003 * np.quantile(np.abs(qd), 0.99, axis=0))
+    moving, resting = classify(qd, rest_speed, max(2, round(0.35 / band / dt)))
+    step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)))
+    edge = round(TRIM / dt)
+    rows = [
+        np.arange(s.start + min(edge, (s.stop - s.start) // 5), s.stop - min(edge, (s.stop - s.start) // 5), step) for s in slices
+    ]
+    floor = noise_torque(reach, band, dt)
+    kept = np.concatenate(rows)
+    return Signals(dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, held)
+
+
+def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
+    """H on one run (T, ...)."""
+    sections = signal.butter(4, band, fs=1.0 / dt, output="sos")
+    return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
+
+
+def derivative(x: np.ndarray, dt: float) -> np.ndarray:
+    """First derivative (T, ...) by a five-point stencil, by shorter ones at the ends."""
+    out = np.gradient(x, dt, axis=0, edge_order=2)
+    out[2:-2] = (8.0 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12.0 * dt)
+    return out
+
+
+def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
+    """Standard deviation (J,) of white noise on positions: what is left above 0.6 of the Nyquist frequency, where nothing moves."""
+    sections = signal.butter(6, 0.6, "highpass", output="sos")
+    high = np.concatenate([signal.sosfiltfilt(sections, q[s], axis=0)[20:-20] for s in slices])
+    return np.sqrt(np.mean(high**2, axis=0) / 0.39)
+
+
+def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
+    """Root mean square (J,) torque that encoder noise makes within the band: white noise differentiated twice."""
+    return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
+
+
+def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
+    """The band [Hz], the same for all joints."""
+    spread = np.std(tau, axis=0)
+    free = (reach > 0.0) & (spread > 0.0)
+    widest = min(BAND[1], HIGHEST_BAND / dt)
+    if not free.any():
+        return widest
+    unit = noise_torque(reach[free], 1.0, dt)
+    return float(np.clip(np.min((NOISE_SHARE * spread[free] / unit) ** 0.4), BAND[0], widest))
+
+
+def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
+    """Moving and resting instants (T, J). A rest shorter than the filter is a reversal, which counts as motion."""
+    slow = np.abs(qd) < rest_speed
+    long = ndimage.binary_opening(slow, np.ones((4 * half + 1, 1)))
+    resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
+    moving = ~ndimage.binary_dilation(long, np.ones((2 * half + 1, 1)))
+    return moving, resting
+
+
+def _typical_inertia(log: Log, body: Any) -> np.ndarray:
+    """Root mean square inertia matrix (J, J) over the log."""
+    few = log.q[np.linspace(0, log.samples - 1, 50).astype(int)]
+    return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
+
+
+def _by_run(x: np.ndarray, slices: tuple[slice, ...], f: Any) -> np.ndarray:
+    return np.concatenate([f(x[s]) for s in slices])

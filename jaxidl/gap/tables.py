@@ -1,0 +1,243 @@
+"""Tables in files: CSV, NPZ or Parquet into columns by name. What the columns hold is looked at elsewhere."""
+
+import csv
+import re
+import warnings
+import zipfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jaxidl.errors import LogError
+
+COLUMNS = 10_000  # a header with more is damage, not a log
+KNOWN = re.compile(r"time|run|(q|tau|qd|qdd)(0|[1-9][0-9]{0,3})", re.ASCII)
+KINDS = ("q", "tau", "qd", "qdd")
+LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; text takes ten times as much while it is read
+MAGIC = {
+    b"PAR1": "Parquet",
+    b"PK": "a ZIP archive, such as NPZ or a spreadsheet",
+    b"\x93NUMPY": "an array of NumPy",
+    b"\x1f\x8b": "compressed data",
+    b"\xff\xfe": "UTF-16",
+    b"\xfe\xff": "UTF-16",
+}
+
+
+@dataclass(frozen=True)
+class Table:
+    """The columns of one file, not yet looked at."""
+
+    name: str  # of the file
+    columns: dict[str, np.ndarray | list[str]]  # each (T,); text, where the format has nothing else
+    ignored: tuple[str, ...] = ()  # names of columns that no one asked for
+    lines: list[int] | None = None  # (T,) line of the file in which each row stands
+
+    def row(self, i: int) -> str:
+        """How to call row i, counted from 0, so that a person finds it."""
+        return f"row {i + 1}" if self.lines is None else f"row {i + 1} (line {self.lines[i]})"
+
+
+def shown(value: object, most: int = 30) -> str:
+    """A value as Python writes it, cut to a length that fits a line."""
+    try:
+        text = repr(value[: 4 * most] if isinstance(value, str | bytes) else value)
+    except Exception:  # an integer of thousands of digits, or a foreign object
+        text = f"a {type(value).__name__}"
+    return text if len(text) <= most else text[: most - 4] + "..." + text[-1]
+
+
+def listed(names: Sequence[str], most: int = 8) -> str:
+    """A few names in words."""
+    text = ", ".join(shown(name)[1:-1] for name in names[:most])
+    return (text or "none") + (f" and {len(names) - most} more" if len(names) > most else "")
+
+
+def pick(name: str, headers: Sequence[str], bare: bool = False) -> tuple[dict[str, int], tuple[str, ...]]:
+    """Which columns a log is made of, as ``{"q0": place in the header}``, and the names of the others.
+
+    Args:
+        bare: take ``q``, ``tau``, ``qd`` and ``qdd`` for columns too (arrays hold all joints in one).
+
+    Raises:
+        LogError: if one of them is there twice, or there are too many to be true.
+    """
+    if len(headers) > COLUMNS:
+        raise LogError(f"at most {COLUMNS} columns in {name}", f"{len(headers)}", "keep time, q*, tau* and run")
+    found: dict[str, int] = {}
+    ignored: list[str] = []
+    for place, header in enumerate(headers):
+        key = header.strip().lower() if len(header) < 100 else ""
+        if not (KNOWN.fullmatch(key) or (bare and key in KINDS)):
+            ignored.append(header.strip() or "(no name)")
+        elif key in found:
+            places = f"twice, as columns {found[key] + 1} and {place + 1}"
+            raise LogError(f"one column {key} in {name}", places, "remove or rename one of them")
+        else:
+            found[key] = place
+    return found, tuple(ignored)
+
+
+def load(path: Path) -> Table:
+    """The table in a file.
+
+    Raises:
+        LogError: if there is no such file, or not one of the kind that its name says.
+    """
+    name, reader = name_of(path), READERS.get(path.suffix.lower())
+    try:
+        if not path.is_file():
+            got = "a folder" if path.is_dir() else "something else of that name" if path.exists() else "no such file"
+            raise LogError(f"a log at {name}", got, "name a CSV, NPZ or Parquet file that is there")
+        if reader is None:
+            got = f"a name that ends in {shown(path.suffix)}"
+            raise LogError(f"{listed(list(READERS))} at the end of {name}", got, "save the log as one of these")
+        size = path.stat().st_size
+        if not size:
+            raise LogError(f"a log in {name}", "an empty file", "record or export it again")
+        if size > (LARGEST_TEXT if reader is _csv else LARGEST_FILE):
+            got = f"{size / 2**20:.0f} MiB"
+            raise LogError(f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a parser's guesses about a damaged file
+            return reader(path)
+    except LogError:
+        raise
+    except PermissionError:
+        raise LogError(f"to read {name}", "no permission", "change its mode or owner, or copy it") from None
+    except Exception as error:  # parsers raise nearly anything on a damaged file
+        kind, remedy = path.suffix.lstrip(".").upper(), "export it again, it may be damaged or cut off"
+        raise LogError(f"a readable {kind} file at {name}", reason(error), remedy) from None
+
+
+def _csv(path: Path) -> Table:
+    name, content = name_of(path), path.read_bytes()
+    for magic, kind in MAGIC.items():
+        if content.startswith(magic):
+            raise LogError(f"text in {name}", kind, "give it the right ending, or export it as CSV in UTF-8")
+    if b"\0" in content:
+        raise LogError(f"text in {name}", "binary data", "export it as CSV in UTF-8")
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        got = f"byte 0x{content[error.start]:02x} in line {line}"
+        raise LogError(f"UTF-8 text in {name}", got, "save it with that encoding") from None
+    rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    lines = [i for i, row in enumerate(rows, 1) if row and not row.isspace() and not row.startswith("#")]
+    if not lines:
+        raise LogError(f"a header and rows of data in {name}", "neither", "export the log again")
+    first = lines.pop(0)
+    header = rows[first - 1]
+    if first > 1 and _are_numbers(header) and "time" in rows[first - 2].lower():  # as numpy.savetxt writes it
+        lines, header = [first, *lines], rows[first - 2].lstrip("# ")
+    delimiter = max(",;\t", key=header.count)
+    if _are_numbers(header) or (delimiter not in header and len(header.split()) > 1):
+        remedy = "begin with a line time,q0,tau0 and separate columns by commas"
+        raise LogError(f"a header with the names of the columns in {name}", shown(header), remedy)
+    if header.count(delimiter) > COLUMNS:  # before it is taken apart
+        raise LogError(f"at most {COLUMNS} columns in {name}", f"{header.count(delimiter)}", "keep time, q*, tau* and run")
+
+    def cells(row: str) -> list[str]:
+        return next(csv.reader([row], delimiter=delimiter, skipinitialspace=True)) if '"' in row else row.split(delimiter)
+
+    headers = cells(header)
+    for i, line in enumerate(lines):
+        row = rows[line - 1]
+        width = len(cells(row)) if '"' in row else row.count(delimiter) + 1
+        if width != len(headers):
+            got = f"{width} in row {i + 1} (line {line})" + (", the last: the file may be cut off" if i + 1 == len(lines) else "")
+            raise LogError(f"{len(headers)} cells in each row of {name}, as in its header", got, "complete or remove that row")
+    found, ignored = pick(name, headers)
+    columns = list(zip(*[cells(rows[line - 1]) for line in lines], strict=True)) or [()] * len(headers)
+    return Table(name, {key: list(columns[place]) for key, place in found.items()}, ignored, lines)
+
+
+def _are_numbers(row: str) -> bool:
+    """Whether a line of text holds numbers only, whatever is between them."""
+    try:
+        return len([float(cell) for cell in row[:10_000].replace(";", " ").replace(",", " ").split()]) > 0
+    except ValueError:
+        return False
+
+
+def _npz(path: Path) -> Table:
+    name = name_of(path)
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        _fits(name, sum(member.file_size for member in members))
+        found, ignored = pick(name, [member.filename.removesuffix(".npy") for member in members], bare=True)
+        arrays = {}
+        for key, place in found.items():
+            try:
+                with archive.open(members[place]) as file:
+                    arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
+            except Exception as error:  # as above, but known to be this column
+                raise LogError(f"an array {key} in {name}", reason(error), "store it again, as float64") from None
+    return expanded(name, arrays, ignored)
+
+
+def _parquet(path: Path) -> Table:
+    name = name_of(path)
+    try:
+        import pyarrow.parquet as parquet  # optional, and slow to load
+    except ImportError:
+        remedy = "pip install pyarrow, or save the log as CSV or NPZ"
+        raise LogError(f"pyarrow to read {name}", "none installed", remedy) from None
+    with parquet.ParquetFile(path) as file:
+        headers = file.schema_arrow.names
+        _fits(name, sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)))
+        found, ignored = pick(name, headers)
+        table = file.read(columns=[headers[place] for place in found.values()], use_threads=False)
+    return Table(name, {key: table.column(headers[place]).to_numpy() for key, place in found.items()}, ignored)
+
+
+def _fits(name: str, size: int) -> None:
+    if size > LARGEST_FILE:
+        raise LogError(f"a log of a size that fits memory in {name}", f"{size / 2**20:.0f} MiB unpacked", "cut it")
+
+
+def name_of(path: Path) -> str:
+    """A file's name in text that any terminal prints."""
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in str(path))
+
+
+def reason(error: Exception) -> str:
+    """What a parser had to say, short enough for a line."""
+    text = getattr(error, "strerror", None) or str(error)[:1000] or type(error).__name__
+    return shown(" ".join(text.split()), 160)[1:-1].rstrip(".")
+
+
+def expanded(name: str, arrays: dict[str, np.ndarray], ignored: tuple[str, ...]) -> Table:
+    """Arrays (T, J) of all joints taken apart into columns.
+
+    Raises:
+        LogError: if they have no such shape.
+    """
+    rows = arrays["time"].size if "time" in arrays else 0
+    columns: dict[str, np.ndarray | list[str]] = {}
+    for key, array in arrays.items():
+        wide = array[:, None] if array.ndim == 1 else array
+        most = COLUMNS if key in KINDS else 1
+        if wide.ndim != 2 or wide.shape[1] > most or (rows and len(wide) != rows):
+            got, shape = f"shape {array.shape}", "(T, J) or (T,)" if key in KINDS else "(T,)"
+            remedy = "transpose it" if rows and array.ndim == 2 and array.shape[1] == rows else "store one row for each instant"
+            raise LogError(f"shape {shape} of {key} in {name}" + f", with T = {rows} as in time" * (rows > 0), got, remedy)
+        for j, column in enumerate(wide.T):
+            title = f"{key}{j}" if key in KINDS else key
+            if title in columns or (title != key and title in arrays):
+                raise LogError(f"one column {title} in {name}", f"both {key} and {title}", "remove one of them")
+            columns[title] = column
+    return Table(name, columns, ignored)
+
+
+READERS: dict[str, Callable[[Path], Table]] = {
+    ".csv": _csv,
+    ".tsv": _csv,
+    ".txt": _csv,
+    ".npz": _npz,
+    ".parquet": _parquet,
+    ".pq": _parquet,
+}

@@ -1,0 +1,182 @@
+"""What one effect contributes along a log, and the derivative of that by its parameters.
+
+The log drives the effect: it sees measured motion and logged commands, so a hidden state is simulated under the measured motion, and
+every effect is an explicit function of its own parameters. Each class is compiled once for all joints.
+"""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.effects import CoupledFriction, Effect, OnJoint
+from jaxidl.gap.signals import Signals
+from jaxidl.systems.tables import TabledBody, Tables
+
+
+class Drive(NamedTuple):
+    """What an effect sees: (T, J) each, or (T, 1) of its own joint."""
+
+    q: Any
+    qd: Any
+    qdd: Any
+    tau: Any
+    table: Tables
+
+
+class Terms(NamedTuple):
+    """Contributions (T, J) of an effect; with derivatives, (P, T, J) for P parameters."""
+
+    delivered: Any  # torque after the effect
+    torque: Any
+    level: Any  # of dry friction
+    inertia: Any  # torque that its change of the body takes
+    q: Any  # true position
+
+
+class Contribution(NamedTuple):
+    """Of one effect at N kept rows of J joints, filtered; ``(N, J)``, and ``(P, N, J)`` for its derivatives."""
+
+    net: Float[np.ndarray, "*P N J"]  # to the torque balance
+    slide: Float[np.ndarray, "*P N J"]  # dry friction of moving joints, with the sign of the velocity
+    grip: Float[np.ndarray, "*P N J"]  # what dry friction can hold of resting joints
+
+
+Free = tuple[str, ...]
+
+
+def parameters_of(effect: Effect, free: Free) -> Float[np.ndarray, " P"]:
+    """The named parameters as one vector."""
+    return np.concatenate([np.ravel(np.asarray(getattr(effect, name), float)) for name in free])
+
+
+def with_parameters(effect: Any, free: Free, values: Any) -> Any:
+    """``effect`` with its named parameters set from one vector."""
+    out, at = {}, 0
+    for name in free:
+        old = jnp.asarray(getattr(effect, name))
+        out[name] = jnp.reshape(values[at : at + old.size], old.shape)
+        at += old.size
+    return effect.replace(**out)
+
+
+def alone(effect: Effect) -> bool:
+    """Does the effect concern one joint only, whatever the others do?"""
+    mass = getattr(effect, "mass", None)
+    changes_bodies = mass is not None and bool(np.any(np.asarray(mass) != 0.0))
+    senses = type(effect).true_position is not Effect.true_position
+    return not (effect.whole or isinstance(effect, CoupledFriction) or changes_bodies or senses)
+
+
+def contribution(
+    effect: Effect, joint: int | None, free: Free, signals: Signals, tau: np.ndarray, everywhere: bool = False
+) -> tuple[Contribution, Contribution, np.ndarray]:
+    """Value, derivatives by the ``free`` parameters, and the delivered torque (T, J), given what arrives at the effect, ``tau`` (T, J).
+
+    Args:
+        effect: of a one-joint mechanism if ``joint`` is a number, else of the whole one.
+        joint: its joint, or None.
+        free: the parameters to differentiate by.
+        signals: the log.
+        tau: commands after the effects before this one.
+        everywhere: compute on all joints even if the effect looks as if it concerned one only.
+    """
+    joints = signals.q.shape[1]
+    own = joint is not None and alone(effect) and not everywhere
+    if joint is not None and not own:
+        wrapped: Effect = OnJoint(effect, joint, joints)
+    else:
+        wrapped = effect
+    columns = slice(joint, joint + 1) if own and joint is not None else slice(None)
+    drive = Drive(*(x[:, columns] for x in signals[3:6]), tau[:, columns], _sliced(signals.tables, columns))
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
+    value, slopes = _terms(wrapped, free, drive, starts, signals.dt)
+    value, slopes = jax.tree.map(np.asarray, (value, slopes))
+    delivered = tau.copy()
+    delivered[:, columns] = value.delivered
+    change = value._replace(delivered=value.delivered - drive.tau, q=value.q - drive.q)
+    return _rows(change, signals, columns), _rows(slopes, signals, columns), delivered
+
+
+def _sliced(table: Tables, columns: slice) -> Tables:
+    return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns, columns] for x in table))
+
+
+@partial(jax.jit, static_argnames=("free", "dt"))
+def _terms(effect: Any, free: Free, drive: Drive, starts: Any, dt: float) -> tuple[Terms, Terms]:
+    def of(values: Any) -> Terms:
+        if isinstance(effect, OnJoint):
+            return _along(effect.replace(effect=with_parameters(effect.effect, free, values)), drive, starts, dt)
+        return _along(with_parameters(effect, free, values), drive, starts, dt)
+
+    inner = effect.effect if isinstance(effect, OnJoint) else effect
+    values = jnp.concatenate([jnp.ravel(jnp.asarray(getattr(inner, name), float)) for name in free])
+    slopes = jax.vmap(lambda direction: jax.jvp(of, (values,), (direction,))[1])(jnp.eye(len(values)))
+    return of(values), slopes
+
+
+def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
+    delivered = drive.tau if inner.actuate is Effect.actuate else _delivered(effect, drive, starts, dt)
+
+    def instant(q: Any, qd: Any, qdd: Any, tau: Any, table: Any) -> Any:
+        body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
+        return effect.torque(q, qd, tau) + jnp.zeros_like(q), effect.dry(q, qd, tau, qd) + jnp.zeros_like(q), body.extra
+
+    torque, level, inertia = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, delivered, drive.table)
+    return Terms(delivered, torque, level, inertia, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
+
+
+def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
+    """The command after the effect, whose hidden state follows the measured motion and begins anew with each run."""
+
+    def step(memory: Any, now: Any) -> Any:
+        q, qd, tau, begins = now
+        memory = jax.tree.map(lambda old, new: jnp.where(begins, new, old), memory, effect.start(q))
+        delivered, memory = effect.actuate(memory, q, qd, tau, dt)
+        return memory, delivered
+
+    return jax.lax.scan(step, effect.start(drive.q[0]), (drive.q, drive.qd, drive.tau, starts))[1]
+
+
+def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
+    """Filter, thin out, put into all joints' columns. ``terms`` are changes, with any leading axes."""
+    lead = terms.torque.shape[:-2]
+    joints = signals.q.shape[1]
+
+    def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray:
+        if not np.any(x):
+            return np.zeros((*lead, len(signals.rows), x.shape[-1]))
+        return np.moveaxis(through(np.moveaxis(x, -2, 0))[signals.rows], 0, -2)
+
+    sign = np.sign(signals.qd[:, columns]) * ~signals.resting[:, columns]
+    net = kept(terms.delivered, signals.command) + kept(terms.torque, signals.smooth) - kept(terms.inertia)
+    net = net - _moved(terms.q, signals, columns)
+    slide, grip = kept(terms.level * sign, signals.smooth), kept(terms.level) * signals.resting[:, columns][signals.rows]
+    out = [np.zeros((*lead, len(signals.rows), joints)) for _ in range(3)]
+    for whole, part in zip(out, (net, slide, grip), strict=True):
+        whole[..., columns] = part
+    return Contribution(*out)
+
+
+def _moved(shift: np.ndarray, signals: Signals, columns: slice) -> np.ndarray:
+    """Change (..., N, J) of the inverse dynamics if true positions are ``shift`` (..., T, J) beside the measured ones."""
+    rows, table = signals.rows, signals.tables
+    if not np.any(shift):
+        return np.zeros((*shift.shape[:-2], len(rows), shift.shape[-1]))
+    along = np.moveaxis(shift, -2, 0)
+    speed = signals.differentiate(along)
+    parts = zip((table.by_q, table.by_qd, table.inertia), (along, speed, signals.differentiate(speed)), strict=True)
+    total = sum(np.einsum("nij,n...j->n...i", t[rows][:, columns, columns], x[rows]) for t, x in parts)
+    return np.moveaxis(np.asarray(total), 0, -2)
+
+
+def as_effect(cls: type[Effect], values: Mapping[str, Any], **options: Any) -> Effect:
+    """An effect of a one-joint mechanism from plain numbers; what is not named is zero."""
+    filled = {name: np.atleast_1d(np.asarray(values.get(name, 0.0), float)) for name in cls.parameters}
+    return cls(**{name: jnp.asarray(value) for name, value in filled.items()}, **options)
