@@ -41,7 +41,7 @@ class Payload(Effect):
     sentence: ClassVar[str] = "the last body carries a load that the model does not have"
     parameters: ClassVar = {
         "mass": Parameter("mass", 0.0, 1e4, "the load"),
-        "com": Parameter("length", -1e2, 1e2, "where it is in the last body's frame"),
+        "com": Parameter("length", -5.0, 5.0, "where it is in the last body's frame"),
     }
     whole: ClassVar[bool] = True
     mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial"}

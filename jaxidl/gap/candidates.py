@@ -23,7 +23,7 @@ from jaxidl.effects import (
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Free, as_effect
 
-KNOTS = (6, 12)  # of tables over position
+KNOTS = (6, 12, 24)  # of tables over position
 
 ATOMS = ("viscous_friction", "coulomb_friction", "constant_offset", "quadratic_drag", "inertia_error", "torque_scale")
 """Effects of one parameter that others may imitate together."""
@@ -143,7 +143,7 @@ def _inertia(joint: int, signals: Signals) -> list[Candidate]:
     rotor, body = signals.qdd[signals.rows, joint], signals.tables.by_mass[signals.rows, :, joint]
     own = body[:, joint]
     share = (own @ rotor) ** 2 / max((own @ own) * (rotor @ rotor), 1e-300)
-    if share < 1.0 - 1e-6 or np.abs(np.delete(body, joint, 1)).max(initial=0.0) > 1e-9 * np.abs(own).max(initial=0.0):
+    if share < 0.9999 or np.abs(np.delete(body, joint, 1)).max(initial=0.0) > 1e-6 * np.abs(own).max(initial=0.0):
         kinds["body"] = ("mass",)
     guess = as_effect(InertiaError, {})
     return [Candidate(InertiaError.name, joint, kind, guess, free) for kind, free in kinds.items()]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, TorqueScale
 from jaxidl.gap.candidates import Candidate
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_parameters
@@ -21,6 +21,10 @@ BLOCKS = 24
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
 RIDGE = 1e-9
+TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
+NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
+DIVERGED = 1e30  # the error of a fit that is not finite
+LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,12 +77,20 @@ class Data(NamedTuple):
 def data_of(signals: Signals, held_out: float, blocks: int = BLOCKS) -> Data:
     """Rows of a log; the last share ``held_out`` is kept aside."""
     rows = signals.rows
-    base = signals.command(signals.tau)[rows] - signals.tables.torque[rows]
+    base = signals.balance()
     train = round(len(rows) * (1.0 - held_out))
     block = np.full(len(rows), -1)
     block[:train] = np.arange(train) * blocks // max(train, 1)
     spread = np.std(signals.tau[rows], axis=0)
-    return Data(base, signals.moving[rows], signals.resting[rows], block, signals.noise_floor, spread, signals)
+    return Data(
+        base,
+        signals.moving[rows],
+        signals.resting[rows],
+        block,
+        np.maximum(signals.noise_floor, LEAST_FLOOR * spread),
+        spread,
+        signals,
+    )
 
 
 class Fit(NamedTuple):
@@ -87,10 +99,10 @@ class Fit(NamedTuple):
     members: tuple[Member, ...]  # as given: linearised where they were
     thetas: tuple[np.ndarray, ...]  # fitted parameters of each
     samples: tuple[np.ndarray, ...]  # (B, P) of each: fitted without block b
-    error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it
+    error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it; not below that of the noise floor
     count: Float[np.ndarray, "B J"]  # rows of block b
     residual: Float[np.ndarray, "N J"]  # fitted on all blocks, on all rows
-    feasible: bool
+    feasible: bool  # is no parameter at a bound of its effect?
 
     def rms(self, joint: int) -> float:
         """Held-out root mean square error over the training blocks of one joint."""
@@ -131,27 +143,51 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     total = lambda part: sum(getattr(m.value, part)[..., pick] for m in members)  # noqa: E731
     if members:
         net0, slide0, grip0 = data.base + total("net"), total("slide"), total("grip")
-        problem = _Problem(data, weight, net0, slide0, grip0, stack("net"), stack("slide"), stack("grip"))
+        parts = [net0, slide0, grip0, stack("net"), stack("slide"), stack("grip")]
+        problem = _Problem(data, weight, *_in_commands(parts, members, sizes, pick))
     else:
         nothing = np.zeros((0, *data.base.shape))
         problem = _Problem(data, weight, data.base, 0 * data.base, 0 * data.base, nothing, nothing, nothing)
     limits = [_limits(m) for m in members]
     lower = np.concatenate([low for low, _ in limits]) - theta0 if members else theta0
     upper = np.concatenate([high for _, high in limits]) - theta0 if members else theta0
-    step, steps, feasible = problem.solve(lower, upper)
+    places = np.cumsum([0, *sizes])
+    penalty = np.concatenate([_smoothness(m, at) for m, at in zip(members, places, strict=False)] or [np.zeros((0, 2), int)])
+    step, steps = problem.solve(lower, upper, penalty)
+    feasible = all(map(_inside, members, np.split(theta0 + step, np.cumsum(sizes)[:-1]))) if members else True
     cuts = np.cumsum(sizes)[:-1]
-    blocks = len(steps)
     size = problem.typical(step)
     residual = problem.residual(np.broadcast_to(step, (len(data.base), len(step))), np.arange(len(data.base)), size)
     train = np.flatnonzero(data.block >= 0)
     kept_out = problem.residual(steps[data.block[train]], train, size)
     counted = used(data)[train]
     edges = np.flatnonzero(np.diff(data.block[train], prepend=-1))
-    error = np.add.reduceat(kept_out**2 * counted, edges, axis=0)
     count = np.add.reduceat(counted.astype(float), edges, axis=0)
-    assert len(error) == blocks
+    with np.errstate(over="ignore", invalid="ignore"):
+        error = np.add.reduceat(kept_out**2 * counted, edges, axis=0)
+    error = np.where(np.isfinite(error), np.maximum(error, count * (NOISE_MARGIN * data.floor) ** 2), DIVERGED)
     split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
     return Fit(members, split(theta0 + step), split(theta0 + steps), error, count, residual, feasible)
+
+
+def _in_commands(
+    parts: list[np.ndarray], members: tuple[Member, ...], sizes: list[int], pick: slice | list[int]
+) -> list[np.ndarray]:
+    """The balance in units of the command.
+
+    Where the motor delivers s times its command the balance is divided by s: the error of the command that the model predicts.
+    In torques delivered, s = 0 would leave no error at all.
+    """
+    for m, at in zip(members, np.cumsum([0, *sizes]), strict=False):
+        if m.candidate.name != TorqueScale.name:
+            continue
+        scale = np.ones(m.value.net.shape[1])
+        scale[m.candidate.joint] = m.theta[0]
+        parts = [part / scale[pick] for part in parts]
+        own = np.zeros(m.value.net.shape[1])
+        own[m.candidate.joint] = 1.0 / m.theta[0]
+        parts[3][at] -= (parts[0] - parts[1]) * own[pick]
+    return parts
 
 
 def _limits(m: Member) -> tuple[np.ndarray, np.ndarray]:
@@ -163,6 +199,22 @@ def _limits(m: Member) -> tuple[np.ndarray, np.ndarray]:
         reach = np.where(small, np.inf, STEP * np.abs(theta) + 1e-12)
         low, high = np.maximum(low, theta - reach), np.minimum(high, theta + reach)
     return low, high
+
+
+def _inside(m: Member, theta: np.ndarray) -> bool:
+    low, high = m.candidate.bounds()
+    return bool(np.all(theta > low) and np.all(theta < high)) or bool(np.size(theta) > 6)
+
+
+def _smoothness(m: Member, at: int) -> np.ndarray:
+    """Pairs of neighbours in tables, by their places among all parameters from ``at`` on."""
+    pairs, place = [], at
+    for name in m.candidate.free:
+        size = np.size(getattr(m.effect, name))
+        if size > 3:
+            pairs += [(place + k, place + k + 1) for k in range(size - 1)]
+        place += size
+    return np.array(pairs, int).reshape(-1, 2)
 
 
 def _names(m: Member) -> list[str]:
@@ -217,17 +269,18 @@ class _Problem:
         rms = np.sqrt(np.sum((net - slide) ** 2 * moving, 0) / np.maximum(moving.sum(0), 1))
         return SHARE_AT_REST * np.maximum(rms, 3.0 * self.data.floor)
 
-    def solve(self, lower: np.ndarray, upper: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
-        """Step (P,) from all blocks, (B, P) from all but one each, and whether no bound of a parameter was hit."""
+    def solve(self, lower: np.ndarray, upper: np.ndarray, neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Step (P,) from all blocks, and (B, P) from all but one each; ``neighbours`` (n, 2) are held together a little."""
         blocks = self.data.block.max() + 1
         step = np.clip(np.zeros(len(lower)), lower, upper)
         if not len(lower):
-            return step, np.tile(step, (blocks, 1)), True
+            return step, np.tile(step, (blocks, 1))
         pinned = self.at_rest_only.copy()
         gram, right = np.zeros(0), np.zeros(0)
         sticking = bool((self.data.resting & self.dry).any())
         for _ in range(3 if sticking else 1):
             gram, right = self._normal(step)
+            gram += _together(gram, neighbours)
             for _ in range(4):
                 step[~pinned] = _solve(gram.sum(0), right.sum(0), step, ~pinned)
                 wrong = ~pinned & ((step < lower) | (step > upper))
@@ -241,7 +294,7 @@ class _Problem:
         if self.at_rest_only.any():
             for b in range(blocks):
                 self._cover(steps[b], self.data.block != b, lower)
-        return step, steps, not (pinned & ~self.at_rest_only).any()
+        return step, steps
 
     def _normal(self, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Normal equations (B, P, P) and (B, P) of each training block."""
@@ -271,6 +324,17 @@ class _Problem:
             needed = np.where(unit > 0.0, (np.abs(net) - grip) / np.where(unit > 0.0, unit, 1.0), 0.0)
             needed = needed[(unit > 0.0) & self.data.resting[rows]]
             step[p] += max(float(np.quantile(needed, 0.998)), 0.0) if len(needed) else 0.0
+
+
+def _together(gram: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Penalty (P, P), spread over the blocks, on differences of neighbours: what no data shows is as beside it."""
+    out = np.zeros(gram.shape[1:])
+    size = np.diagonal(gram.sum(0))
+    for a, b in neighbours:
+        strength = TOGETHER * np.mean(size[neighbours])
+        out[[a, b], [a, b]] += strength
+        out[[a, b], [b, a]] -= strength
+    return out / len(gram)
 
 
 def _solve(gram: np.ndarray, right: np.ndarray, step: np.ndarray, free: np.ndarray) -> np.ndarray:

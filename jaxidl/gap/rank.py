@@ -149,7 +149,7 @@ class Ranking:
         taken = {(m.candidate.name, m.candidate.joint) for m in self.members}
         for key, group in groups.items():
             if key not in taken and key not in self.trials:
-                trials = [t for t in map(self.attempt, group) if t is not None]
+                trials = [t for t in map(self.attempt, group) if t is not None and t.fit.feasible]
                 if trials:
                     self.trials[key] = self._refined(sorted(trials, key=_error))
             step()
@@ -164,7 +164,7 @@ class Ranking:
         if best.gain.value < WORTH:
             return best
         ends = [self.attempt(t.candidate, polish=True) for t in trials[:STARTS]]
-        return min((t for t in (*ends, best) if t is not None), key=_error)
+        return min((t for t in (*ends, best) if t is not None and t.fit.feasible), key=_error)
 
     def _merit(self, trial: Trial) -> float:
         """What is left of the weighted error, over all joints."""
@@ -249,10 +249,11 @@ class Ranking:
 
     def take(self, trial: Trial) -> None:
         """Add the trial's candidate; fit everything on its joints anew."""
-        joints, beside = self.closure(self.column(trial.candidate).joints())
-        self.replace(
-            beside, trial.fit.members if len(trial.fit.members) == len(beside) + 1 else (*beside, self.column(trial.candidate))
-        )
+        _, beside = self.closure(self.column(trial.candidate).joints())
+        kept = tuple(m for m in trial.fit.members if m.candidate.name != ALIGNMENT)
+        parts = {ABSORBS.get((trial.candidate.name, name)) for name in trial.candidate.free}
+        merged = lambda m: m.candidate.joint == trial.candidate.joint and m.candidate.name in parts  # noqa: E731
+        self.replace(beside, tuple(m for m in kept if not merged(m)))
 
     def replace(self, old: tuple[Member, ...], new: tuple[Member, ...]) -> None:
         """Put ``new`` members in the place of ``old`` ones, and fit them."""

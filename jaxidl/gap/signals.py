@@ -41,7 +41,12 @@ class Signals(NamedTuple):
     moving: Bool[np.ndarray, "T J"]
     resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
 
+    body: Any  # the modelled rigid body
     held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
+
+    def balance(self) -> np.ndarray:
+        """The kept rows (N, J) of command − inverse dynamics: the torque that the rigid body does not explain."""
+        return self.command(self.tau)[self.rows] - self.tables.torque[self.rows]
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """H applied to each run of ``x`` (T, ...)."""
@@ -82,7 +87,7 @@ def prepare(log: Log, body: Any, held: bool = True) -> Signals:
     ]
     floor = noise_torque(reach, band, dt)
     kept = np.concatenate(rows)
-    return Signals(dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, held)
+    return Signals(dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, body, held)
 
 
 def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:

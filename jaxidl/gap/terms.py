@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from jaxidl.effects import CoupledFriction, Effect, OnJoint
 from jaxidl.gap.signals import Signals
-from jaxidl.systems.tables import TabledBody, Tables
+from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 
 class Drive(NamedTuple):
@@ -33,7 +33,9 @@ class Terms(NamedTuple):
 
     delivered: Any  # torque after the effect
     torque: Any
-    level: Any  # of dry friction
+    level: Any  # of dry friction, of moving joints
+    up: Any  # of joints at rest that are pushed forwards
+    down: Any  # ... backwards
     inertia: Any  # torque that its change of the body takes
     q: Any  # true position
 
@@ -126,10 +128,12 @@ def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
 
     def instant(q: Any, qd: Any, qdd: Any, tau: Any, table: Any) -> Any:
         body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
-        return effect.torque(q, qd, tau) + jnp.zeros_like(q), effect.dry(q, qd, tau, qd) + jnp.zeros_like(q), body.extra
+        rest, one = jnp.zeros_like(q), jnp.ones_like(q)
+        levels = effect.dry(q, qd, tau, qd), effect.dry(q, rest, tau, one), effect.dry(q, rest, tau, -one)
+        return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
 
-    torque, level, inertia = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, delivered, drive.table)
-    return Terms(delivered, torque, level, inertia, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
+    parts = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, delivered, drive.table)
+    return Terms(delivered, *parts, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
 
 
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
@@ -157,7 +161,9 @@ def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
     sign = np.sign(signals.qd[:, columns]) * ~signals.resting[:, columns]
     net = kept(terms.delivered, signals.command) + kept(terms.torque, signals.smooth) - kept(terms.inertia)
     net = net - _moved(terms.q, signals, columns)
-    slide, grip = kept(terms.level * sign, signals.smooth), kept(terms.level) * signals.resting[:, columns][signals.rows]
+    pushed = signals.balance()[:, columns] > 0.0
+    slide = kept(terms.level * sign, signals.smooth)
+    grip = np.where(pushed, kept(terms.up), kept(terms.down)) * signals.resting[:, columns][signals.rows]
     out = [np.zeros((*lead, len(signals.rows), joints)) for _ in range(3)]
     for whole, part in zip(out, (net, slide, grip), strict=True):
         whole[..., columns] = part
@@ -165,12 +171,18 @@ def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
 
 
 def _moved(shift: np.ndarray, signals: Signals, columns: slice) -> np.ndarray:
-    """Change (..., N, J) of the inverse dynamics if true positions are ``shift`` (..., T, J) beside the measured ones."""
+    """Change (..., N, J) of the inverse dynamics if true positions are ``shift`` (..., T, J) beside the measured ones.
+
+    Exact for a shift, linear for derivatives, which have an axis more.
+    """
     rows, table = signals.rows, signals.tables
     if not np.any(shift):
         return np.zeros((*shift.shape[:-2], len(rows), shift.shape[-1]))
     along = np.moveaxis(shift, -2, 0)
     speed = signals.differentiate(along)
+    if shift.ndim == 2:
+        there = (signals.q + along, signals.qd + speed, signals.qdd + signals.differentiate(speed))
+        return inverse_dynamics(signals.body, *(x[rows] for x in there)) - table.torque[rows]
     parts = zip((table.by_q, table.by_qd, table.inertia), (along, speed, signals.differentiate(speed)), strict=True)
     total = sum(np.einsum("nij,n...j->n...i", t[rows][:, columns, columns], x[rows]) for t, x in parts)
     return np.moveaxis(np.asarray(total), 0, -2)

@@ -72,7 +72,9 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
     if not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
-        raise ModelError(f"{path} to have inertia at every joint", "a joint without any", "give its body a mass, or the joint armature")
+        raise ModelError(
+            f"{path} to have inertia at every joint", "a joint without any", "give its body a mass, or the joint armature"
+        )
     return model
 
 
@@ -90,8 +92,18 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
         (bool(spec.equalities), "no equality constraints", f"{len(spec.equalities)}", "remove them; loops are not supported"),
         (bool(spec.tendons), "no tendons", f"{len(spec.tendons)}", "remove them"),
         (bool(spec.flexes), "no soft bodies", f"{len(spec.flexes)}", "remove them"),
-        (any(polynomial(j) for j in spec.joints), "linear damping and stiffness", "polynomial ones", "keep the first coefficient"),
-        (any(np.any(np.asarray(j.springdamper) != 0) for j in spec.joints), "no springdamper", "one", "give stiffness and damping"),
+        (
+            any(polynomial(j) for j in spec.joints),
+            "linear damping and stiffness",
+            "polynomial ones",
+            "keep the first coefficient",
+        ),
+        (
+            any(np.any(np.asarray(j.springdamper) != 0) for j in spec.joints),
+            "no springdamper",
+            "one",
+            "give stiffness and damping",
+        ),
         (any(b.gravcomp for b in spec.bodies), "no gravity compensation", "gravcomp", "add its torque to the log's instead"),
         (spec.option.density or spec.option.viscosity, "no fluid", "density or viscosity", "remove them; drag is an effect"),
     )

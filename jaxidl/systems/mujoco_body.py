@@ -64,7 +64,9 @@ class MujocoBody(struct.PyTreeNode):
         mass, inertia = self.model.body_mass, self.model.body_inertia
         heavier = mass.at[of].add(extra)
         factor = (heavier / jnp.where(mass > 0.0, mass, 1.0))[:, None]
-        return self.replace(model=self.model.replace(body_mass=heavier, body_inertia=jnp.where(mass[:, None] > 0, factor, 1) * inertia))
+        return self.replace(
+            model=self.model.replace(body_mass=heavier, body_inertia=jnp.where(mass[:, None] > 0, factor, 1) * inertia)
+        )
 
     def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "MujocoBody":
         """The body with a point of ``mass`` [kg] at ``com`` (3,) [m] in its last body's frame."""

@@ -25,7 +25,9 @@ def _monomials(com: Any) -> Any:
     return jnp.stack([jnp.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, y * z, x * z])
 
 
-_FROM_POINTS = np.linalg.inv(np.stack([[1, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z] for x, y, z in _POINTS]))  # (10, 10)
+_FROM_POINTS = np.linalg.inv(
+    np.stack([[1, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z] for x, y, z in _POINTS])
+)  # (10, 10)
 
 
 class Tables(NamedTuple):
@@ -57,6 +59,13 @@ def tables(body: Any, q: History, qd: History, qdd: History, stride: int = 1) ->
     return Tables(torque, *parts)
 
 
+def inverse_dynamics(body: Any, q: History, qd: History, qdd: History) -> np.ndarray:
+    """Inverse dynamics (T, J) of ``body`` along a log, in float64 NumPy."""
+    if isinstance(body, PointMass):
+        return np.asarray(body.mass, float) * qdd
+    return _Inverse(body.source)(q, qd, qdd)
+
+
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
     eye, none = np.eye(len(mass)), np.zeros((*qdd.shape, len(mass)))
     by_load = np.zeros((*qdd.shape, 10))
@@ -84,7 +93,9 @@ def _derivatives(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> l
     by_mass = np.stack([_Inverse(body.source, body.bodies[j])(q, qd, qdd) - plain for j in range(joints)], -1)
     load = mujoco.mj_name2id(body.source, mujoco.mjtObj.mjOBJ_BODY, LOAD)
     at_points = np.stack([_Inverse(body.source, load, point)(q, qd, qdd) - plain for point in _POINTS], -1)
-    return [inertia, central(0, 1e-5), central(1, 1e-5), by_mass, at_points @ _FROM_POINTS.T]
+    by_load = at_points @ _FROM_POINTS.T
+    by_load[np.abs(by_load) < 1e-9 * np.abs(by_load).max()] = 0.0  # rounding is no information
+    return [inertia, central(0, 1e-5), central(1, 1e-5), by_mass, by_load]
 
 
 class _Inverse:

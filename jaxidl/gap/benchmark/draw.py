@@ -68,7 +68,7 @@ def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def clipping(share: float, torque: Array) -> float:
-    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks differ from motion to motion."""
+    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks differ between motions."""
     low, high = 0.0, float(np.abs(torque).max())
     for _ in range(40):
         limit = (low + high) / 2

@@ -1,0 +1,129 @@
+"""Round after round: rank, add the winner, fit everything anew, until nothing is left to name; then what is ambiguous."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
+from jaxidl.gap.fit import Member
+from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, gain
+
+MOST = 24  # effects at most
+REDUNDANT = 0.01  # an effect whose removal costs less than this share of the error is taken out again
+NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
+
+
+@dataclass(frozen=True)
+class Named:
+    """An effect that was added: what it did when it was."""
+
+    member: Member
+    gain: Gain
+    before: float  # held-out root mean square error on its joints [N or Nm]
+    after: float
+
+
+@dataclass
+class Outcome:
+    """What the search found."""
+
+    ranking: Ranking
+    named: list[Named] = field(default_factory=list)  # in the order added
+    rounds: list[list[Trial]] = field(default_factory=list)  # the ranking of each round, best first
+    ambiguous: list[list[Candidate]] = field(default_factory=list)  # equally good explanations; the named one first
+
+
+Watch = Callable[[str, float], None]  # what is being done, and the share of the present round
+
+
+def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome:
+    """Add effects while one is clearly missing."""
+    outcome = Outcome(ranking)
+    keys = len({(c.name, c.joint) for c in ranking.pool})
+    seen: set[frozenset[tuple[str, int | None]]] = set()
+    for number in range(MOST):
+        tried = iter(range(1, keys + 1))
+        trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
+        outcome.rounds.append(trials)
+        best, _ = ranking.winner(trials)
+        if best is None:
+            break
+        watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
+        ranking.take(best)
+        _tidy(ranking)
+        state = frozenset((m.candidate.name, m.candidate.joint) for m in ranking.members)
+        if state in seen:  # added and taken out again
+            break
+        seen.add(state)
+    watch("looking for other explanations", 0.0)
+    outcome.named = [_credit(ranking, m) for m in ranking.members]
+    outcome.ambiguous = [found for m in ranking.members if len(found := _equals(ranking, m)) > 1]
+    return outcome
+
+
+def _tidy(ranking: Ranking) -> None:
+    """Take out what has become superfluous; exchange what another effect does clearly better."""
+    newest = ranking.members[-1]
+    for m in ranking.members[:-1]:
+        if m not in ranking.members or not set(m.joints()) & set(newest.joints()):
+            continue
+        protected = m.candidate.name in CONTAINS.get(newest.candidate.name, ()) and m.candidate.name in ATOMS
+        if not protected and _worth(ranking, m).value < REDUNDANT:
+            ranking.replace((m,), ())
+    for m in ranking.members[:-1]:
+        others = [t for t in _instead(ranking, m) if t.gain.clear(ranking.min_gain)]
+        if others:
+            best = max(others, key=lambda t: t.gain.value)
+            start = next(x for x in best.fit.members if x.candidate is best.candidate)
+            ranking.replace((m,), (start,))
+            return
+
+
+def _worth(ranking: Ranking, m: Member) -> Gain:
+    """How much a member improves the error beside all others."""
+    joints, beside = ranking.closure(m.joints())
+    without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
+    weight = ranking.weight[list(joints)] ** 2
+    return gain(without.error * weight, ranking.fit.error[:, list(joints)] * weight)
+
+
+def _credit(ranking: Ranking, m: Member) -> Named:
+    """What a member is worth at the end, beside all others."""
+    own = list(m.joints())
+    joints, beside = ranking.closure(own)
+    without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
+    where = [joints.index(j) for j in own]
+    before, after = without.error[:, where], ranking.fit.error[:, own]
+    count = max(ranking.fit.count[:, own].sum(), 1.0)
+    weight = ranking.weight[own] ** 2
+    rms = lambda x: float((x.sum() / count) ** 0.5)  # noqa: E731
+    return Named(m, gain(before * weight, after * weight), rms(before), rms(after))
+
+
+def _instead(ranking: Ranking, m: Member) -> list[Trial]:
+    """Every other effect in the place of a member, on any of its joints; the best start of each."""
+    taken = {(x.candidate.name, x.candidate.joint) for x in ranking.members}
+    best: dict[tuple[str, int | None], Trial] = {}
+    for candidate in ranking.pool:
+        key = candidate.name, candidate.joint
+        near = candidate.joint is None or candidate.joint in m.joints()
+        if key in taken or not near or (m.candidate.joint is not None and candidate.joint not in (None, m.candidate.joint)):
+            continue
+        trial = ranking.attempt(candidate, without=m)
+        if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):
+            best[key] = trial
+    return list(best.values())
+
+
+def _equals(ranking: Ranking, m: Member) -> list[Candidate]:
+    """The member and the effects that would explain the log as well in its place."""
+    found = [m.candidate]
+    for trial in _instead(ranking, m):
+        other = trial.candidate
+        if m.candidate.name in CONTAINS.get(other.name, ()) and other.name != "payload":
+            continue
+        if not other.guess.linear and trial.gain.value > -0.5:
+            polished = ranking.attempt(other, polish=True, without=m)
+            trial = max((t for t in (trial, polished) if t is not None), key=lambda t: t.gain.value)
+        if trial.fit.feasible and trial.gain.value >= -max(SAME * trial.gain.stderr, NEGLIGIBLE):
+            found.append(other)
+    return found
