@@ -131,11 +131,22 @@ def _plain(value: Any) -> Any:
     return jax.tree.map(lambda x: x if np.isfinite(x) else str(x), np.asarray(value, float).tolist())
 
 
-def regressor(effect: Effect, q: Joints, qd: Joints, tau: Joints) -> Float[Array, "J P"]:
-    """Derivative of the effect's torque (J,) with respect to its flattened parameters (P,), in the order of the pytree.
+def regressor(
+    effect: Effect, q: Joints, qd: Joints, tau: Joints, body: Any = None, qdd: Joints | None = None
+) -> Float[Array, "J P"]:
+    """Derivative of the torque (J,) that the effect adds with respect to its flattened parameters (P,), in the pytree's order.
+
+    Dry friction is that of a moving joint, −level·sign(qd), and nothing where ``qd`` is zero. Given ``body`` and the acceleration
+    ``qdd`` (J,) [m/s^2 or rad/s^2], what the effect alters in the body counts as well: minus the inverse dynamics of what it adds.
 
     For an effect with ``linear`` true, ``regressor(...) @ parameters`` *is* the torque: the row block of one instant in a
     least-squares fit. For the others it is the Gauss-Newton row at the present parameters.
     """
     flat, unravel = jax.flatten_util.ravel_pytree(effect)
-    return jax.jacfwd(lambda p: unravel(p).torque(q, qd, tau))(flat)
+
+    def added(parameters: Float[Array, " P"]) -> Joints:
+        now = unravel(parameters)
+        total = now.torque(q, qd, tau) - now.dry(q, qd, tau, qd) * jnp.sign(qd)
+        return total if qdd is None else total - now.alter(body).inverse_dynamics(q, qd, qdd)
+
+    return jax.jacfwd(added)(flat)

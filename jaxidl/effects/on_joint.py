@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from flax import struct
 
 from jaxidl.effects.base import Effect
+from jaxidl.errors import EffectError
 from jaxidl.types import History, JointMask, Joints
 
 
@@ -69,6 +70,9 @@ class OnJoint(Effect):
         return q.at[:, column].set(self.effect.true_position(q[:, column], dt))
 
     def check(self) -> "OnJoint":
+        if not 0 <= self.joint < self.joints:
+            expected = f"{self.effect.name} on one of {self.joints} joints, numbered from 0"
+            raise EffectError(expected, f"joint {self.joint}", "correct the joint's number")
         self.effect.check()
         return self
 

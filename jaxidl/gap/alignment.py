@@ -42,7 +42,7 @@ def alignments(data: Data) -> tuple[Member, ...]:
     slope = signals.differentiate(signals.command(signals.tau))[signals.rows]
     found = []
     for j in range(joints):
-        candidate = _Bounded(ALIGNMENT, j, "", Alignment(jnp.zeros(1)), ("shift",))
+        candidate = _Bounded(ALIGNMENT, j, "", Alignment(jnp.zeros(1)), ("shift",), at_bounds=True)
         object.__setattr__(candidate, "reach", (REACH[0] * signals.dt, REACH[1] * signals.dt))
         nothing = np.zeros_like(data.base)
         net = np.zeros((1, *data.base.shape))

@@ -1,7 +1,7 @@
 """What may be missing: every effect of the catalogue on every joint, with where its fit begins."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import jax.numpy as jnp
@@ -23,6 +23,7 @@ from jaxidl.effects import (
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Free, as_effect
 
+SOFTEST = 3.0  # of a transmission: frequency of the motor against a link held still [Hz]
 KNOTS = (6, 12, 24)  # of tables over position
 
 ATOMS = ("viscous_friction", "coulomb_friction", "constant_offset", "quadratic_drag", "inertia_error", "torque_scale")
@@ -62,6 +63,8 @@ class Candidate:
     guess: Effect
     free: Free
     loose: bool = False  # may one linear step go as far as it likes?
+    within: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # bounds narrower than the catalogue's
+    at_bounds: bool = False  # is it as good as any other if a parameter lies at a bound?
 
     @property
     def key(self) -> tuple[str, int | None, str]:
@@ -83,8 +86,9 @@ class Candidate:
         lower, upper = [], []
         for name in self.free:
             spec, size = self.guess.parameters[name], np.size(getattr(self.guess, name))
-            lower += [spec.lower] * size
-            upper += [spec.upper] * size
+            low, high = self.within.get(name, (spec.lower, spec.upper))
+            lower += [max(low, spec.lower)] * size
+            upper += [min(high, spec.upper)] * size
         return np.array(lower), np.array(upper)
 
 
@@ -128,8 +132,23 @@ def _of_joint(cls: type[Effect], joint: int, joints: int, scale: Scale, signals:
     found = []
     for number, guess in enumerate(cls.guesses(scale)):
         free, loose = tuple(cls.parameters), cls.name == "spring"
-        found.append(Candidate(cls.name, joint, str(number), as_effect(cls, guess, **_options(cls, signals)), free, loose))
+        within = _within(cls, guess, scale, float(signals.rest_speed[joint]))
+        start = as_effect(cls, guess, **_options(cls, signals))
+        found.append(Candidate(cls.name, joint, str(number), start, free, loose, within))
     return found
+
+
+def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: float) -> dict[str, tuple[float, float]]:
+    """Bounds beyond which an effect is another one, or trivial.
+
+    A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that explains nothing.
+    An excess of friction only where nothing is seen to move is stiction.
+    """
+    if "motor_inertia" in guess:
+        inertia = float(guess["motor_inertia"])
+        soft = (2.0 * np.pi * SOFTEST) ** 2 * inertia
+        return {"motor_inertia": (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia)), "stiffness": (soft, np.inf)}
+    return {"speed": (3.0 * rest, np.inf)} if cls is StribeckFriction else {}
 
 
 def _options(cls: type[Effect], signals: Signals) -> dict[str, Any]:
@@ -166,7 +185,7 @@ def _tables_of(cls: type[Effect], joint: int, joints: int, signals: Signals) -> 
                 tables = {key: jnp.asarray(zeros) for key in ("level", "coefficient")}
                 guess = cls(**tables, **{key: jnp.asarray(x) for key, x in ends.items()}, joint=joint, other=other)
             for free in ("level", "coefficient"):
-                found.append(Candidate(cls.name, joint, f"{free} {knots} over {other}", guess, (free,)))
+                found.append(Candidate(cls.name, joint, f"{free} {knots} over {other}", guess, (free,), loose=True))
     return found
 
 
@@ -177,4 +196,4 @@ def _payloads(signals: Signals) -> list[Candidate]:
     return [Candidate(Payload.name, None, "", guess, ("mass", "com"), loose=True)]
 
 
-__all__ = ["ATOMS", "CONTAINS", "TIMING", "Candidate", "StribeckFriction", "candidates", "scale_of"]
+__all__ = ["ATOMS", "CONTAINS", "TIMING", "Candidate", "candidates", "scale_of"]

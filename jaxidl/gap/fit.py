@@ -17,7 +17,7 @@ from jaxidl.gap.candidates import Candidate
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_parameters
 
-BLOCKS = 24
+BLOCKS = 48
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
 RIDGE = 1e-9
@@ -65,7 +65,10 @@ def member(candidate: Candidate, effect: Effect, signals: Signals, tau: np.ndarr
 class Data(NamedTuple):
     """Rows that fits share: N of them on J joints, those of training in blocks."""
 
-    base: Float[np.ndarray, "N J"]  # the balance without any effect
+    base: Float[np.ndarray, "N J"]  # the balance of the model as it is believed
+    slide: Float[np.ndarray, "N J"]  # its own dry friction of moving joints
+    grip: Float[np.ndarray, "N J"]  # ... and of resting ones
+    tau: Float[np.ndarray, "T K"]  # the command after its own actuators
     moving: Bool[np.ndarray, "N J"]
     resting: Bool[np.ndarray, "N J"]
     block: np.ndarray  # (N,) block number; −1 for rows kept aside
@@ -74,16 +77,23 @@ class Data(NamedTuple):
     signals: Signals
 
 
-def data_of(signals: Signals, held_out: float, blocks: int = BLOCKS) -> Data:
-    """Rows of a log; the last share ``held_out`` is kept aside."""
-    rows = signals.rows
-    base = signals.balance()
+def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3, blocks: int = BLOCKS) -> Data:
+    """Rows of a log and what the model, a rigid body with ``effects``, makes of them; the last share ``held_out`` is kept aside."""
+    rows, tau = signals.rows, signals.tau
+    base, slide = signals.balance(), np.zeros((len(rows), signals.q.shape[1]))
+    grip = np.zeros_like(slide)
+    for effect in effects:
+        value, _, tau = contribution(effect, None, (), signals, tau)
+        base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
     train = round(len(rows) * (1.0 - held_out))
     block = np.full(len(rows), -1)
     block[:train] = np.arange(train) * blocks // max(train, 1)
     spread = np.std(signals.tau[rows], axis=0)
     return Data(
         base,
+        slide,
+        grip,
+        tau,
         signals.moving[rows],
         signals.resting[rows],
         block,
@@ -125,6 +135,8 @@ def only(data: Data, joints: tuple[int, ...]) -> Data:
     pick = list(joints)
     return data._replace(
         base=data.base[:, pick],
+        slide=data.slide[:, pick],
+        grip=data.grip[:, pick],
         moving=data.moving[:, pick],
         resting=data.resting[:, pick],
         floor=data.floor[pick],
@@ -141,13 +153,13 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     theta0 = np.concatenate([m.theta for m in members]) if members else np.zeros(0)
     stack = lambda part: np.concatenate([getattr(m.slopes, part)[..., pick] for m in members])  # noqa: E731
     total = lambda part: sum(getattr(m.value, part)[..., pick] for m in members)  # noqa: E731
+    zeros = [data.base, data.slide, data.grip]
     if members:
-        net0, slide0, grip0 = data.base + total("net"), total("slide"), total("grip")
-        parts = [net0, slide0, grip0, stack("net"), stack("slide"), stack("grip")]
+        zeros = [zero + total(part) for zero, part in zip(zeros, Contribution._fields, strict=True)]
+        parts = [*zeros, *map(stack, Contribution._fields)]
         problem = _Problem(data, weight, *_in_commands(parts, members, sizes, pick))
     else:
-        nothing = np.zeros((0, *data.base.shape))
-        problem = _Problem(data, weight, data.base, 0 * data.base, 0 * data.base, nothing, nothing, nothing)
+        problem = _Problem(data, weight, *zeros, *[np.zeros((0, *data.base.shape))] * 3)
     limits = [_limits(m) for m in members]
     lower = np.concatenate([low for low, _ in limits]) - theta0 if members else theta0
     upper = np.concatenate([high for _, high in limits]) - theta0 if members else theta0
@@ -203,7 +215,7 @@ def _limits(m: Member) -> tuple[np.ndarray, np.ndarray]:
 
 def _inside(m: Member, theta: np.ndarray) -> bool:
     low, high = m.candidate.bounds()
-    return bool(np.all(theta > low) and np.all(theta < high)) or bool(np.size(theta) > 6)
+    return m.candidate.at_bounds or bool(np.all(theta > low) and np.all(theta < high))
 
 
 def _smoothness(m: Member, at: int) -> np.ndarray:
@@ -351,9 +363,9 @@ def _solve(gram: np.ndarray, right: np.ndarray, step: np.ndarray, free: np.ndarr
     return np.linalg.solve(a, (y / scale)[..., None])[..., 0] / scale
 
 
-def updated(found: Fit, signals: Signals) -> tuple[Member, ...]:
+def updated(found: Fit, data: Data) -> tuple[Member, ...]:
     """The members at their fitted parameters: the torque passes through them in their order."""
-    tau, out = signals.tau, []
+    signals, tau, out = data.signals, data.tau, []
     for m, theta in zip(found.members, found.thetas, strict=True):
         low, high = m.candidate.bounds()
         effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))

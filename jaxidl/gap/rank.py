@@ -105,7 +105,7 @@ class Ranking:
     def torque(self) -> np.ndarray:
         """Torque (T, J) after all members."""
         delivered = [m.delivered for m in self.members if m.delivered is not None]
-        return delivered[-1] if delivered else self.data.signals.tau
+        return delivered[-1] if delivered else self.data.tau
 
     def closure(self, joints: Iterable[int]) -> tuple[tuple[int, ...], tuple[Member, ...]]:
         """The joints that must be fitted together, and the members on them."""
@@ -201,7 +201,7 @@ class Ranking:
         over = gain(b, a)
         if other.candidate.name in CONTAINS.get(best.candidate.name, ()):
             return not over.clear(self.min_gain)
-        return over.value <= SAME * over.stderr or over.value < 0.1 * self.min_gain
+        return over.value <= SAME * over.stderr or over.value < 0.5 * self.min_gain
 
     def _errors(self, trial: Trial) -> np.ndarray:
         """Weighted errors (B,) of the whole model if the trial were taken."""
@@ -262,7 +262,7 @@ class Ranking:
         joints, beside = self.closure(touched)
         found = polished(self.data, self.fitted((*beside, *new), joints), self.weight, joints)
         changed = any(m.delivered is not None for m in (*old, *new))
-        fresh = tuple(m for m in updated(found, self.data.signals) if m.candidate.name != ALIGNMENT)
+        fresh = tuple(m for m in updated(found, self.data) if m.candidate.name != ALIGNMENT)
         self.members = (*(m for m in self.members if m not in beside), *fresh)
         whole = fit(self.data, self.all(), self.weight)
         self.fit, self.trials = whole, {k: t for k, t in self.trials.items() if not set(t.joints) & set(joints)}
@@ -277,7 +277,7 @@ def polished(data: Data, found: Fit, weight: np.ndarray, joints: tuple[int, ...]
         return found
     best = found
     for _ in range(ROUNDS):
-        after = fit(data, updated(best, data.signals), weight, joints)
+        after = fit(data, updated(best, data), weight, joints)
         if not np.isfinite(after.error).all() or not after.error.sum() < 0.999 * best.error.sum():
             return after if np.isfinite(after.error).all() and after.error.sum() <= best.error.sum() else best
         best = after

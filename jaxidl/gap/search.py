@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
 from jaxidl.gap.fit import Member
 from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, gain
 
 MOST = 24  # effects at most
-REDUNDANT = 0.01  # an effect whose removal costs less than this share of the error is taken out again
+REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
 
@@ -27,8 +29,10 @@ class Outcome:
     """What the search found."""
 
     ranking: Ranking
+    before: np.ndarray  # (N, J) residual of the model as it was
     named: list[Named] = field(default_factory=list)  # in the order added
     rounds: list[list[Trial]] = field(default_factory=list)  # the ranking of each round, best first
+    chosen: list[tuple[str, int | None]] = field(default_factory=list)  # what each round but the last added
     ambiguous: list[list[Candidate]] = field(default_factory=list)  # equally good explanations; the named one first
 
 
@@ -37,7 +41,7 @@ Watch = Callable[[str, float], None]  # what is being done, and the share of the
 
 def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome:
     """Add effects while one is clearly missing."""
-    outcome = Outcome(ranking)
+    outcome = Outcome(ranking, ranking.fit.residual)
     keys = len({(c.name, c.joint) for c in ranking.pool})
     seen: set[frozenset[tuple[str, int | None]]] = set()
     for number in range(MOST):
@@ -48,6 +52,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         if best is None:
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
+        outcome.chosen.append((best.candidate.name, best.candidate.joint))
         ranking.take(best)
         _tidy(ranking)
         state = frozenset((m.candidate.name, m.candidate.joint) for m in ranking.members)
@@ -56,7 +61,8 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         seen.add(state)
     watch("looking for other explanations", 0.0)
     outcome.named = [_credit(ranking, m) for m in ranking.members]
-    outcome.ambiguous = [found for m in ranking.members if len(found := _equals(ranking, m)) > 1]
+    needed = [n.member for n in outcome.named if n.gain.value > ranking.min_gain / 2]
+    outcome.ambiguous = [found for m in needed if len(found := _equals(ranking, m)) > 1]
     return outcome
 
 
@@ -67,15 +73,21 @@ def _tidy(ranking: Ranking) -> None:
         if m not in ranking.members or not set(m.joints()) & set(newest.joints()):
             continue
         protected = m.candidate.name in CONTAINS.get(newest.candidate.name, ()) and m.candidate.name in ATOMS
-        if not protected and _worth(ranking, m).value < REDUNDANT:
+        if not protected and _idle(ranking, m):
             ranking.replace((m,), ())
     for m in ranking.members[:-1]:
-        others = [t for t in _instead(ranking, m) if t.gain.clear(ranking.min_gain)]
+        better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(ranking.min_gain))
+        others = [t for t in better if m.candidate.name not in CONTAINS.get(t.candidate.name, ())]
         if others:
             best = max(others, key=lambda t: t.gain.value)
             start = next(x for x in best.fit.members if x.candidate is best.candidate)
             ranking.replace((m,), (start,))
             return
+
+
+def _idle(ranking: Ranking, m: Member) -> bool:
+    worth = _worth(ranking, m)
+    return worth.value < REDUNDANT * ranking.min_gain or worth.value < worth.stderr
 
 
 def _worth(ranking: Ranking, m: Member) -> Gain:

@@ -6,12 +6,15 @@ comparison lose the same frequencies. Its band is where the encoder's noise, twi
 reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
+from jaxidl.effects import Effect
 from jaxidl.gap.log import Log
 from jaxidl.systems.tables import Tables, tables
 
@@ -19,6 +22,7 @@ NOISE_SHARE = 0.02  # of the command's spread: where the band ends
 BAND = (4.0, 100.0)  # least and largest [Hz]
 HIGHEST_BAND = 0.2  # of the sampling rate
 ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band
+REST_EDGE = 0.6  # on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
 TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
 
@@ -63,9 +67,12 @@ class Signals(NamedTuple):
         return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
 
 
-def prepare(log: Log, body: Any, held: bool = True) -> Signals:
-    """Signals of a log and its modelled rigid body."""
+def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True) -> Signals:
+    """Signals of a log and its modelled rigid body; ``effects`` are the model's own, of which those on the encoders are undone."""
     dt, slices = log.dt, tuple(log.segments())
+    for effect in reversed(effects):
+        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))  # noqa: E731
+        log = replace(log, q=_by_run(log.q, slices, undone))
     sigma = encoder_noise(log.q, slices)
     inertia = _typical_inertia(log, body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
@@ -79,7 +86,7 @@ def prepare(log: Log, body: Any, held: bool = True) -> Signals:
     table = tables(body, q, qd, qdd, stride)
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, 0.003 * np.quantile(np.abs(qd), 0.99, axis=0))
-    moving, resting = classify(qd, rest_speed, max(2, round(0.35 / band / dt)))
+    moving, resting = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)))
     edge = round(TRIM / dt)
     rows = [
@@ -129,7 +136,7 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
 def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
     """Moving and resting instants (T, J). A rest shorter than the filter is a reversal, which counts as motion."""
     slow = np.abs(qd) < rest_speed
-    long = ndimage.binary_opening(slow, np.ones((4 * half + 1, 1)))
+    long = ndimage.binary_opening(slow, np.ones((3 * half + 1, 1)))
     resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
     moving = ~ndimage.binary_dilation(long, np.ones((2 * half + 1, 1)))
     return moving, resting

@@ -53,7 +53,7 @@ Free = tuple[str, ...]
 
 def parameters_of(effect: Effect, free: Free) -> Float[np.ndarray, " P"]:
     """The named parameters as one vector."""
-    return np.concatenate([np.ravel(np.asarray(getattr(effect, name), float)) for name in free])
+    return np.concatenate([np.zeros(0), *(np.ravel(np.asarray(getattr(effect, name), float)) for name in free)])
 
 
 def with_parameters(effect: Any, free: Free, values: Any) -> Any:
@@ -117,7 +117,10 @@ def _terms(effect: Any, free: Free, drive: Drive, starts: Any, dt: float) -> tup
         return _along(with_parameters(effect, free, values), drive, starts, dt)
 
     inner = effect.effect if isinstance(effect, OnJoint) else effect
-    values = jnp.concatenate([jnp.ravel(jnp.asarray(getattr(inner, name), float)) for name in free])
+    values = jnp.concatenate([jnp.zeros(0), *(jnp.ravel(jnp.asarray(getattr(inner, name), float)) for name in free)])
+    if not free:
+        value = of(values)
+        return value, jax.tree.map(lambda x: jnp.zeros((0, *x.shape)), value)
     slopes = jax.vmap(lambda direction: jax.jvp(of, (values,), (direction,))[1])(jnp.eye(len(values)))
     return of(values), slopes
 

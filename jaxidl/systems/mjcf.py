@@ -1,7 +1,8 @@
 """MJCF and URDF files: a rigid body, and the effects that the file has beside it."""
 
-import json
-from collections.abc import Callable
+import contextlib
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -9,12 +10,11 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from jaxidl.effects import CoulombFriction, Effect, OnJoint, Spring, ViscousFriction, from_dict
+from jaxidl.effects import CoulombFriction, Effect, OnJoint, Spring, ViscousFriction
 from jaxidl.errors import EffectError, ModelError
-from jaxidl.systems.mujoco_body import LOAD, MujocoBody, mujoco_body
+from jaxidl.systems.mujoco_body import mujoco_body
 from jaxidl.systems.plant import Plant
-
-EFFECTS = "effects.json"
+from jaxidl.systems.record import read_record
 
 
 class Model(NamedTuple):
@@ -39,43 +39,72 @@ def read_model(path: str | Path) -> Model:
     joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so.
 
     Raises:
-        ModelError: if the file cannot be read, or has what would be silently dropped: other joints, equality constraints, tendons,
-            gravity compensation, fluid forces, polynomial damping or stiffness.
+        ModelError: if the file or its ``effects.json`` cannot be read, or if the file has what would be silently dropped: other
+            joints, equality constraints, tendons, gravity compensation, fluid forces, polynomial damping or stiffness, inertia or
+            damping of actuators, plugins, springs or friction that a flag switches off.
     """
     path = Path(path)
-    spec = load_spec(path)
-    _refuse(spec, path)
-    notes, effects = _strip(spec)
-    model = compile_spec(spec, path)
-    body = mujoco_body(model)
-    return Model(Plant(body, (*effects, *_beside(path))), body.names, body.kinds, tuple(notes), path)
+    with quietly() as said:
+        spec = load_spec(path)
+        _refuse(spec, path)
+        model = compile_spec(spec, path)
+        try:
+            body = mujoco_body(model)
+        except (ValueError, mujoco.FatalError) as error:
+            raise ModelError(f"{path} to have a rigid body", f"'{_one_line(error)}'", "mend its masses and inertias") from None
+        _check_inertia(body.source, path)
+    effects = (*_effects(model, path), *(entry.effect for entry in read_record(path, model.njnt) if not entry.in_mjcf))
+    return Model(Plant(body, effects), body.names, body.kinds, (*_notes(model), *said), path)
+
+
+@contextlib.contextmanager
+def quietly() -> Iterator[list[str]]:
+    """MuJoCo's warnings, collected instead of printed or written into a file of the present folder."""
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            yield said
+        said += [" ".join(f"MuJoCo: {warning.message}".split()) for warning in caught]
+        said[:] = list(dict.fromkeys(said))
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 def load_spec(path: Path) -> mujoco.MjSpec:
-    """MuJoCo's editable model. Raises :class:`ModelError` with MuJoCo's own words if there is none."""
+    """MuJoCo's editable model, with bodies kept that are welded to others. Raises :class:`ModelError` with MuJoCo's own words."""
     if not path.is_file():
         raise ModelError(f"a MJCF or URDF file at {path}", "a folder" if path.is_dir() else "no such file", "correct the path")
     try:
-        return mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path))
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
         raise ModelError(f"{path} to be MJCF or URDF", f"'{_one_line(error)}'", "mend the file; MuJoCo must load it") from None
+    spec.compiler.fusestatic = False
+    return spec
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
     """The compiled model. Raises :class:`ModelError` with MuJoCo's own words if it does not compile."""
     try:
-        model = spec.compile()
+        return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         raise ModelError(f"{path} to compile", f"'{_one_line(error)}'", "mend the file; MuJoCo must load it") from None
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    inertia = np.zeros((model.nv, model.nv))
+
+
+def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
+    """Complain unless the inertia matrix is finite and clearly positive definite, whatever the units of its rows."""
+    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
+        stage(model, data)
     mujoco.mj_fullM(model, data, inertia)
-    if not np.isfinite(inertia).all() or np.linalg.eigvalsh(inertia).min() <= 0.0:
-        raise ModelError(
-            f"{path} to have inertia at every joint", "a joint without any", "give its body a mass, or the joint armature"
-        )
-    return model
+    size = np.sqrt(np.maximum(np.diag(inertia), 1e-300))
+    if not np.isfinite(inertia).all():
+        raise ModelError(f"{path} to have finite inertia", "a number that is not finite", "correct its masses and lengths")
+    if np.linalg.eigvalsh(inertia / size / size[:, None]).min() <= 1e-12:
+        remedy = "give its body a mass, or the joint armature"
+        raise ModelError(f"{path} to have inertia at every joint", "a joint without any", remedy)
 
 
 def _one_line(error: Exception) -> str:
@@ -85,72 +114,55 @@ def _one_line(error: Exception) -> str:
 def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
     """Complain about the first thing that would otherwise be dropped in silence."""
     moving = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
-    polynomial: Callable[[mujoco.MjsJoint], bool] = lambda j: bool(np.any(j.damping[1:]) or np.any(j.stiffness[1:]))  # noqa: E731
+    flags = mujoco.mjtDisableBit
+    off = spec.option.disableflags & int(
+        flags.mjDSBL_SPRING | flags.mjDSBL_DAMPER | flags.mjDSBL_FRICTIONLOSS | flags.mjDSBL_CONSTRAINT
+    )
+    polynomial = any(np.any(j.damping[1:]) or np.any(j.stiffness[1:]) for j in spec.joints)
+    dashpot = any(np.any(np.asarray(j.springdamper) != 0) for j in spec.joints)
+    geared = any(np.any(a.armature) or np.any(a.damping) for a in spec.actuators)
+    other = any(j.type not in moving for j in spec.joints)
     complaints = (
         (not spec.joints, "at least one joint", "none", "give the model its joints"),
-        (any(j.type not in moving for j in spec.joints), "slide and hinge joints", "a free or ball joint", "fix the base"),
-        (bool(spec.equalities), "no equality constraints", f"{len(spec.equalities)}", "remove them; loops are not supported"),
-        (bool(spec.tendons), "no tendons", f"{len(spec.tendons)}", "remove them"),
-        (bool(spec.flexes), "no soft bodies", f"{len(spec.flexes)}", "remove them"),
-        (
-            any(polynomial(j) for j in spec.joints),
-            "linear damping and stiffness",
-            "polynomial ones",
-            "keep the first coefficient",
-        ),
-        (
-            any(np.any(np.asarray(j.springdamper) != 0) for j in spec.joints),
-            "no springdamper",
-            "one",
-            "give stiffness and damping",
-        ),
+        (other, "slide and hinge joints", "a free or ball joint", "fix the base"),
+        (spec.equalities, "no equality constraints", f"{len(spec.equalities)}", "remove them; loops are not supported"),
+        (spec.tendons, "no tendons", f"{len(spec.tendons)}", "remove them"),
+        (spec.flexes, "no soft bodies", f"{len(spec.flexes)}", "remove them"),
+        (spec.plugins, "no plugins", f"{len(spec.plugins)}", "remove them"),
+        (polynomial, "linear damping and stiffness", "polynomial ones", "keep the first coefficient"),
+        (dashpot, "no springdamper", "one", "give stiffness and damping"),
+        (geared, "no actuator with armature or damping", "one", "give them to its joint"),
         (any(b.gravcomp for b in spec.bodies), "no gravity compensation", "gravcomp", "add its torque to the log's instead"),
         (spec.option.density or spec.option.viscosity, "no fluid", "density or viscosity", "remove them; drag is an effect"),
+        (off, "no flag that switches springs, dampers or friction off", "one", "set their values to zero instead"),
     )
     for wrong, expected, got, remedy in complaints:
         if wrong:
             raise ModelError(f"{path} to have {expected}", got, remedy)
 
 
-def _strip(spec: mujoco.MjSpec) -> tuple[list[str], list[Effect]]:
-    """Take from the model all that is not its rigid body; return notes and effects."""
-    effects, joints = [], spec.joints
-    for j, joint in enumerate(joints):
-        on = lambda effect, j=j: OnJoint(effect, j, len(joints))  # noqa: E731
-        if joint.damping[0]:
-            effects.append(on(ViscousFriction(jnp.array([joint.damping[0]]))))
-        if joint.frictionloss:
-            effects.append(on(CoulombFriction(jnp.array([joint.frictionloss]))))
-        if joint.stiffness[0]:
-            effects.append(on(Spring(jnp.array([joint.stiffness[0]]), jnp.array([joint.springref]))))
-        joint.damping, joint.stiffness, joint.frictionloss = np.zeros(3), np.zeros(3), 0.0
-    notes = []
-    if spec.actuators:
-        notes.append("the model's actuators play no part: the log's torques are taken as joint torques")
-    if any(joint.limited == 1 for joint in joints):
-        notes.append("joint limits play no part")
-    for part in (*spec.actuators, *spec.sensors, *spec.keys):
-        spec.delete(part)
-    last = spec.bodies[-1]
-    # away from the body's origin and turned, or MuJoCo would note that the two frames are one and ignore where the load goes
-    last.add_body(name=LOAD, mass=0.0, explicitinertial=True, inertia=np.zeros(3), ipos=np.ones(3), iquat=[0.8, 0.6, 0.0, 0.0])
-    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    return notes, effects
-
-
-def _beside(path: Path) -> list[Effect]:
-    """Effects of the ``effects.json`` in the model's folder that MJCF does not hold, if it was written for this model."""
-    record = path.with_name(EFFECTS)
-    if not record.is_file():
-        return []
+def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
+    """What the joints have beside inertia, as effects."""
+    found = []
+    for j in range(model.njnt):
+        damping, loss, stiffness = model.dof_damping[j], model.dof_frictionloss[j], model.jnt_stiffness[j]
+        if damping:
+            found.append(OnJoint(ViscousFriction(jnp.array([damping])), j, model.njnt))
+        if loss:
+            found.append(OnJoint(CoulombFriction(jnp.array([loss])), j, model.njnt))
+        if stiffness:
+            found.append(OnJoint(Spring(jnp.array([stiffness]), jnp.array([model.qpos_spring[j]])), j, model.njnt))
     try:
-        content = json.loads(record.read_text())
-        if content["model"] != path.name:
-            return []
-        return [from_dict(entry) for entry in content["effects"] if not entry.get("in_mjcf")]
+        return [effect.check() for effect in found]
     except EffectError as error:
-        raise ModelError(f"{record} as the gap workflow writes it", str(error), "mend it, or remove it") from None
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        got = f"{type(error).__name__} {_one_line(error)}"
-        raise ModelError(f"{record} as the gap workflow writes it", got, "mend it, or remove it") from None
+        raise ModelError(f"{path} to have possible friction and springs", str(error), "correct the joint") from None
+
+
+def _notes(model: mujoco.MjModel) -> list[str]:
+    """What of the model plays no part."""
+    notes = []
+    if model.nu:
+        notes.append("the model's actuators play no part: the log's torques are taken as joint torques")
+    if model.jnt_limited.any():
+        notes.append("joint limits play no part")
+    return notes

@@ -11,15 +11,18 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import mujoco
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxidl.errors import EffectError
 from jaxidl.types import History, Joints, Scalar
 
 with contextlib.redirect_stdout(io.StringIO()):  # it announces what optional packages are missing
     from mujoco import mjx
 
-LOAD = "jaxidl_payload"  # a massless body on the last one, in every loaded model: a payload's place
+LOAD = "jaxidl_payload"  # a massless body on the last one that moves, in every loaded model: a payload's place
+LOADS = (LOAD, f"{LOAD}_2", f"{LOAD}_3")  # a place for each payload; as siblings they cost MJX next to nothing
 
 
 class MujocoBody(struct.PyTreeNode):
@@ -30,6 +33,7 @@ class MujocoBody(struct.PyTreeNode):
     kinds: tuple[str, ...] = struct.field(pytree_node=False)  # slide or hinge
     bodies: tuple[int, ...] = struct.field(pytree_node=False)
     source: mujoco.MjModel = struct.field(pytree_node=False)  # the same body in C, as loaded
+    loads: int = struct.field(pytree_node=False, default=0)  # payloads added so far
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
         """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
@@ -69,17 +73,66 @@ class MujocoBody(struct.PyTreeNode):
         )
 
     def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "MujocoBody":
-        """The body with a point of ``mass`` [kg] at ``com`` (3,) [m] in its last body's frame."""
-        load = mujoco.mj_name2id(self.source, mujoco.mjtObj.mjOBJ_BODY, LOAD)
+        """The body with a point of ``mass`` [kg] more at ``com`` (3,) [m] in the frame of its last body that moves.
+
+        Raises:
+            EffectError: for more payloads than there are places.
+        """
+        if self.loads == len(LOADS):
+            raise EffectError(f"at most {len(LOADS)} payloads", "one more", "put them together in one")
+        load = mujoco.mj_name2id(self.source, mujoco.mjtObj.mjOBJ_BODY, LOADS[self.loads])
         place = self.model.body_ipos.at[load].set(jnp.asarray(com, self.model.body_ipos.dtype))
-        return self.replace(model=self.model.replace(body_mass=self.model.body_mass.at[load].add(mass), body_ipos=place))
+        model = self.model.replace(body_mass=self.model.body_mass.at[load].add(mass), body_ipos=place)
+        return self.replace(model=model, loads=self.loads + 1)
 
 
 def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
-    """The body of a compiled MuJoCo model that has nothing but slides and hinges."""
-    kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in model.jnt_type)
-    names = tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
-    return MujocoBody(mjx.put_model(model), names, kinds, tuple(int(b) for b in model.jnt_bodyid), model)
+    """The body of a compiled MuJoCo model that has nothing but slides and hinges.
+
+    Raises:
+        ValueError: with MuJoCo's words, if it does not take the model's numbers a second time.
+    """
+    bare = skeleton(model)
+    kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type)
+    return MujocoBody(mjx.put_model(bare), joint_names(model), kinds, tuple(int(b) for b in bare.jnt_bodyid), bare)
+
+
+def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Names (J) of a compiled model's joints; those without one are called after their number."""
+    return tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
+
+
+def last_moving(model: mujoco.MjModel) -> int:
+    """Number of the last body that some joint moves: what comes after it in the file, a table say, carries no payload."""
+    return int(np.flatnonzero(model.body_weldid)[-1])
+
+
+def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
+    """Bodies, joints and gravity of a compiled model, without geometry, and with places for payloads.
+
+    Geometry costs time, MJX does not know all of it, and the compiler's settings (a least mass, a total mass) would be applied
+    to the places for payloads too.
+    """
+    spec = mujoco.MjSpec()
+    weightless = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
+    spec.option.gravity = np.zeros(3) if weightless else model.opt.gravity
+    spec.compiler.degree = False
+    bodies = [spec.worldbody]
+    for b in range(1, model.nbody):
+        inertial = {"mass": model.body_mass[b], "inertia": model.body_inertia[b]}
+        inertial |= {"ipos": model.body_ipos[b], "iquat": model.body_iquat[b], "explicitinertial": True}
+        parent = bodies[model.body_parentid[b]]
+        bodies.append(parent.add_body(pos=model.body_pos[b], quat=model.body_quat[b], **inertial))
+    for j in range(model.njnt):
+        frame = {"pos": model.jnt_pos[j], "axis": model.jnt_axis[j], "ref": model.qpos0[j]}
+        bodies[model.jnt_bodyid[j]].add_joint(name=model.joint(j).name, type=model.jnt_type[j], armature=model.dof_armature[j], **frame)
+    for name in LOADS:
+        # away from the body's origin and turned, or MuJoCo would note that the two frames are one and ignore where the load goes
+        turned = {"ipos": np.ones(3), "iquat": [0.8, 0.6, 0.0, 0.0]}
+        bodies[last_moving(model)].add_body(name=name, mass=0.0, explicitinertial=True, inertia=np.zeros(3), **turned)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    return spec.compile()
 
 
 def batched_inverse_dynamics(body: Any, q: History, qd: History, qdd: History) -> History:

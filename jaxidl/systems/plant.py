@@ -2,6 +2,7 @@
 
 from typing import Any, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
@@ -9,7 +10,7 @@ from jaxtyping import Array, Float
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.types import Joints, Scalar, State
 
-GAUSS_SEIDEL_ROUNDS = 6
+GAUSS_SEIDEL_ROUNDS = 40  # an arm of two links needs up to 12 to rest without creeping, six coupled joints more
 
 
 @runtime_checkable
@@ -80,15 +81,17 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
     """Torque (J,) within ±``level`` that brings the joints to rest, or as near as it can.
 
     Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of ``push`` (J,), the acceleration that
-    would carry on [m/s^2]. One joint needs one round, joints that the inertia couples a few.
+    would carry on [m/s^2]. One joint needs one round, joints that the inertia couples more.
     """
-    joints = push.shape[0]
-    grip = jnp.zeros_like(push)
-    for _ in range(1 if joints == 1 else GAUSS_SEIDEL_ROUNDS):
-        for j in range(joints):
+
+    def around(_: Any, grip: Joints) -> Joints:
+        for j in range(push.shape[0]):
             left = push[j] - mobility[j] @ grip + mobility[j, j] * grip[j]
             grip = grip.at[j].set(jnp.clip(left / mobility[j, j], -level[j], level[j]))
-    return grip
+        return grip
+
+    grip = jnp.zeros_like(push)
+    return around(0, grip) if push.shape[0] == 1 else jax.lax.fori_loop(0, GAUSS_SEIDEL_ROUNDS, around, grip)
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:

@@ -34,8 +34,11 @@ MERGING: tuple[frozenset[str], ...] = (
     frozenset({"viscous_friction", "position_dependent_friction", "coupled_friction"}),
     frozenset({"inertia_error", "torque_scale", "payload"}),
     frozenset({"actuator_lag", "actuator_delay", "sensor_delay", "joint_elasticity", "backlash"}),
+    frozenset({"inertia_error", "joint_elasticity"}),
+    frozenset({"inertia_error", "backlash"}),
 )
-"""Two of a group on one joint are, or nearly are, a single effect of the catalogue: no pairs of them."""
+"""No pairs of these on one joint: two of a group are, or nearly are, a single effect of the catalogue, or upset the loop
+together; and a rotor's inertia is not to be wrong and behind a spring at once."""
 
 DRAWS, NONE, PAIRS = 2, 34, 22  # draws of each single effect and severity; cases of each mechanism
 

@@ -23,6 +23,8 @@ class JointElasticity(Injected):
 
     def alter(self, spec: Any) -> None:
         joint = spec.joints[self.joint]
+        if joint.armature < self.motor_inertia - 1e-12:
+            raise ValueError(f"a rotor of {self.motor_inertia:g} cannot be taken from an armature of {joint.armature:g}")
         joint.armature = max(0.0, joint.armature - self.motor_inertia)
 
     def start(self, step: float, position: float, command: float) -> None:

@@ -1,0 +1,178 @@
+"""What the workflow says of a log and a model."""
+
+import json
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.gap.localise import Place
+from jaxidl.systems import Plant
+from jaxidl.systems.mjcf import Model
+
+Key = tuple[str, int | None]  # an effect's name and its joint
+
+
+class Estimate(NamedTuple):
+    """A parameter: a number, or a list of them for a table."""
+
+    value: float | list[float]
+    unit: str
+    stderr: float | list[float]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that was added to the model."""
+
+    name: str
+    joint: int | None  # None: of the whole mechanism
+    effect: Effect  # ready for a plant
+    sentence: str
+    parameters: dict[str, Estimate]
+    held_out_before: float  # root mean square error on held-out blocks without it, with all others [N or Nm]
+    held_out_after: float
+    gain: float  # 1 − after/before
+    gain_stderr: float
+
+
+class Ambiguity(NamedTuple):
+    """Effects that explain this log equally well (the one that was added first), and the experiment that would tell."""
+
+    candidates: tuple[Key, ...]
+    experiment: str
+
+
+class Row(NamedTuple):
+    """A line of a round's ranking."""
+
+    name: str
+    joint: int | None
+    gain: float
+    gain_stderr: float
+    chosen: bool
+
+
+class Side(NamedTuple):
+    """The gap of one plant on the data kept aside. J values each."""
+
+    torque_rms: list[float]  # [N or Nm]
+    torque_relative: list[float]  # of the command's root mean square
+    rollout_rms: dict[str, list[float]]  # by horizon [m or rad]
+
+
+class Gap(NamedTuple):
+    """Before and after, on data that took no part in fitting or ranking."""
+
+    unit: list[str]
+    before: Side
+    after: Side
+    noise_floor: list[float]  # what encoder noise alone puts into the torque error [N or Nm]
+
+
+class Traces(NamedTuple):
+    """What the figures are drawn from: N rows, J joints."""
+
+    time: np.ndarray  # (N,) [s]
+    kept_aside: np.ndarray  # (N,) took no part in fitting
+    q: np.ndarray  # (N, J)
+    qd: np.ndarray
+    command: np.ndarray  # (N, J) filtered
+    before: np.ndarray  # (N, J) residual [N or Nm]
+    after: np.ndarray
+    counted: np.ndarray  # (N, J) False where a rest begins or ends
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The result of :func:`jaxidl.gap.diagnose`."""
+
+    verdict: str  # named, nothing_missing, ambiguous or unexplained
+    summary: str  # in plain language
+    findings: tuple[Finding, ...]  # in the order added
+    ambiguous: tuple[Ambiguity, ...]
+    where: tuple[Place, ...]  # of the residual before
+    remaining: tuple[Place, ...]  # of the residual after
+    gap: Gap
+    rounds: tuple[tuple[Row, ...], ...]
+    network: tuple[tuple[float, float], ...]  # (J) what a network removes of the remaining residual, and its standard error
+    model: Model
+    traces: Traces
+    band: float  # [Hz]
+    notes: tuple[str, ...] = ()
+    options: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def plant(self) -> Plant:
+        """The model with what was found: it simulates, controls and learns like any other."""
+        return Plant(self.model.plant.body, (*self.model.plant.effects, *(f.effect for f in self.findings)))
+
+    def to_dict(self) -> dict[str, Any]:
+        """The content of ``report.json``, without ``files``."""
+        return _plain(
+            {
+                "verdict": self.verdict,
+                "summary": self.summary,
+                "effects": [
+                    {
+                        "effect": f.name,
+                        "joint": f.joint,
+                        "sentence": f.sentence,
+                        "parameters": {name: p._asdict() for name, p in f.parameters.items()},
+                        "held_out_before": f.held_out_before,
+                        "held_out_after": f.held_out_after,
+                        "gain": f.gain,
+                        "gain_stderr": f.gain_stderr,
+                    }
+                    for f in self.findings
+                ],
+                "ambiguous": [
+                    {"candidates": [{"effect": n, "joint": j} for n, j in a.candidates], "experiment": a.experiment}
+                    for a in self.ambiguous
+                ],
+                "where": [p._asdict() for p in self.where],
+                "remaining": [p._asdict() for p in self.remaining],
+                "gap": {
+                    "unit": self.gap.unit,
+                    "before": self.gap.before._asdict(),
+                    "after": self.gap.after._asdict(),
+                    "noise_floor": self.gap.noise_floor,
+                },
+                "rounds": [[r._asdict() for r in rows] for rows in self.rounds],
+                "network": [{"joint": j, "gain": g, "gain_stderr": s} for j, (g, s) in enumerate(self.network)],
+                "joints": list(self.model.names),
+                "band_hz": self.band,
+                "notes": list(self.notes),
+                "options": self.options,
+            }
+        )
+
+    def save(self, folder: str | Path) -> Path:
+        """Write report.json, report.html, figures and the patched model into ``folder``; return the HTML file's path."""
+        from jaxidl.gap.report import write
+
+        return write(self, Path(folder))
+
+    def to_json(self, **extra: Any) -> str:
+        """:meth:`to_dict` as strict JSON."""
+        return json.dumps(self.to_dict() | extra, indent=1, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Plain numbers and lists that JSON has; what is not finite becomes null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def sentence_of(name: str) -> str:
+    """What an effect is, for a person."""
+    return CATALOGUE[name].sentence

@@ -1,0 +1,50 @@
+"""The fitted parameters as they are told: with standard errors, and with what two effects share given to one of them."""
+
+from typing import Any
+
+import numpy as np
+
+from jaxidl.effects import Effect
+from jaxidl.gap.search import Outcome
+from jaxidl.gap.terms import with_parameters
+
+Told = dict[str, tuple[Any, Any]]  # parameter: value and standard error
+
+SHARED = {"positive": ("coulomb_friction", "level"), "viscous_positive": ("viscous_friction", "coefficient")}
+"""What friction by direction has in common with plain friction on the same joint: the mean of both directions."""
+
+
+def settled(outcome: Outcome) -> list[tuple[Effect, Told]]:
+    """Effect and parameters of each named effect, in the order added."""
+    fit = outcome.ranking.fit
+    place = {(m.candidate.name, m.candidate.joint): i for i, m in enumerate(fit.members)}
+    thetas, samples = [t.copy() for t in fit.thetas], [s.copy() for s in fit.samples]
+    for i, m in enumerate(fit.members):
+        for name, partner in SHARED.items():
+            j = place.get((partner[0], m.candidate.joint))
+            if m.candidate.name == "asymmetric_friction" and name in m.candidate.free and j is not None:
+                k = m.candidate.free.index(name)
+                for values in (thetas, samples):
+                    mean = values[i][..., k : k + 2].mean(-1, keepdims=True)
+                    values[j] += mean
+                    values[i][..., k : k + 2] -= mean
+    out = []
+    for named in outcome.named:
+        i = place[(named.member.candidate.name, named.member.candidate.joint)]
+        out.append(_told(fit.members[i], thetas[i], samples[i]))
+    return out
+
+
+def _told(m: Any, theta: np.ndarray, samples: np.ndarray) -> tuple[Effect, Told]:
+    low, high = m.candidate.bounds()
+    effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))
+    b = len(samples)
+    errors = np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
+    told: Told = {}
+    at = 0
+    for name in m.candidate.free:
+        size = np.size(getattr(m.effect, name))
+        values, spread = np.asarray(getattr(effect, name), float).ravel(), errors[at : at + size]
+        told[name] = (float(values[0]), float(spread[0])) if size == 1 else (values.tolist(), spread.tolist())
+        at += size
+    return effect, told

@@ -1,0 +1,82 @@
+"""The gap in motion: from measured states, replay the measured torque and see how far the simulation runs away."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.gap.signals import Signals
+from jaxidl.systems import Plant
+from jaxidl.types import State
+
+HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
+WINDOWS = 64
+SETTLE = 0.1  # hidden states are led along the measured motion for as long before a window begins [s]
+
+
+def rollout_errors(plant: Plant, signals: Signals, rows: tuple[int, int]) -> dict[str, Float[np.ndarray, "J"]]:
+    """Root mean square position error (J,) [m or rad] after each horizon, over windows between two instants of the log.
+
+    A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which the
+    simulation is not finite counts as an error of the joint's whole range.
+    """
+    lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
+    starts = window_starts(signals, rows, lead, length)
+    if not len(starts):
+        return {str(h): np.full(signals.q.shape[1], np.nan) for h in HORIZONS}
+    cut = lambda x: np.stack([x[s - lead : s + length + 1] for s in starts])  # noqa: E731
+    start_of = np.stack([np.asarray(cut(x)) for x in (signals.q, signals.qd)])
+    positions = np.asarray(_simulate(plant, start_of[0], start_of[1], cut(signals.tau), lead, signals.dt))
+    truth = np.stack([signals.q[s : s + length + 1] for s in starts])
+    span = np.ptp(signals.q, axis=0)
+    out = {}
+    for horizon in HORIZONS:
+        step = round(horizon / signals.dt)
+        error = np.nan_to_num(positions[:, step - 1] - truth[:, step], nan=np.inf, posinf=np.inf, neginf=np.inf)
+        out[str(horizon)] = np.sqrt(np.mean(np.minimum(np.abs(error), span) ** 2, axis=0))
+    return out
+
+
+def window_starts(signals: Signals, rows: tuple[int, int], lead: int, length: int) -> np.ndarray:
+    """First instants of at most ``WINDOWS`` windows, spread evenly, each within one run."""
+    possible: list[int] = []
+    for run in signals.slices:
+        first, last = max(run.start + lead, rows[0]), min(run.stop, rows[1]) - length - 1
+        possible += range(first, max(first, last), max(1, length // 4))
+    if len(possible) > WINDOWS:
+        possible = [possible[k] for k in np.linspace(0, len(possible) - 1, WINDOWS).astype(int)]
+    return np.array(possible, int)
+
+
+@jax.jit(static_argnames=("lead", "dt"))
+def _simulate(plant: Any, q: Any, qd: Any, tau: Any, lead: int, dt: float) -> Any:
+    """Positions (W, S, J) of W windows: after each step of the rollout. Inputs are (W, lead + S + 1, J)."""
+
+    def window(inputs: Any) -> Any:
+        q, qd, tau = inputs
+
+        def led(hidden: Any, now: Any) -> Any:
+            position, velocity, command = now
+            for number, effect in enumerate(plant.effects):
+                command, memory = effect.actuate(hidden[number], position, velocity, command, dt)
+                hidden = (*hidden[:number], memory, *hidden[number + 1 :])
+            return hidden, None
+
+        hidden, _ = jax.lax.scan(led, plant.start(q[0]), (q[:lead], qd[:lead], tau[:lead]))
+
+        def free(carry: Any, command: Any) -> Any:
+            state, hidden = plant.step(*carry, command, dt)
+            return (state, hidden), state.q
+
+        return jax.lax.scan(free, (State(q[lead], qd[lead]), hidden), tau[lead:-1])[1]
+
+    return jax.lax.map(window, (q, qd, tau))
+
+
+def sensed(plant: Plant, q: Any, dt: float) -> Any:
+    """True positions (T, J) behind measured ones, as the plant's effects on encoders have it."""
+    for effect in reversed(plant.effects):
+        q = effect.true_position(jnp.asarray(q), dt)
+    return q

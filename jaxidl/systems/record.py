@@ -1,0 +1,102 @@
+"""``effects.json`` beside a model: which effects the plant has, and which of them the model's own file does not hold."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from jaxidl.effects import Effect, OnJoint, from_dict
+from jaxidl.errors import EffectError, ModelError
+from jaxidl.types import Joints
+
+EFFECTS = "effects.json"
+MOST_STEPS = 10_000  # of a line of dead time: what a damaged file may make us remember
+
+
+class Entry(NamedTuple):
+    """An effect and where it is written."""
+
+    effect: Effect
+    in_mjcf: bool  # reading the model's file restores it
+    mjcf: str | None  # the attribute that it is written into
+
+    def to_dict(self) -> dict[str, Any]:
+        """The effect's record and where it is written, ready for JSON."""
+        return {**self.effect.to_dict(), "in_mjcf": self.in_mjcf, "mjcf": self.mjcf}
+
+
+def read_record(path: Path, joints: int) -> list[Entry]:
+    """Entries of the ``effects.json`` in the folder of the model file ``path``, if it was written for this model.
+
+    Raises:
+        ModelError: if it is damaged, or has effects that do not fit ``joints`` joints.
+    """
+    record = path.with_name(EFFECTS)
+    if not record.is_file():
+        return []
+    try:
+        content = json.loads(record.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+        if content["model"] != path.name:
+            return []
+        return [_entry(entry, joints) for entry in content["effects"]]
+    except EffectError as error:
+        raise ModelError(f"{record} as the gap workflow writes it", str(error), "mend it, or remove it") from None
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        got = " ".join(f"{type(error).__name__} {error}".split())[:300]
+        raise ModelError(f"{record} as the gap workflow writes it", got, "mend it, or remove it") from None
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _entry(entry: dict[str, Any], joints: int) -> Entry:
+    in_mjcf, place = entry.get("in_mjcf", False), entry.get("mjcf")
+    if not isinstance(in_mjcf, bool) or not isinstance(place, str | None):
+        raise TypeError("in_mjcf is true or false, mjcf a text or null")
+    for key, value in entry.get("options", {}).items():
+        most = {"steps": MOST_STEPS, "joint": joints - 1, "other": joints - 1}.get(key, math.inf)
+        if not isinstance(value, int) or not (key == "steps") <= value <= most:
+            raise EffectError(f"an option {key} that fits", repr(value)[:100], "correct it")
+    effect = from_dict(entry)
+    if isinstance(effect, OnJoint) and not (_whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints):
+        raise EffectError(f"an effect on one of {joints} joints", f"{effect.joint!r} of {effect.joints!r}", "correct the joint")
+    _check_shapes(effect, joints)
+    return Entry(effect, in_mjcf, place)
+
+
+def _whole(number: object) -> bool:
+    return isinstance(number, int) and not isinstance(number, bool)
+
+
+class _Probe:
+    """A body that notes nothing but what it is given has the right shape."""
+
+    def __init__(self, joints: int):
+        self.joints = joints
+
+    def add_inertia(self, extra: Joints | float) -> "_Probe":
+        jnp.broadcast_to(jnp.asarray(extra), (self.joints,))
+        return self
+
+    add_mass = add_inertia
+
+    def add_payload(self, mass: Any, com: Any) -> "_Probe":
+        jnp.reshape(mass, ()), jnp.reshape(com, (3,))
+        return self
+
+
+def _check_shapes(effect: Effect, joints: int) -> None:
+    """Trace everything that the effect does, without computing it, and see that it is one value per joint."""
+
+    def everything(q: Joints) -> tuple[Joints, ...]:
+        effect.alter(_Probe(joints))
+        tau, memory = effect.actuate(effect.start(q), q, q, q, 1e-3)
+        return tau, effect.torque(q, q, q), effect.dry(q, q, q, q), effect.sense(memory, q, q), 1.0 * effect.holds(q, q, q)
+
+    shapes = {value.shape for value in jax.eval_shape(everything, jnp.zeros(joints))}
+    if shapes != {(joints,)}:
+        raise EffectError(f"{effect.to_dict()['effect']} with one value for each of {joints} joints", f"{shapes}", "correct it")
