@@ -70,6 +70,12 @@ class Effect(struct.PyTreeNode):
     whole: ClassVar[bool] = False  # does it belong to the whole mechanism rather than to a joint?
     mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
 
+    kind: str = struct.field(pytree_node=False, default="", kw_only=True, repr=False)  # the class; nobody need set it
+
+    def __post_init__(self) -> None:
+        # To JAX two dataclasses with as many fields are the same structure, and jit may run the program of one for the other
+        object.__setattr__(self, "kind", type(self).__name__)
+
     def alter(self, body: Any) -> Any:
         """The rigid body that the mechanism really has, given the one it is said to have."""
         return body
@@ -122,7 +128,7 @@ class Effect(struct.PyTreeNode):
     def to_dict(self) -> dict[str, Any]:
         """Name, parameters with units and static fields, ready for JSON."""
         values = {k: {"value": _plain(getattr(self, k)), "unit": p.unit} for k, p in self.parameters.items()}
-        options = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.parameters}
+        options = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in (*self.parameters, "kind")}
         return {"effect": self.name, "sentence": self.sentence, "parameters": values, "options": options}
 
 

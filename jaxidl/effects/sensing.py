@@ -37,7 +37,7 @@ class PositionBias(Effect):
         return q + self.bias
 
     def true_position(self, q: History, dt: float) -> History:
-        return q - self.bias
+        return q - jnp.broadcast_to(self.bias, q.shape)
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:

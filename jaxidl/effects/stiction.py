@@ -47,7 +47,7 @@ class Stiction(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        return [{"breakaway": scale.residual, "speed": 0.002 * scale.speed, "below": np.inf}]
+        return [{"breakaway": scale.residual, "speed": 1e-9 * scale.speed, "below": np.inf}]
 
 
 STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")

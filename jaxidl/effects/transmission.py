@@ -76,6 +76,7 @@ class Backlash(Effect):
 
     gap: Joints  # (J,) total play [m or rad]
     stiffness: Joints  # (J,) of the contact [N/m or Nm/rad]
+    damping: Joints  # (J,) of the contact [N s/m or Nm s/rad]
     motor_inertia: Joints  # (J,) [kg or kg m^2]
 
     name: ClassVar[str] = "backlash"
@@ -83,6 +84,7 @@ class Backlash(Effect):
     parameters: ClassVar = {
         "gap": Parameter("m", 0.0, 10.0, "the total play"),
         "stiffness": Parameter("N/m", 1e-6, 1e9, "the contact's stiffness"),
+        "damping": Parameter("N s/m", 0.0, 1e6, "the contact's damping"),
         "motor_inertia": _MOTOR,
     }
 
@@ -93,20 +95,24 @@ class Backlash(Effect):
         return jnp.zeros_like(q), jnp.zeros_like(q)
 
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
-        damping = jnp.sqrt(self.stiffness * self.motor_inertia)  # half of critical
-
         def transmitted(twist: Joints, rate: Joints) -> Joints:
             pressed = twist - jnp.clip(twist, -self.gap / 2, self.gap / 2)
-            return self.stiffness * pressed + jnp.where(pressed == 0.0, 0.0, damping * rate)
+            return self.stiffness * pressed + jnp.where(pressed == 0.0, 0.0, self.damping * rate)
 
         return drive(transmitted, self.motor_inertia, memory, qd, tau, dt)
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        hertz = 2.0 * np.pi * min(2.0 * scale.band, 0.5 / scale.dt)
+        omega = 2.0 * np.pi * min(2.0 * scale.band, 0.5 / scale.dt)
         width = scale.upper - scale.lower
-        return [
-            {"gap": gap * width, "stiffness": hertz**2 * share * scale.inertia, "motor_inertia": share * scale.inertia}
-            for share in (0.05, 0.15, 0.4)
-            for gap in (0.001, 0.004, 0.015, 0.05)
-        ]
+
+        def guess(share: float, gap: float) -> Guess:
+            inertia = share * scale.inertia
+            return {
+                "gap": gap * width,
+                "stiffness": omega**2 * inertia,
+                "damping": 0.6 * omega * inertia,
+                "motor_inertia": inertia,
+            }
+
+        return [guess(share, gap) for share in (0.06, 0.15, 0.35) for gap in (0.001, 0.002, 0.004, 0.008, 0.016, 0.03)]

@@ -22,7 +22,6 @@ SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in 
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
 RIDGE = 1e-9
 TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
-NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
 DIVERGED = 1e30  # the error of a fit that is not finite
 LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
@@ -72,6 +71,7 @@ class Data(NamedTuple):
     moving: Bool[np.ndarray, "N J"]
     resting: Bool[np.ndarray, "N J"]
     block: np.ndarray  # (N,) block number; −1 for rows kept aside
+    peaks: tuple[np.ndarray, ...]  # (E, 2) of each joint: row and torque at which each rest of the training rows ended
     floor: Float[np.ndarray, "J"]  # of the noise
     command: Float[np.ndarray, "J"]  # spread of the commanded torque
     signals: Signals
@@ -97,10 +97,17 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
         signals.moving[rows],
         signals.resting[rows],
         block,
+        tuple(_in_training(peaks, rows, train) for peaks in signals.peaks),
         np.maximum(signals.noise_floor, LEAST_FLOOR * spread),
         spread,
         signals,
     )
+
+
+def _in_training(peaks: np.ndarray, rows: np.ndarray, train: int) -> np.ndarray:
+    """Instants as numbers of the kept rows next to them; those of the training part."""
+    place = np.clip(np.searchsorted(rows, peaks[:, 0]), 0, len(rows) - 1)
+    return np.column_stack([place, peaks[:, 1]])[place < train]
 
 
 class Fit(NamedTuple):
@@ -109,7 +116,7 @@ class Fit(NamedTuple):
     members: tuple[Member, ...]  # as given: linearised where they were
     thetas: tuple[np.ndarray, ...]  # fitted parameters of each
     samples: tuple[np.ndarray, ...]  # (B, P) of each: fitted without block b
-    error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it; not below that of the noise floor
+    error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it
     count: Float[np.ndarray, "B J"]  # rows of block b
     residual: Float[np.ndarray, "N J"]  # fitted on all blocks, on all rows
     feasible: bool  # is no parameter at a bound of its effect?
@@ -137,6 +144,7 @@ def only(data: Data, joints: tuple[int, ...]) -> Data:
         base=data.base[:, pick],
         slide=data.slide[:, pick],
         grip=data.grip[:, pick],
+        peaks=tuple(data.peaks[j] for j in pick),
         moving=data.moving[:, pick],
         resting=data.resting[:, pick],
         floor=data.floor[pick],
@@ -177,7 +185,7 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     count = np.add.reduceat(counted.astype(float), edges, axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.add.reduceat(kept_out**2 * counted, edges, axis=0)
-    error = np.where(np.isfinite(error), np.maximum(error, count * (NOISE_MARGIN * data.floor) ** 2), DIVERGED)
+    error = np.where(np.isfinite(error), error, DIVERGED)
     split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
     return Fit(members, split(theta0 + step), split(theta0 + steps), error, count, residual, feasible)
 
@@ -327,15 +335,16 @@ class _Problem:
         return product[:, :-1, :-1], -product[:, :-1, -1]
 
     def _cover(self, step: np.ndarray, among: np.ndarray, lower: np.ndarray) -> None:
-        """Levels that act at rest only: the least one that holds what rested, nearly always."""
+        """Levels that act at rest only: what rests typically withstood before they ended, beyond what other friction holds."""
         for p in np.flatnonzero(self.at_rest_only):
             step[p] = lower[p]
-            rows = np.flatnonzero((self.data.block >= 0) & among)
-            net, _, grip = self._balance(step, rows)
-            unit = self.grip[p, rows]
-            needed = np.where(unit > 0.0, (np.abs(net) - grip) / np.where(unit > 0.0, unit, 1.0), 0.0)
-            needed = needed[(unit > 0.0) & self.data.resting[rows]]
-            step[p] += max(float(np.quantile(needed, 0.998)), 0.0) if len(needed) else 0.0
+            (j,) = np.flatnonzero(np.any(self.grip[p], 0))[:1]
+            rows = np.flatnonzero((self.data.block >= 0) & among & self.data.resting[:, j])
+            peaks = self.data.peaks[j]
+            peaks = peaks[among[peaks[:, 0].astype(int)]]
+            if len(rows) and len(peaks):
+                _, _, grip = self._balance(step, rows)
+                step[p] = max(lower[p] + np.median(peaks[:, 1]) - np.median(grip[:, j]), lower[p])
 
 
 def _together(gram: np.ndarray, neighbours: np.ndarray) -> np.ndarray:

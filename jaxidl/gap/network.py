@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.gap.fit import Data, used
-from jaxidl.gap.rank import Gain, gain
+from jaxidl.gap.rank import Errors, Gain, gain
 from jaxidl.models import ErrorModel, Training
 from jaxidl.models.training import draw_batches, fit, start
 from jaxidl.types import Dataset
@@ -45,14 +45,15 @@ def check(data: Data, residual: np.ndarray) -> Check:
     for k in range(FOLDS):
         train, asked = np.flatnonzero((fold >= 0) & (fold != k))[:fewest], np.flatnonzero(fold == k)
         predicted[asked] = _predict(x[train], y[train], x[asked], k) * scale
-    blocks = data.block.max() + 1
-    gains = []
-    for j in range(residual.shape[1]):
-        pick = [(data.block == b) & counted[:, j] for b in range(blocks)]
-        total = lambda e, j=j, pick=pick: np.array([np.sum(e[p, j] ** 2) for p in pick])  # noqa: E731
-        # its mean is taken off, too: a network is free to find nothing
-        gains.append(gain(total(residual), total(residual - predicted)))
+    left = [_by_block(e, data, counted) for e in (residual, residual - predicted)]
+    none = np.zeros_like(left[0])
+    gains = [gain(*(Errors(e[:, [j]], none[:, [j]]) for e in left)) for j in range(residual.shape[1])]
     return Check(tuple(gains), predicted)
+
+
+def _by_block(residual: np.ndarray, data: Data, counted: np.ndarray) -> np.ndarray:
+    """Sums of squares (B, J)."""
+    return np.stack([np.sum((residual**2 * counted)[data.block == b], 0) for b in range(data.block.max() + 1)])
 
 
 def _predict(x: np.ndarray, y: np.ndarray, asked: np.ndarray, seed: int) -> np.ndarray:

@@ -15,6 +15,7 @@ SAME = 1.0  # standard errors within which two are equally good
 TRIFLE = 0.02  # of the command's spread: an effect smaller than this must remove five times as much of what is left
 REPLACES = 0.5  # see ``Ranking._imitation``
 ROUNDS = 6  # of polishing
+NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
 STARTS = 2  # of one effect that are polished
 WORTH = 0.02  # gain of the first linear fit from which polishing is worth its while
 RATIO = 1.5  # directions whose dry friction differs less are Coulomb friction and an offset
@@ -30,14 +31,39 @@ class Gain(NamedTuple):
         return self.value >= least and self.value > SIGNIFICANT * self.stderr
 
 
-def gain(before: np.ndarray, after: np.ndarray) -> Gain:
-    """Gain of ``after`` over ``before``, sums of squares (B,) or (B, J) on the same blocks; jackknife over blocks."""
-    a, b = (x.reshape(len(x), -1).sum(1) for x in (before, after))
-    total = lambda x: x.sum() - x  # noqa: E731
-    tiny = 1e-300
-    value = 1.0 - np.sqrt(b.sum() / max(a.sum(), tiny))
-    parts = 1.0 - np.sqrt(total(b) / np.maximum(total(a), tiny))
-    n = len(a)
+class Errors(NamedTuple):
+    """Sums of squares (B, J) on blocks that took no part, and those of the noise floor; weighted alike."""
+
+    error: np.ndarray
+    noise: np.ndarray
+
+    def of(self, columns: list[int]) -> "Errors":
+        return Errors(self.error[:, columns], self.noise[:, columns])
+
+    def total(self) -> float:
+        return float(np.maximum(self.error.sum(0), self.noise.sum(0)).sum())
+
+    def without_each(self) -> np.ndarray:
+        """Totals (B,) without one block each."""
+        left = [x.sum(0) - x for x in self]
+        return np.maximum(*left).sum(1)
+
+
+def errors_of(found: Fit, data: Data, weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Errors:
+    """Errors of a fit of some joints, or all, with their weights (J,)."""
+    pick = list(range(len(weight)) if joints is None else joints)
+    square = weight[pick] ** 2
+    return Errors(found.error * square, found.count * (NOISE_MARGIN * data.floor[pick]) ** 2 * square)
+
+
+def gain(before: Errors, after: Errors) -> Gain:
+    """Gain of ``after`` over ``before`` on the same blocks; jackknife over blocks.
+
+    No error counts as less than the noise's: an effect that filters what the encoder's noise makes explains nothing.
+    """
+    value = 1.0 - np.sqrt(after.total() / max(before.total(), 1e-300))
+    parts = 1.0 - np.sqrt(after.without_each() / np.maximum(before.without_each(), 1e-300))
+    n = len(parts)
     return Gain(float(value), float(np.sqrt((n - 1) / n * np.sum((parts - parts.mean()) ** 2))))
 
 
@@ -117,13 +143,12 @@ class Ranking:
             found.update(new)
             reached.update(*(m.joints() for m in new))
 
-    def present(self, joints: tuple[int, ...]) -> np.ndarray:
-        """Weighted held-out errors (B, J') of the present model."""
-        return self.fit.error[:, list(joints)] * self.weight[list(joints)] ** 2
+    def present(self, joints: tuple[int, ...]) -> Errors:
+        """Weighted held-out errors of the present model."""
+        return errors_of(self.fit, self.data, self.weight).of(list(joints))
 
     def judge(self, candidate: Candidate, found: Fit, joints: tuple[int, ...], own: tuple[int, ...]) -> Trial:
-        where = [joints.index(j) for j in own]
-        after = found.error[:, where] * self.weight[list(own)] ** 2
+        after = errors_of(found, self.data, self.weight, joints).of([joints.index(j) for j in own])
         return Trial(candidate, found, joints, gain(self.present(own), after))
 
     def attempt(self, candidate: Candidate, polish: bool = False, without: Member | None = None) -> Trial | None:
@@ -159,18 +184,22 @@ class Ranking:
         """Effects with shape parameters: the most promising starts are fitted to the end."""
         best = trials[0]
         if best.candidate.guess.linear:
-            simplest = sorted((t for t in trials if not _beats(best, t, 0.02)), key=lambda t: t.candidate.cost)
+            simplest = sorted((t for t in trials if not self._over(best, t).clear(0.02)), key=lambda t: t.candidate.cost)
             return simplest[0]
         if best.gain.value < WORTH:
             return best
         ends = [self.attempt(t.candidate, polish=True) for t in trials[:STARTS]]
         return min((t for t in (*ends, best) if t is not None and t.fit.feasible), key=_error)
 
+    def _over(self, one: Trial, other: Trial) -> Gain:
+        """Gain of one trial over another one on the same joints."""
+        a, b = (errors_of(t.fit, self.data, self.weight, t.joints) for t in (one, other))
+        return gain(b, a)
+
     def _merit(self, trial: Trial) -> float:
         """What is left of the weighted error, over all joints."""
         own = self.column(trial.candidate).joints()
-        left = (1.0 - trial.gain.value) ** 2 * self.present(own).sum()
-        return float(left - self.present(own).sum())
+        return ((1.0 - trial.gain.value) ** 2 - 1.0) * self.present(own).total()
 
     def winner(self, ranking: list[Trial]) -> tuple[Trial | None, list[Trial]]:
         """The effect to add, if any, and the trials that are as good."""
@@ -188,7 +217,7 @@ class Ranking:
         """Is it a clear gain, of something that is not a trifle beside the command?"""
         own = self.column(trial.candidate).joints()
         rows = self.fit.count[:, list(own)].sum(0)
-        removed = self.present(own).sum() * (1.0 - (1.0 - trial.gain.value) ** 2)  # weighted sum of squares
+        removed = self.present(own).total() * (1.0 - (1.0 - trial.gain.value) ** 2)  # weighted sum of squares
         command = np.sum((self.data.command[list(own)] * self.weight[list(own)]) ** 2 * rows)
         small = removed < TRIFLE**2 * command
         return trial.gain.clear(5.0 * self.min_gain if small else self.min_gain)
@@ -203,11 +232,11 @@ class Ranking:
             return not over.clear(self.min_gain)
         return over.value <= SAME * over.stderr or over.value < 0.5 * self.min_gain
 
-    def _errors(self, trial: Trial) -> np.ndarray:
-        """Weighted errors (B,) of the whole model if the trial were taken."""
-        error = self.fit.error * self.weight**2
-        error[:, list(trial.joints)] = trial.fit.error * self.weight[list(trial.joints)] ** 2
-        return error.sum(1)
+    def _errors(self, trial: Trial) -> Errors:
+        """Weighted errors of the whole model if the trial were taken."""
+        whole = errors_of(self.fit, self.data, self.weight)
+        whole.error[:, list(trial.joints)] = errors_of(trial.fit, self.data, self.weight, trial.joints).error
+        return whole
 
     def _imitation(self, compound: Trial) -> Trial | None:
         """The first of up to three simple effects that together do nearly what one complex effect does, if there are such.
@@ -286,10 +315,6 @@ def polished(data: Data, found: Fit, weight: np.ndarray, joints: tuple[int, ...]
 
 def _error(trial: Trial) -> float:
     return -trial.gain.value if np.isfinite(trial.gain.value) else np.inf
-
-
-def _beats(a: Trial, b: Trial, least: float) -> bool:
-    return gain(b.fit.error, a.fit.error).clear(least)
 
 
 def _directional(trial: Trial) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
 from jaxidl.gap.fit import Member
-from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, gain
+from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
@@ -94,8 +94,7 @@ def _worth(ranking: Ranking, m: Member) -> Gain:
     """How much a member improves the error beside all others."""
     joints, beside = ranking.closure(m.joints())
     without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
-    weight = ranking.weight[list(joints)] ** 2
-    return gain(without.error * weight, ranking.fit.error[:, list(joints)] * weight)
+    return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
 
 
 def _credit(ranking: Ranking, m: Member) -> Named:
@@ -104,11 +103,11 @@ def _credit(ranking: Ranking, m: Member) -> Named:
     joints, beside = ranking.closure(own)
     without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
     where = [joints.index(j) for j in own]
-    before, after = without.error[:, where], ranking.fit.error[:, own]
+    before = errors_of(without, ranking.data, ranking.weight, joints).of(where)
     count = max(ranking.fit.count[:, own].sum(), 1.0)
-    weight = ranking.weight[own] ** 2
     rms = lambda x: float((x.sum() / count) ** 0.5)  # noqa: E731
-    return Named(m, gain(before * weight, after * weight), rms(before), rms(after))
+    after = ranking.present(tuple(own))
+    return Named(m, gain(before, after), rms(without.error[:, where]), rms(ranking.fit.error[:, own]))
 
 
 def _instead(ranking: Ranking, m: Member) -> list[Trial]:

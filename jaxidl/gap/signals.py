@@ -16,7 +16,7 @@ from scipy import ndimage, signal
 
 from jaxidl.effects import Effect
 from jaxidl.gap.log import Log
-from jaxidl.systems.tables import Tables, tables
+from jaxidl.systems.tables import Tables, inverse_dynamics, tables
 
 NOISE_SHARE = 0.02  # of the command's spread: where the band ends
 BAND = (4.0, 100.0)  # least and largest [Hz]
@@ -44,6 +44,7 @@ class Signals(NamedTuple):
     rows: np.ndarray  # (N,) instants kept
     moving: Bool[np.ndarray, "T J"]
     resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
+    peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: instant and largest torque withstood of each rest [N or Nm]
 
     body: Any  # the modelled rigid body
     held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
@@ -86,7 +87,8 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     table = tables(body, q, qd, qdd, stride)
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, 0.003 * np.quantile(np.abs(qd), 0.99, axis=0))
-    moving, resting = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
+    moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
+    static = inverse_dynamics(body, q, 0.0 * qd, 0.0 * qdd)
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)))
     edge = round(TRIM / dt)
     rows = [
@@ -94,7 +96,10 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     ]
     floor = noise_torque(reach, band, dt)
     kept = np.concatenate(rows)
-    return Signals(dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, body, held)
+    peaks = tuple(withstood(rests[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
+    return Signals(
+        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, peaks, body, held
+    )
 
 
 def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
@@ -133,13 +138,26 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
     return float(np.clip(np.min((NOISE_SHARE * spread[free] / unit) ** 0.4), BAND[0], widest))
 
 
-def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray]:
-    """Moving and resting instants (T, J). A rest shorter than the filter is a reversal, which counts as motion."""
+def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs their ends. A rest shorter than the filter is a reversal, which counts as motion."""
     slow = np.abs(qd) < rest_speed
     long = ndimage.binary_opening(slow, np.ones((3 * half + 1, 1)))
     resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
     moving = ~ndimage.binary_dilation(long, np.ones((2 * half + 1, 1)))
-    return moving, resting
+    return moving, resting, long
+
+
+def withstood(rests: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
+    """Instant and largest magnitude of the unfiltered ``torque`` (T,) of each rest (E, 2) that ends within the log.
+
+    A rest ends when its torque exceeds what holds it; filtered, the peak would be cut off.
+    """
+    label, count = ndimage.label(rests)
+    found = []
+    for part in ndimage.find_objects(label):
+        if part[0].start > edge and part[0].stop < len(rests) - edge:
+            found.append((part[0].stop, np.abs(torque[part]).max()))
+    return np.array(found, float).reshape(-1, 2) if count else np.zeros((0, 2))
 
 
 def _typical_inertia(log: Log, body: Any) -> np.ndarray:

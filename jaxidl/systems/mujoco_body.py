@@ -125,7 +125,9 @@ def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
         bodies.append(parent.add_body(pos=model.body_pos[b], quat=model.body_quat[b], **inertial))
     for j in range(model.njnt):
         frame = {"pos": model.jnt_pos[j], "axis": model.jnt_axis[j], "ref": model.qpos0[j]}
-        bodies[model.jnt_bodyid[j]].add_joint(name=model.joint(j).name, type=model.jnt_type[j], armature=model.dof_armature[j], **frame)
+        bodies[model.jnt_bodyid[j]].add_joint(
+            name=model.joint(j).name, type=model.jnt_type[j], armature=model.dof_armature[j], **frame
+        )
     for name in LOADS:
         # away from the body's origin and turned, or MuJoCo would note that the two frames are one and ignore where the load goes
         turned = {"ipos": np.ones(3), "iquat": [0.8, 0.6, 0.0, 0.0]}

@@ -62,14 +62,8 @@ def _entry(entry: dict[str, Any], joints: int) -> Entry:
         if not isinstance(value, int) or not (key == "steps") <= value <= most:
             raise EffectError(f"an option {key} that fits", repr(value)[:100], "correct it")
     effect = from_dict(entry)
-    if isinstance(effect, OnJoint) and not (_whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints):
-        raise EffectError(f"an effect on one of {joints} joints", f"{effect.joint!r} of {effect.joints!r}", "correct the joint")
-    _check_shapes(effect, joints)
+    check_fits(effect, joints)
     return Entry(effect, in_mjcf, place)
-
-
-def _whole(number: object) -> bool:
-    return isinstance(number, int) and not isinstance(number, bool)
 
 
 class _Probe:
@@ -89,14 +83,28 @@ class _Probe:
         return self
 
 
-def _check_shapes(effect: Effect, joints: int) -> None:
-    """Trace everything that the effect does, without computing it, and see that it is one value per joint."""
+def check_fits(effect: Effect, joints: int) -> None:
+    """Raise :class:`EffectError` unless the effect is within its bounds and acts on a mechanism of ``joints`` joints.
+
+    All that it does is traced, not computed, and must have one value per joint.
+    """
+    effect.check()
+    if isinstance(effect, OnJoint) and not (_whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints):
+        raise EffectError(f"an effect on one of {joints} joints", f"{effect.joint!r} of {effect.joints!r}", "correct the joint")
 
     def everything(q: Joints) -> tuple[Joints, ...]:
         effect.alter(_Probe(joints))
         tau, memory = effect.actuate(effect.start(q), q, q, q, 1e-3)
         return tau, effect.torque(q, q, q), effect.dry(q, q, q, q), effect.sense(memory, q, q), 1.0 * effect.holds(q, q, q)
 
-    shapes = {value.shape for value in jax.eval_shape(everything, jnp.zeros(joints))}
+    name = effect.to_dict()["effect"]
+    try:
+        shapes = {value.shape for value in jax.eval_shape(everything, jnp.zeros(joints))}
+    except (TypeError, ValueError, IndexError, ZeroDivisionError) as error:
+        shapes = {str(error).splitlines()[0][:200]}
     if shapes != {(joints,)}:
-        raise EffectError(f"{effect.to_dict()['effect']} with one value for each of {joints} joints", f"{shapes}", "correct it")
+        raise EffectError(f"{name} with one value for each of {joints} joints", str(shapes), "correct its parameters")
+
+
+def _whole(number: object) -> bool:
+    return isinstance(number, int) and not isinstance(number, bool)

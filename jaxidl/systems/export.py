@@ -1,0 +1,215 @@
+"""A plant with more effects than its files have, as MJCF so far as MuJoCo knows them and as ``effects.json`` beyond.
+
+MuJoCo writes the user's file anew, with six digits and, where frames are nested, in another order; what the dynamics depend on is
+then written over in full and put into its order again.
+"""
+
+import json
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from jaxidl.effects import Effect
+from jaxidl.errors import ModelError
+from jaxidl.files import write_bytes
+from jaxidl.systems.attributes import DRIVES, Motor, Numbers, kind, motors
+from jaxidl.systems.mjcf import Model, compile_spec, load_spec, quietly
+from jaxidl.systems.mujoco_body import joint_names, last_moving
+from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
+
+MODEL = "model.xml"
+MOTOR = "jaxidl_motor_"  # and the joint's number
+_NAMELESS = "jaxidl_body_"  # a body's name as long as its element must be found
+_FILES = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
+_SETTINGS = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia", "meshdir", "texturedir", "strippath")
+
+
+def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[Path, Path]:
+    """Write :func:`patched` as ``model.xml`` and ``effects.json`` into ``folder``, which is made; return both paths.
+
+    Raises:
+        ModelError, EffectError: as :func:`patched`; nothing is written then.
+        StoreError: if a file cannot be written.
+    """
+    text, record = patched(model, added)
+    paths = folder / MODEL, folder / EFFECTS
+    write_bytes(paths[0], text.encode())
+    write_bytes(paths[1], (json.dumps(record, indent=1, allow_nan=False) + "\n").encode())
+    return paths
+
+
+def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]:
+    """MJCF text and ``effects.json`` record of ``model``, as its files have it, with the effects ``added``.
+
+    Reading both again gives the same plant; effects with ``in_mjcf`` true are those that the text alone restores. Scale,
+    saturation and lag of a drive are in the record, and written as motors too if the user's model has no actuators. Meshes and
+    textures are named by absolute paths.
+
+    Raises:
+        EffectError: if an effect of ``added`` is out of its bounds or does not fit the joints.
+        ModelError: if the model's files are gone or have other joints than when they were read.
+    """
+    joints = len(model.names)
+    for effect in added:
+        check_fits(effect, joints)
+    with quietly():
+        entries = read_record(model.path, joints)
+        spec = load_spec(model.path)
+        compiled = _prepare(spec, model)
+        numbers = Numbers(compiled)
+        for effect in added:
+            place = numbers.write(effect)
+            entries.append(Entry(effect, place is not None, place))
+        drives = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
+        root = ET.fromstring(spec.to_xml())
+        _point_to_assets(root, spec, model.path.parent)
+        _write_bodies(root, compiled, numbers)
+        _write_motors(root, compiled, drives)
+        ET.indent(root)
+        text = ET.tostring(root, encoding="unicode") + "\n"
+        _check(text, compiled, numbers, model.path)
+    return text, {"model": MODEL, "effects": [_with_drive(entry, bool(drives)).to_dict() for entry in entries]}
+
+
+def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
+    """Compile, with a name for every body and joint and without motors of an earlier patch, which are made anew."""
+    for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
+        spec.delete(actuator)
+    names = joint_names(compile_spec(spec, model.path))
+    if names != model.names:
+        raise ModelError(f"{model.path} to have joints {', '.join(model.names)}", ", ".join(names), "read the model again")
+    taken = {joint.name for joint in spec.joints}
+    for joint in spec.joints:
+        joint.name = joint.name or _free(names[joint.id], taken)
+    for body in spec.bodies:
+        body.name = body.name or f"{_NAMELESS}{body.id}"
+    return compile_spec(spec, model.path)
+
+
+def _free(name: str, taken: set[str]) -> str:
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
+
+
+def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> None:
+    """Name files by absolute paths and drop the settings that would be applied to what is written out in full."""
+    for element in root.iterfind("asset/*"):
+        place = spec.compiler.texturedir if element.tag == "texture" else spec.compiler.meshdir
+        for key in _FILES:
+            if file := element.get(key):
+                element.set(key, str((folder / place / (Path(file).name if spec.strippath else file)).resolve()))
+    for compiler in root.iterfind("compiler"):
+        for key in _SETTINGS:
+            compiler.attrib.pop(key, None)
+
+
+def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:
+    """Bodies in the model's order and out of their frames, with the numbers in full; payloads on the last one that moves."""
+    world = root.find("worldbody")
+    assert world is not None  # it has joints
+    parents = {child: parent for parent in root.iter() for child in parent}
+    elements = {element.get("name"): element for element in world.iter("body")}
+    bodies = [world, *(elements[model.body(b).name] for b in range(1, model.nbody))]
+    joints = {element.get("name"): element for element in world.iter("joint")}
+    for b in range(1, model.nbody):
+        body = bodies[b]
+        _take_out(body, parents, "childclass")
+        bodies[model.body_parentid[b]].append(body)
+        _write_pose(body, model.body_pos[b], model.body_quat[b])
+        place = _write_inertial(body, model, numbers, b)
+        for j in np.flatnonzero(model.jnt_bodyid == b):
+            joint = joints[model.joint(j).name]
+            _take_out(joint, parents, "class")
+            body.insert(place, joint)
+            _write_joint(joint, model, numbers, j)
+            place += 1
+        if str(body.get("name")).startswith(_NAMELESS):
+            del body.attrib["name"]
+    taken = {model.body(b).name for b in range(model.nbody)}
+    for mass, com in numbers.payloads:
+        carried = ET.SubElement(bodies[last_moving(model)], "body", name=_free("payload", taken))
+        ET.SubElement(carried, "inertial", pos=_text(com), mass=_text(mass), diaginertia="0 0 0")
+
+
+def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inherits: str) -> None:
+    """Remove an element from its parent, with the class that the frames around it gave it."""
+    parent = above = parents[element]
+    while above.tag == "frame":
+        if inherits not in element.attrib and "class" not in element.attrib and "childclass" in above.attrib:
+            element.set(inherits, above.attrib["childclass"])
+        above = parents[above]
+    parent.remove(element)
+
+
+def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
+    for key, value, neutral in (("pos", pos, np.zeros(3)), ("quat", quat, np.array([1.0, 0.0, 0.0, 0.0]))):
+        if key in element.attrib or np.any(value != neutral):
+            element.set(key, _text(value))
+
+
+def _write_inertial(body: ET.Element, model: mujoco.MjModel, numbers: Numbers, b: int) -> int:
+    """Write a body's mass where it has any; return the place behind it."""
+    before = body.find("inertial")
+    if before is not None:
+        body.remove(before)
+    elif numbers.mass[b] == 0.0:
+        return 0
+    inertial = ET.Element("inertial", pos=_text(model.body_ipos[b]))
+    _write_pose(inertial, model.body_ipos[b], model.body_iquat[b])
+    inertial.attrib |= {"mass": _text(numbers.mass[b]), "diaginertia": _text(numbers.inertia[b])}
+    body.insert(0, inertial)
+    return 1
+
+
+def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: int) -> None:
+    """Write a joint's numbers, those too that are zero but by default or before are not."""
+    was = Numbers(model)
+    for key in ("damping", "frictionloss", "stiffness", "springref", "armature"):
+        value = getattr(numbers, key)[j]
+        if key in joint.attrib or value != 0.0 or getattr(was, key)[j] != 0.0:
+            joint.set(key, _text(value))
+    for key, value, neutral in (("pos", model.jnt_pos[j], 0.0), ("axis", model.jnt_axis[j], None), ("ref", model.qpos0[j], 0.0)):
+        if key in joint.attrib or np.any(value != neutral):
+            joint.set(key, _text(value))
+
+
+def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Motor]) -> None:
+    """A motor for each joint, its lag exact for a command held over a step."""
+    if not drives:
+        return
+    section = root.find("actuator")
+    section = ET.SubElement(root, "actuator") if section is None else section
+    for j, motor in enumerate(drives):
+        general = {"name": f"{MOTOR}{j}", "joint": model.joint(j).name, "gear": _text(motor.gear), "ctrllimited": "false"}
+        general |= {"gaintype": "fixed", "gainprm": "1", "biastype": "none", "forcelimited": "false", "dyntype": "none"}
+        if np.isfinite(motor.force):
+            general |= {"forcelimited": "true", "forcerange": _text([-motor.force, motor.force])}
+        if motor.lag:
+            general |= {"dyntype": "filterexact", "dynprm": _text(motor.lag), "actearly": "true"}
+        ET.SubElement(section, "general", general)
+
+
+def _with_drive(entry: Entry, written: bool) -> Entry:
+    """The entry of a drive's effect, with where the motors have it; other entries as they are."""
+    cls = kind(entry.effect)
+    return entry._replace(mjcf=", ".join(cls.mjcf.values()) if written else None) if cls in DRIVES else entry
+
+
+def _text(values: Any) -> str:
+    """Numbers as text that reads back exactly."""
+    return " ".join(repr(float(x)) for x in np.ravel(values))
+
+
+def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> None:
+    """Read the text back: it must compile, with the same joints and as much mass."""
+    spec = mujoco.MjSpec.from_string(text)
+    again = compile_spec(spec, path)
+    mass = numbers.mass.sum() + sum(load for load, _ in numbers.payloads)
+    if joint_names(again) != joint_names(model) or not np.isclose(again.body_mass.sum(), mass, rtol=1e-9):
+        raise ModelError(f"{path} to be what MuJoCo can write anew", "other joints or masses", "write the model without frames")
