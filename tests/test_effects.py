@@ -1,4 +1,4 @@
-"""Every effect of the catalogue against its definition, written down a second time."""
+"""Every effect against its definition or a closed form, written down a second time. What holds for all: ``test_catalogue.py``."""
 
 import jax
 import jax.numpy as jnp
@@ -6,31 +6,41 @@ import numpy as np
 import pytest
 from jax.test_util import check_grads
 
-from jaxidl.effects import (
-    CATALOGUE,
-    ActuatorLag,
-    ConstantOffset,
-    InertiaError,
-    PaperFriction,
-    SensingNoise,
-    Stiction,
-    ViscousFriction,
-    from_dict,
-    paper_stiction,
-    regressor,
-)
+import jaxidl.effects as fx
+from jaxidl.effects import OnJoint, PaperFriction, paper_stiction
 from jaxidl.errors import EffectError
+from jaxidl.systems import Plant, point_mass
+from jaxidl.systems.plant import friction_torque
+from jaxidl.types import State
 
-EXAMPLES = [
-    ViscousFriction(jnp.array([2.0, 3.0])),
-    PaperFriction(jnp.array(5.0)),
-    paper_stiction(8.0),
-    Stiction(jnp.array([1.0, 2.0]), jnp.array(1e-3), jnp.array(jnp.inf)),
-    InertiaError(jnp.array([1.0, -0.5])),
-    ConstantOffset(jnp.array([1.0, -2.0])),
-    ActuatorLag(jnp.array([0.01, 0.02])),
-    SensingNoise(jnp.array(1e-3)),
-]
+DT = 1e-3
+one = lambda x: jnp.array([float(x)])  # noqa: E731
+
+
+def run(effects, tau, q=0.0, qd=0.0, mass=2.0, dt=DT):
+    """Positions, speeds and encoder readings (T + 1,), and hidden states, of a mass on one axis under commands ``tau`` (T,)."""
+    plant, start = Plant(point_mass(mass, 1), tuple(effects)), State(one(q), one(qd))
+
+    @jax.jit
+    def along(plant, tau):
+        def step(carry, push):
+            (state, hidden), before = plant.step(*carry, push, dt), carry
+            return (state, hidden), (before, plant.sense(before[1], before[0].q, jnp.zeros(1)))
+
+        last, (before, reading) = jax.lax.scan(step, (start, plant.start(start.q)), tau[:, None])
+        every = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), before, last)
+        return every, jnp.concatenate([reading, plant.sense(last[1], last[0].q, jnp.zeros(1))[None]])
+
+    ((q, qd), hidden), reading = along(plant, jnp.asarray(tau, float))
+    return np.asarray(q[:, 0]), np.asarray(qd[:, 0]), np.asarray(reading[:, 0]), hidden
+
+
+def acceleration(effect, tau, q=0.0, qd=0.0, mass=2.0):
+    """Of a mass on one axis over one step."""
+    return float(Plant(point_mass(mass, 1), (effect,)).acceleration(State(one(q), one(qd)), one(tau), DT)[0])
+
+
+# --- the paper's effects -----------------------------------------------------------------------------------------------------
 
 
 def friction_by_the_rules(q, f):
@@ -89,37 +99,9 @@ def test_paper_stiction_holds_by_the_rule(q, qd, tau, held):
     np.testing.assert_array_equal(paper_stiction(5.0).holds(*far), [held, False])
 
 
-def test_unsigned_stiction_lets_a_strong_negative_torque_through():
-    effect = Stiction(jnp.array([10.0]), jnp.array(1e-3), jnp.array(jnp.inf))
-    rest = jnp.zeros(1), jnp.zeros(1)
-    assert effect.holds(*rest, jnp.array([-9.0]))[0]
-    assert not effect.holds(*rest, jnp.array([-11.0]))[0]
-
-
 def test_sensing_noise_is_bounded_and_scaled():
     draws = jnp.array([0.5, -3.0])
-    np.testing.assert_allclose(SensingNoise(jnp.array(0.1)).sense(jnp.ones(2), draws), [1.05, 0.9])
-
-
-@pytest.mark.parametrize("effect", EXAMPLES, ids=lambda e: e.name)
-def test_round_trip_through_a_dictionary(effect):
-    import json
-
-    again = from_dict(json.loads(json.dumps(effect.to_dict(), allow_nan=False)))
-    assert type(again) is type(effect)
-    assert again.to_dict() == effect.to_dict()
-    assert jax.tree.structure(again) == jax.tree.structure(effect)
-
-
-def test_every_effect_of_the_catalogue_is_described_and_exemplified():
-    assert {e.name for e in EXAMPLES} == set(CATALOGUE)
-    for name, cls in CATALOGUE.items():
-        assert cls.sentence
-        assert cls.parameters
-        assert set(cls.parameters) <= set(cls.__dataclass_fields__), name
-        for spec in cls.parameters.values():
-            assert spec.unit
-            assert spec.lower < spec.upper
+    np.testing.assert_allclose(fx.SensingNoise(jnp.array(0.1)).sense((), jnp.ones(2), draws), [1.05, 0.9])
 
 
 @pytest.mark.parametrize("bad", [jnp.array(-1.0), jnp.array(jnp.nan), jnp.array(13.0)])
@@ -128,36 +110,158 @@ def test_parameters_out_of_bounds_are_named(bad):
         PaperFriction(bad).check()
 
 
-def test_unknown_or_incomplete_records_are_refused():
-    with pytest.raises(EffectError, match="viscous_friction"):
-        from_dict({"effect": "magic"})
-    with pytest.raises(EffectError, match="to_dict"):
-        from_dict({"effect": "viscous_friction", "parameters": {"coefficient": {}}})
-    with pytest.raises(EffectError, match="sign"):
-        from_dict({**paper_stiction(5.0).to_dict(), "options": {"sign": True}})
-    with pytest.raises(EffectError, match="no coefficient"):
-        from_dict({"effect": "viscous_friction", "parameters": {}})
-
-
-@pytest.mark.parametrize("effect", [e for e in EXAMPLES if type(e).linear], ids=lambda e: e.name)
-def test_the_regressor_of_a_linear_effect_is_its_torque_and_recovers_its_parameters(effect):
-    rng = np.random.default_rng(0)
-    q, qd, tau = (jnp.asarray(rng.normal(size=(50, 2))) for _ in range(3))
-    rows = np.concatenate(jax.vmap(lambda *m: regressor(effect, *m))(q, qd, tau))
-    torque = np.concatenate(jax.vmap(effect.torque)(q, qd, tau))
-    flat = jax.flatten_util.ravel_pytree(effect)[0]
-    np.testing.assert_allclose(rows @ flat, torque, rtol=1e-12)
-    np.testing.assert_allclose(np.linalg.lstsq(rows, torque, rcond=None)[0], flat, rtol=1e-10)
-
-
 @pytest.mark.parametrize("q", [(0.1, 0.1), (0.1, 0.3), (0.3, 0.8), (0.5, 1.5)])
-@pytest.mark.parametrize("effect", EXAMPLES, ids=lambda e: e.name)
-def test_derivatives_forward_reverse_and_numeric_agree_inside_a_region(effect, q):
-    floats, rebuild = jax.flatten_util.ravel_pytree(effect)
-
-    def torque(*arguments):
-        parameters, q, qd, tau = map(jnp.asarray, arguments)  # the numeric side hands over NumPy arrays
-        return rebuild(parameters).torque(q, qd, tau)
-
+def test_derivatives_forward_reverse_and_numeric_agree_in_every_region_of_the_paper_friction(q):
+    torque = lambda level, *motion: PaperFriction(level).torque(*motion)  # noqa: E731
     motion = jnp.array(q), jnp.array([0.7, -0.4]), jnp.array([3.0, 4.0])
-    check_grads(torque, (floats, *motion), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5)
+    check_grads(torque, (jnp.array(5.0), *motion), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5)
+
+
+# --- friction ----------------------------------------------------------------------------------------------------------------
+
+
+def test_a_mass_with_dry_friction_slides_to_a_stop_and_stays_there():
+    q, qd, _, _ = run([fx.CoulombFriction(one(3.0))], np.zeros(1000), qd=1.0)
+    steps = int(2.0 / 3.0 / DT)  # v₀·m/c
+    np.testing.assert_allclose(qd[: steps + 1], 1.0 - 1.5 * DT * np.arange(steps + 1), rtol=1e-9)
+    assert np.abs(qd[steps + 1 :]).max() < 1e-15
+    assert q[-1] == pytest.approx(1.0 / 3.0, abs=1e-6)  # v₀²·m/2c
+    for push in (2.99, -2.99):
+        q, qd, _, _ = run([fx.CoulombFriction(one(3.0))], np.full(1000, push), q=0.1)
+        assert np.abs(qd).max() < 1e-15
+        np.testing.assert_allclose(q, 0.1, atol=1e-15)
+    assert acceleration(fx.CoulombFriction(one(3.0)), 5.0) == pytest.approx(1.0)
+    assert acceleration(fx.CoulombFriction(one(3.0)), -5.0) == pytest.approx(-1.0)
+
+
+def test_asymmetric_friction_differs_by_direction():
+    effect = fx.AsymmetricFriction(one(3.0), one(1.0), one(0.5), one(0.2))
+    for tau, qd, wanted in [(0, 2, -4), (0, -2, 1.4), (2.9, 0, 0), (3.2, 0, 0.2), (-0.9, 0, 0), (-1.2, 0, -0.2)]:
+        assert acceleration(effect, tau, qd=qd) == pytest.approx(wanted / 2.0, abs=1e-12)
+
+
+def test_an_asymmetry_of_dry_friction_is_coulomb_friction_with_an_offset():
+    tau = 6.0 * np.sin(np.linspace(0.0, 20.0, 1500))
+    asymmetric = fx.AsymmetricFriction(one(3.0), one(1.0), one(0.0), one(0.0))
+    both = fx.CoulombFriction(one(2.0)), fx.ConstantOffset(one(-1.0))
+    np.testing.assert_allclose(run([asymmetric], tau)[0], run(both, tau)[0], atol=1e-12)
+
+
+def test_stribeck_friction_follows_its_curve_and_holds_its_peak():
+    effect = fx.StribeckFriction(one(1.0), one(2.0), one(0.1))
+    for qd in (-0.5, -0.1, 0.02, 0.05, 0.3):
+        level = 1.0 + 2.0 * np.exp(-((qd / 0.1) ** 2))
+        assert acceleration(effect, 0.7, qd=qd) == pytest.approx((0.7 - level * np.sign(qd)) / 2.0)
+    assert acceleration(effect, 2.99) == pytest.approx(0.0, abs=1e-12)
+    assert acceleration(effect, 3.2) == pytest.approx(0.1)
+
+
+def test_stiction_holds_up_to_breakaway_and_lets_go_altogether():
+    effect = fx.Stiction(one(4.0), one(1e-3), one(0.5))
+    for tau, wanted in [(3.99, 0), (-3.99, 0), (4.2, 0.1), (-4.2, -0.1)]:
+        assert acceleration(effect, tau) == pytest.approx(wanted, abs=1e-12)
+    assert acceleration(effect, 1.0, qd=2e-3) == pytest.approx(0.5)  # it moves
+    assert acceleration(effect, 1.0, q=0.5) == pytest.approx(0.5)  # the border is strict
+    assert not effect.holds(one(0.0), one(0.0), one(0.0))  # nothing of the paper's program
+    q, qd, _, _ = run([effect, fx.CoulombFriction(one(2.0))], np.linspace(0.0, 8.0, 801))
+    assert np.argmax(np.abs(qd) > 1e-12) == 602  # both together hold 6 N
+    assert (np.diff(qd[640:]) / DT).min() > 1.9  # sliding: 2 N are left
+
+
+def test_load_dependent_friction_takes_a_share_of_the_delivered_torque():
+    effect = fx.LoadDependentFriction(one(0.2))
+    for tau, qd, wanted in [(5, 1, 4), (-5, 1, -6), (5, -1, 6), (0.01, 0, 0.008)]:
+        assert acceleration(effect, tau, qd=qd) == pytest.approx(wanted / 2.0)
+    q, _, _, _ = run([fx.TorqueScale(one(0.5)), effect], np.full(500, 10.0))
+    assert q[-1] == pytest.approx(4.0 / 2.0 * 0.5**2 / 2.0)
+
+
+@pytest.mark.parametrize(
+    ("effect", "speed"),
+    [
+        (fx.QuadraticDrag(one(3.0)), lambda t: 1.5 / (1.0 + 1.5 * 3.0 / 2.0 * t)),
+        (fx.ViscousFriction(one(3.0)), lambda t: 1.5 * np.exp(-1.5 * t)),
+    ],
+    ids=lambda x: getattr(x, "name", ""),
+)
+def test_a_free_mass_is_slowed_as_the_closed_form_says_in_first_order(effect, speed):
+    errors = [abs(run([effect], np.zeros(n), qd=1.5, dt=1.0 / n)[1][-1] - speed(1.0)) for n in (100, 200, 400)]
+    np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 1.0, atol=0.05)
+
+
+def test_friction_over_position_is_that_of_its_table_and_constant_beyond():
+    table = jnp.array([[1.0, 3.0, 2.0]]), jnp.array([[0.5, 0.0, 1.0]]), one(0.0), one(2.0)
+    for q, level, viscous in [(-1, 1, 0.5), (0.5, 2, 0.25), (1, 3, 0), (1.5, 2.5, 0.5), (9, 2, 1)]:
+        wanted = -(level + 2.0 * viscous) / 2.0
+        assert acceleration(fx.PositionDependentFriction(*table), 0.0, q=q, qd=2.0) == pytest.approx(wanted)
+        coupled = fx.CoupledFriction(table[0][0], table[1][0], jnp.array(0.0), jnp.array(2.0), joint=1, other=0)
+        got = Plant(point_mass(2.0), (coupled,)).acceleration(State(jnp.array([q, 7.0]), jnp.array([2.0, 2.0])), jnp.zeros(2), DT)
+        np.testing.assert_allclose(got, [0.0, wanted])
+
+
+BRAKES = [
+    fx.ViscousFriction(one(2.0)),
+    fx.QuadraticDrag(one(2.0)),
+    fx.CoulombFriction(one(1.5)),
+    fx.AsymmetricFriction(one(1.5), one(0.7), one(1.0), one(2.0)),
+    fx.StribeckFriction(one(1.0), one(2.0), one(0.1)),
+    fx.Stiction(one(1.5), one(0.05), one(0.5)),
+    fx.PositionDependentFriction(jnp.array([[1.0, 3.0]]), jnp.array([[2.0, 0.5]]), one(0.0), one(1.0)),
+    fx.LoadDependentFriction(one(0.4)),
+]
+
+
+@pytest.mark.parametrize("effect", BRAKES, ids=lambda e: e.name)
+def test_friction_never_adds_energy(effect):
+    rng = np.random.default_rng(1)
+    q, qd, tau = (jnp.asarray(rng.normal(size=(400, 1)) * size) for size in (1.0, 0.02, 6.0))
+    after = jax.vmap(lambda plant, *s: s[1] + 5e-3 * plant.acceleration(State(*s[:2]), s[2], 5e-3), (None, 0, 0, 0))
+    free, braked = Plant(point_mass(2.0, 1)), Plant(point_mass(2.0, 1), (effect,))
+    assert jnp.all(jnp.abs(after(braked, q, qd, 0.0 * tau)) <= jnp.abs(qd) + 1e-15)
+    if type(effect).torque is fx.Effect.torque:  # dry alone: what the torque makes of the speed is made less, and never turned round
+        assert jnp.all(jnp.abs(after(braked, q, qd, tau)) <= jnp.abs(after(free, q, qd, tau)) + 1e-15)
+        assert jnp.all(after(braked, q, qd, tau) * after(free, q, qd, tau) >= -1e-15)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3, 5])
+def test_coupled_joints_brake_by_complementarity(joints):
+    """Within its level, at the level against what still moves, at rest otherwise; and energy is lost."""
+    rng = np.random.default_rng(joints)
+    root = rng.normal(size=(200, joints, joints))
+    mobility = root @ root.transpose(0, 2, 1) + 0.5 * np.eye(joints)
+    push, level = 3.0 * rng.normal(size=(200, joints)), rng.uniform(0.0, 2.0, (200, joints))
+    grip = np.asarray(jax.jit(jax.vmap(friction_torque))(push, mobility, level))
+    left = push - np.einsum("nij,nj->ni", mobility, grip)
+    assert (np.abs(grip) <= level).all()
+    own = np.diagonal(mobility, axis1=1, axis2=2)
+    assert np.abs(grip - np.clip(grip + left / own, -level, level)).max() < 1e-3
+    energy = lambda v: np.einsum("ni,nij,nj->n", v, np.linalg.inv(mobility), v)  # noqa: E731
+    assert (energy(left) <= energy(push) * (1.0 + 1e-12)).all()
+
+
+# --- position, body ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_spring_swings_at_its_frequency_about_its_rest():
+    q, _, _, _ = run([fx.Spring(one(50.0), one(0.3))], np.zeros(25133), q=0.4, dt=1e-4)
+    t = 1e-4 * np.arange(25134)
+    np.testing.assert_allclose(q, 0.3 + 0.1 * np.cos(5.0 * t), atol=5e-4)
+    turns = t[1:][np.diff(np.sign(q - 0.3)) != 0]
+    assert np.diff(turns).mean() == pytest.approx(np.pi / 5.0, rel=1e-3)
+
+
+def test_ripple_repeats_and_has_no_mean():
+    effect, q = fx.TorqueRipple(one(3.0), one(4.0), one(0.2)), jnp.arange(0.0, 0.2, 1e-3)[:, None]
+    torque = jax.vmap(lambda q: effect.torque(q, 0.0 * q, 0.0 * q))
+    np.testing.assert_allclose(torque(q), torque(q + 0.6), atol=1e-12)
+    assert abs(torque(q).mean()) < 1e-12
+    assert torque(q).max() == pytest.approx(5.0, rel=1e-3)
+    np.testing.assert_allclose(effect.torque(one(0.05), one(0.0), one(0.0)), 3.0)
+
+
+def test_bodies_that_are_not_what_they_are_said_to_be():
+    assert acceleration(fx.InertiaError(one(1.0), one(0.5)), 7.0) == pytest.approx(2.0)
+    assert acceleration(fx.Payload(jnp.array(1.5), jnp.array([0.1, 0.2, 0.3])), 7.0) == pytest.approx(2.0)
+    assert acceleration(fx.ConstantOffset(one(-3.0)), 7.0) == pytest.approx(2.0)
+    two = Plant(point_mass(2.0), (OnJoint(fx.InertiaError(one(1.0), one(0.5)), 1, 2),))
+    np.testing.assert_allclose(two.acceleration(State(jnp.zeros(2), jnp.zeros(2)), jnp.full(2, 7.0), DT), [3.5, 2.0])

@@ -62,13 +62,13 @@ class JointElasticity(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        def guess(share: float, hertz: float) -> Guess:
-            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
-            stiffness = omega**2 * inertia * (1.0 - share)  # the frequency at which motor and link swing against each other
-            return {"stiffness": stiffness, "damping": 0.1 * stiffness / omega, "motor_inertia": inertia}
+        def guess(share: float, hertz: float, ratio: float) -> Guess:
+            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz  # of the motor against a link held still
+            return {"stiffness": omega**2 * inertia, "damping": 2.0 * ratio * omega * inertia, "motor_inertia": inertia}
 
-        top = min(scale.band, 0.2 / scale.dt)
-        return [guess(share, f * top) for share in (0.1, 0.3, 0.6) for f in (0.12, 0.25, 0.5, 0.9)]
+        top = min(1.5 * scale.band, 0.2 / scale.dt)
+        tones = [hertz for hertz in (4.0, 6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 60.0, 90.0, 130.0) if hertz < top]
+        return [guess(share, f, ratio) for share in (0.05, 0.1, 0.2, 0.4, 0.65) for f in tones for ratio in (0.05, 0.25)]
 
 
 class Backlash(Effect):
@@ -103,16 +103,14 @@ class Backlash(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        omega = 2.0 * np.pi * min(2.0 * scale.band, 0.5 / scale.dt)
         width = scale.upper - scale.lower
 
-        def guess(share: float, gap: float) -> Guess:
-            inertia = share * scale.inertia
-            return {
-                "gap": gap * width,
-                "stiffness": omega**2 * inertia,
-                "damping": 0.6 * omega * inertia,
-                "motor_inertia": inertia,
-            }
+        def guess(share: float, gap: float, hertz: float) -> Guess:
+            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
+            stiffness = omega**2 * inertia
+            return {"gap": gap * width, "stiffness": stiffness, "damping": 0.6 * omega * inertia, "motor_inertia": inertia}
 
-        return [guess(share, gap) for share in (0.06, 0.15, 0.35) for gap in (0.001, 0.002, 0.004, 0.008, 0.016, 0.03)]
+        top = 0.25 / scale.dt
+        tones = [min(share * scale.band, top) for share in (0.6, 1.2, 2.4)]
+        gaps = (0.0007, 0.0014, 0.0028, 0.0045, 0.007, 0.011, 0.018, 0.03)
+        return [guess(share, gap, f) for share in (0.06, 0.12, 0.2, 0.35) for gap in gaps for f in tones]

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.effects.base import Effect, Parameter
+from jaxidl.effects.base import Effect, Guess, Parameter, Scale
 from jaxidl.types import Joints, Scalar
 
 Table = Float[Array, "*J K"]  # a value at each of K evenly spaced positions
@@ -45,6 +45,10 @@ class PositionDependentFriction(Effect):
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -jax.vmap(table_value)(self.coefficient, self.lower, self.upper, q) * qd
 
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        return [{"level": 0.0, "coefficient": 0.0, "lower": scale.lower, "upper": scale.upper}]
+
 
 class CoupledFriction(Effect):
     """Friction of joint ``joint`` that varies with the position of joint ``other``: −c(q_o)·sign(qd_j) − b(q_o)·qd_j."""
@@ -67,6 +71,11 @@ class CoupledFriction(Effect):
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         coefficient = table_value(self.coefficient, self.lower, self.upper, q[self.other])
         return jnp.zeros_like(qd).at[self.joint].set(-coefficient * qd[self.joint])
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        """``scale`` must be that of the joint whose position matters."""
+        return PositionDependentFriction.guesses(scale)
 
 
 class LoadDependentFriction(Effect):

@@ -17,7 +17,7 @@ from jaxidl.gap.gauge import settled
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
-from jaxidl.gap.rank import TRIFLE, Ranking
+from jaxidl.gap.rank import NOISE_MARGIN, TRIFLE, Ranking
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.search import Outcome, search
 from jaxidl.gap.signals import Signals, prepare
@@ -26,7 +26,8 @@ from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
-LARGE = 0.15  # a residual of this share of the command is worth a word even if nothing predicts it
+LARGE = 0.04  # of the command's spread: a residual of this size is worth a word even if nothing predicts it,
+MUCH = 0.5  # if it is this share of what was there before
 SHOWN = 12  # rows of each round's ranking that are kept
 
 Watch = Callable[[str, float], None]
@@ -84,7 +85,7 @@ def diagnose(
     ambiguous = tuple(
         Ambiguity(tuple((c.name, c.joint) for c in s), experiment([(c.name, c.joint) for c in s])) for s in outcome.ambiguous
     )
-    verdict = _verdict(data, after, gains, findings, ambiguous)
+    verdict = _verdict(data, before, after, gains, findings, ambiguous)
     where = tuple(localise(data, before, known.names))
     return Diagnosis(
         verdict=verdict,
@@ -171,17 +172,26 @@ def _gap(data: Data, base: np.ndarray, after: np.ndarray, model: Model, patched:
     return Gap(list(model.units), before, later, data.floor.tolist())
 
 
-def _verdict(data: Data, after: np.ndarray, network: Any, findings: Sequence[Finding], ambiguous: Sequence[Ambiguity]) -> str:
-    rms = _rms(after, used(data))
-    for j, (value, stderr) in enumerate(network):
-        removed = rms[j] * np.sqrt(max(1.0 - (1.0 - value) ** 2, 0.0)) if value > 0 else 0.0
-        if value > SYSTEMATIC and value > 2.0 * stderr and removed > 2.0 * TRIFLE * data.command[j]:
-            return "unexplained"
-        if rms[j] > LARGE * data.command[j] and rms[j] > 4.0 * data.floor[j]:
-            return "unexplained"
+def _verdict(
+    data: Data, before: np.ndarray, after: np.ndarray, network: Any, findings: Sequence[Finding], ambiguous: Sequence[Ambiguity]
+) -> str:
+    if any(_unexplained(data, before, after, j, *gain) for j, gain in enumerate(network)):
+        return "unexplained"
     if ambiguous:
         return "ambiguous"
     return "named" if findings else "nothing_missing"
+
+
+def _unexplained(data: Data, before: np.ndarray, after: np.ndarray, j: int, gain: float, stderr: float) -> bool:
+    """Is what is left on joint j too much to be called explained?
+
+    A network still predicts a good part of it, or most of what was there at first is left, and it is neither noise nor a trifle.
+    """
+    rows = used(data)[:, j]
+    was, left = (np.sqrt(max(np.mean(x[rows, j] ** 2) - (NOISE_MARGIN * data.floor[j]) ** 2, 0.0)) for x in (before, after))
+    removed = np.sqrt(np.mean(after[rows, j] ** 2) * (1.0 - (1.0 - gain) ** 2)) if gain > 0.0 else 0.0
+    systematic = gain > SYSTEMATIC and gain > 2.0 * stderr and removed > TRIFLE * data.command[j]
+    return bool(systematic or (left > MUCH * was and left > LARGE * data.command[j]))
 
 
 def _rounds(outcome: Outcome) -> tuple[tuple[Row, ...], ...]:

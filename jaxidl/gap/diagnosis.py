@@ -3,7 +3,7 @@
 import json
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.localise import Place
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Key = tuple[str, int | None]  # an effect's name and its joint
 
@@ -150,10 +153,57 @@ class Diagnosis:
         )
 
     def save(self, folder: str | Path) -> Path:
-        """Write report.json, report.html, figures and the patched model into ``folder``; return the HTML file's path."""
-        from jaxidl.gap.report import write
+        """Write report.json, report.html, figures and the patched model into ``folder``; return the HTML file's path.
+
+        Raises:
+            StoreError: if the folder cannot be written, or has a model or report of another origin.
+            ModelError: if the model's file has gone or changed since it was read.
+        """
+        from jaxidl.plot.report import write
 
         return write(self, Path(folder))
+
+    def plot_residual(self) -> "Figure":
+        """Command and residual before and after over time, with the encoder's noise; enlarged where the log is long."""
+        from jaxidl.plot.gap import plot_residual
+
+        return plot_residual(self)
+
+    def plot_where(self) -> "Figure":
+        """The residual before and after against velocity, position and acceleration."""
+        from jaxidl.plot.gap import plot_where
+
+        return plot_where(self)
+
+    def plot_ranking(self) -> "Figure":
+        """What each effect would remove of the held-out error, round by round."""
+        from jaxidl.plot.gap import plot_ranking
+
+        return plot_ranking(self)
+
+    def plot_gap(self) -> "Figure":
+        """Torque error by joint and rollout error by horizon, before and after, on the data kept aside."""
+        from jaxidl.plot.gap import plot_gap
+
+        return plot_gap(self)
+
+    def plot_parameters(self) -> "Figure | None":
+        """The parameters found with two standard errors, tables over position; None if nothing was found."""
+        from jaxidl.plot.gap import plot_parameters
+
+        return plot_parameters(self)
+
+    def plot_spectrum(self) -> "Figure":
+        """Power spectral density of the residual before and after, and of the encoder's noise."""
+        from jaxidl.plot.gap import plot_spectrum
+
+        return plot_spectrum(self)
+
+    def _repr_html_(self) -> str:
+        """Verdict and tables, for notebooks."""
+        from jaxidl.plot.page import fragment
+
+        return fragment(self)
 
     def to_json(self, **extra: Any) -> str:
         """:meth:`to_dict` as strict JSON."""

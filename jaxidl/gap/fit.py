@@ -18,11 +18,12 @@ from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_parameters
 
 BLOCKS = 48
+FINE = 6  # moments of a block
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
 RIDGE = 1e-9
 TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
-DIVERGED = 1e30  # the error of a fit that is not finite
+DIVERGED = 1e20  # the error of a fit that is not finite
 LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
 
@@ -72,8 +73,8 @@ class Data(NamedTuple):
     resting: Bool[np.ndarray, "N J"]
     block: np.ndarray  # (N,) block number; −1 for rows kept aside
     peaks: tuple[np.ndarray, ...]  # (E, 2) of each joint: row and torque at which each rest of the training rows ended
-    floor: Float[np.ndarray, "J"]  # of the noise
-    command: Float[np.ndarray, "J"]  # spread of the commanded torque
+    floor: Float[np.ndarray, " J"]  # of the noise
+    command: Float[np.ndarray, " J"]  # spread of the commanded torque
     signals: Signals
 
 
@@ -117,6 +118,7 @@ class Fit(NamedTuple):
     thetas: tuple[np.ndarray, ...]  # fitted parameters of each
     samples: tuple[np.ndarray, ...]  # (B, P) of each: fitted without block b
     error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it
+    moments: Float[np.ndarray, "E J"]  # the same on stretches a fraction of a block long
     count: Float[np.ndarray, "B J"]  # rows of block b
     residual: Float[np.ndarray, "N J"]  # fitted on all blocks, on all rows
     feasible: bool  # is no parameter at a bound of its effect?
@@ -153,10 +155,10 @@ def only(data: Data, joints: tuple[int, ...]) -> Data:
 
 
 def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Fit:
-    """Least squares over the training rows, joints weighted by ``weight`` (J,) [1/N or 1/Nm]; ``joints`` alone if given."""
+    """Least squares over the training rows, weighted by ``weight`` (J,) or (N, J) [1/N or 1/Nm]; ``joints`` alone if given."""
     pick: slice | list[int] = slice(None)
     if joints is not None and len(joints) < data.base.shape[1]:
-        pick, data, weight = list(joints), only(data, joints), weight[list(joints)]
+        pick, data, weight = list(joints), only(data, joints), weight[..., list(joints)]
     sizes = [len(m.theta) for m in members]
     theta0 = np.concatenate([m.theta for m in members]) if members else np.zeros(0)
     stack = lambda part: np.concatenate([getattr(m.slopes, part)[..., pick] for m in members])  # noqa: E731
@@ -184,10 +186,12 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     edges = np.flatnonzero(np.diff(data.block[train], prepend=-1))
     count = np.add.reduceat(counted.astype(float), edges, axis=0)
     with np.errstate(over="ignore", invalid="ignore"):
-        error = np.add.reduceat(kept_out**2 * counted, edges, axis=0)
-    error = np.where(np.isfinite(error), error, DIVERGED)
+        square = kept_out**2 * counted
+        square = np.where(np.isfinite(square), np.minimum(square, DIVERGED), DIVERGED)
+    error = np.add.reduceat(square, edges, axis=0)
+    moments = np.add.reduceat(square, np.unique(np.linspace(0, len(train) - 1, FINE * len(edges)).astype(int)), axis=0)
     split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
-    return Fit(members, split(theta0 + step), split(theta0 + steps), error, count, residual, feasible)
+    return Fit(members, split(theta0 + step), split(theta0 + steps), error, moments, count, residual, feasible)
 
 
 def _in_commands(
@@ -328,7 +332,8 @@ class _Problem:
             columns = np.where(resting, self.net[:, rows] - np.sign(net) * self.grip[:, rows], columns)
             target = np.where(resting, self.net0[rows] - np.sign(net) * self.grip0[rows], target)
             counted = np.where(resting & ~loose, 0.0, counted)
-        both = np.concatenate([columns, target[None]]) * (counted * self.weight)
+        weight = self.weight[rows] if self.weight.ndim == 2 else self.weight
+        both = np.concatenate([columns, target[None]]) * (counted * weight)
         edges = np.flatnonzero(np.diff(self.data.block[rows], prepend=-1))
         parts = [part.reshape(len(both), -1) for part in np.split(both, edges[1:], axis=1)]
         product = np.stack([part @ part.T for part in parts])

@@ -46,8 +46,8 @@ def check(data: Data, residual: np.ndarray) -> Check:
         train, asked = np.flatnonzero((fold >= 0) & (fold != k))[:fewest], np.flatnonzero(fold == k)
         predicted[asked] = _predict(x[train], y[train], x[asked], k) * scale
     left = [_by_block(e, data, counted) for e in (residual, residual - predicted)]
-    none = np.zeros_like(left[0])
-    gains = [gain(*(Errors(e[:, [j]], none[:, [j]]) for e in left)) for j in range(residual.shape[1])]
+    count = _by_block(np.ones_like(residual), data, counted)
+    gains = [gain(*(Errors(e, 0.0 * e, count, e).of([j]) for e in left)) for j in range(residual.shape[1])]
     return Check(tuple(gains), predicted)
 
 

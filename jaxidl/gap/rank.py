@@ -6,17 +6,25 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxidl.effects import Effect
 from jaxidl.gap.alignment import ALIGNMENT, alignments
 from jaxidl.gap.candidates import ABSORBS, ATOMS, CONTAINS, TIMING, Candidate
-from jaxidl.gap.fit import Data, Fit, Member, fit, member, updated
+from jaxidl.gap.fit import Data, Fit, Member, fit, member, updated, used
+from jaxidl.gap.terms import trial_changes
 
 SIGNIFICANT = 2.0  # standard errors by which an effect must win
+SELDOM = 4.0  # times the least gain: what an effect must remove that acts in few blocks only,
+FEWEST = 2.5  # and at as many moments at least (saturation in one fast stretch of a log, for one)
 SAME = 1.0  # standard errors within which two are equally good
 TRIFLE = 0.02  # of the command's spread: an effect smaller than this must remove five times as much of what is left
 REPLACES = 0.5  # see ``Ranking._imitation``
-ROUNDS = 6  # of polishing
+ROUNDS = 10  # of polishing
 NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
-STARTS = 2  # of one effect that are polished
+HEAVY = 3.0  # times the median block's error: what is beyond counts less in fits
+MANY = 20  # starting values of a hidden state beyond which they are simulated side by side at first,
+PROMISING = 4  # and as many of them are fitted
+LOOKAHEAD = 10  # effects of which pairs are tried if none is clear alone
+STARTS = 3  # of one effect that are polished
 WORTH = 0.02  # gain of the first linear fit from which polishing is worth its while
 RATIO = 1.5  # directions whose dry friction differs less are Coulomb friction and an offset
 
@@ -26,34 +34,53 @@ class Gain(NamedTuple):
 
     value: float
     stderr: float
+    few: bool = False  # is it made at few moments, perhaps, but at several, and hardly any lost at others?
 
     def clear(self, least: float) -> bool:
-        return self.value >= least and self.value > SIGNIFICANT * self.stderr
+        """Two standard errors and the least gain; where an effect seldom acts, several times that gain and no loss elsewhere."""
+        usual = self.value >= least and self.value > SIGNIFICANT * self.stderr
+        return usual or (self.few and self.value >= SELDOM * least)
 
 
 class Errors(NamedTuple):
-    """Sums of squares (B, J) on blocks that took no part, and those of the noise floor; weighted alike."""
+    """Sums of squares (B, J) on blocks that took no part, and those of the noise floor; weighted alike. ``count`` (B, J) are the rows.
+
+    A total is that of the mean of the blocks' root mean squares: one block with a huge error, of a motor in saturation say, would
+    otherwise drown what all others have to tell.
+    """
 
     error: np.ndarray
     noise: np.ndarray
+    count: np.ndarray
+    moments: np.ndarray  # (E, J) the error's, on shorter stretches
 
     def of(self, columns: list[int]) -> "Errors":
-        return Errors(self.error[:, columns], self.noise[:, columns])
+        return Errors(*(x[:, columns] for x in self))
 
     def total(self) -> float:
+        return float(_total(*(np.sqrt(x * self.count).sum(0) for x in self[:2]), self.count.sum(0)))
+
+    def square(self) -> float:
+        """The plain sum of squares, not less than the noise's."""
         return float(np.maximum(self.error.sum(0), self.noise.sum(0)).sum())
 
     def without_each(self) -> np.ndarray:
         """Totals (B,) without one block each."""
-        left = [x.sum(0) - x for x in self]
-        return np.maximum(*left).sum(1)
+        sums = [np.sqrt(x * self.count) for x in self[:2]]
+        return _total(*(x.sum(0) - x for x in sums), self.count.sum(0) - self.count)
+
+
+def _total(error: np.ndarray, noise: np.ndarray, count: np.ndarray) -> np.ndarray:
+    return np.sum(np.maximum(error, noise) ** 2 / np.maximum(count, 1.0), axis=-1)
 
 
 def errors_of(found: Fit, data: Data, weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Errors:
     """Errors of a fit of some joints, or all, with their weights (J,)."""
     pick = list(range(len(weight)) if joints is None else joints)
     square = weight[pick] ** 2
-    return Errors(found.error * square, found.count * (NOISE_MARGIN * data.floor[pick]) ** 2 * square)
+    return Errors(
+        found.error * square, found.count * (NOISE_MARGIN * data.floor[pick]) ** 2 * square, found.count, found.moments * square
+    )
 
 
 def gain(before: Errors, after: Errors) -> Gain:
@@ -64,7 +91,19 @@ def gain(before: Errors, after: Errors) -> Gain:
     value = 1.0 - np.sqrt(after.total() / max(before.total(), 1e-300))
     parts = 1.0 - np.sqrt(after.without_each() / np.maximum(before.without_each(), 1e-300))
     n = len(parts)
-    return Gain(float(value), float(np.sqrt((n - 1) / n * np.sum((parts - parts.mean()) ** 2))))
+    stderr = float(np.sqrt((n - 1) / n * np.sum((parts - parts.mean()) ** 2)))
+    plain = 1.0 - np.sqrt(after.square() / max(before.square(), 1e-300))
+    if plain > 0.0 and _seldom(before.moments, after.moments):
+        return Gain(float(max(value, plain)), stderr, True)
+    return Gain(float(value), stderr)
+
+
+def _seldom(before: np.ndarray, after: np.ndarray) -> bool:
+    """Is the gain made at several moments, and hardly any lost at others?"""
+    change = (before - after).sum(1)
+    better, worse = np.maximum(change, 0.0), np.maximum(-change, 0.0).sum()
+    moments = better.sum() ** 2 / max(np.sum(better**2), 1e-300)  # as many of equal gain would have this sum and these squares
+    return bool(moments > FEWEST and worse < 0.1 * better.sum())
 
 
 class Trial(NamedTuple):
@@ -100,13 +139,16 @@ class Ranking:
         self.weight = np.ones(data.base.shape[1])
         self.fit = fit(data, self.all(), self.weight)
         self._weigh()
-        self.fit = fit(data, self.all(), self.weight)
+        self.fit = fit(data, self.all(), self.rows)
         self.columns: dict[Candidate, Member] = {}
         self.trials: dict[tuple[str, int | None], Trial] = {}
 
     def _weigh(self) -> None:
         joints = range(self.data.base.shape[1])
         self.weight = np.array([1.0 / max(self.fit.rms(j), self.data.floor[j], 1e-12) for j in joints])
+        rms = np.sqrt(self.fit.error / np.maximum(self.fit.count, 1.0))
+        share = np.minimum(1.0, HEAVY * np.median(rms, axis=0) / np.maximum(rms, 1e-300))
+        self.rows = self.weight * share[np.maximum(self.data.block, 0)]  # (N, J) of fits
 
     def all(self, members: tuple[Member, ...] | None = None) -> tuple[Member, ...]:
         """Members and, on joints where none of them is about timing, the alignment of torque and position."""
@@ -117,7 +159,7 @@ class Ranking:
     def fitted(self, members: tuple[Member, ...], joints: tuple[int, ...]) -> Fit:
         """The fit of some joints with these members on them; alignments come last."""
         timing = self.all(members)[len(members) :]
-        return fit(self.data, (*members, *(a for a in timing if a.candidate.joint in joints)), self.weight, joints)
+        return fit(self.data, (*members, *(a for a in timing if a.candidate.joint in joints)), self.rows, joints)
 
     # what a set of members would do
 
@@ -161,7 +203,7 @@ class Ranking:
         beside = tuple(m for m in beside if m is not without)
         found = self.fitted((*beside, start), joints)
         if polish and not start.effect.linear:
-            found = polished(self.data, found, self.weight, joints)
+            found = polished(self.data, found, self.rows, joints)
         return self.judge(candidate, found, joints, joints if without is not None else own)
 
     # one round
@@ -174,11 +216,35 @@ class Ranking:
         taken = {(m.candidate.name, m.candidate.joint) for m in self.members}
         for key, group in groups.items():
             if key not in taken and key not in self.trials:
-                trials = [t for t in map(self.attempt, group) if t is not None and t.fit.feasible]
+                trials = [t for t in map(self.attempt, self.promising(group)) if t is not None and t.fit.feasible]
                 if trials:
                     self.trials[key] = self._refined(sorted(trials, key=_error))
             step()
         return sorted((t for key, t in self.trials.items() if key not in taken), key=self._merit)
+
+    def shortlist(self) -> list[Candidate]:
+        """The pool, with few starting values of each hidden state: those that were promising last."""
+        groups: dict[tuple[str, int | None], list[Candidate]] = {}
+        for candidate in self.pool:
+            groups.setdefault((candidate.name, candidate.joint), []).append(candidate)
+        short = lambda group: [c for c in group if c in self.columns][-PROMISING:]  # noqa: E731
+        return [c for group in groups.values() for c in (short(group) if self._many(group) else group)]
+
+    def _many(self, group: list[Candidate]) -> bool:
+        first = group[0]
+        return len(group) > MANY and first.joint is not None and type(first.guess).start is not Effect.start
+
+    def promising(self, group: list[Candidate]) -> list[Candidate]:
+        """Of many starting values of one hidden state those that leave the least as they are; others as they come."""
+        j = group[0].joint
+        if not self._many(group) or j is None:
+            return group
+        change = trial_changes([c.guess for c in group], j, self.data.signals, self.torque())
+        rows = (self.data.block >= 0) & used(self.data)[:, j]
+        with np.errstate(over="ignore", invalid="ignore"):
+            left = np.sum((self.fit.residual[rows, j, None] + change[rows]) ** 2, axis=0)
+        order = np.argsort(np.nan_to_num(left, nan=np.inf))
+        return [group[k] for k in order[:PROMISING]]
 
     def _refined(self, trials: list[Trial]) -> Trial:
         """Effects with shape parameters: the most promising starts are fitted to the end."""
@@ -205,13 +271,29 @@ class Ranking:
         """The effect to add, if any, and the trials that are as good."""
         clear = [t for t in ranking if self.matters(t)]
         if not clear:
-            return None, []
+            return self._pair(ranking), []
         best = clear[0]
         equal = [t for t in clear if self._same(best, t)]
         chosen = min(equal, key=lambda t: (t.candidate.cost, self._merit(t)))
         if chosen.candidate.name in CONTAINS and (atoms := self._imitation(chosen)) is not None:
             return atoms, [chosen]
         return chosen, [t for t in equal if t is not chosen]
+
+    def _pair(self, ranking: list[Trial]) -> Trial | None:
+        """The better of two effects of which neither is clear without the other, if together they are."""
+        best: tuple[float, Trial] | None = None
+        for one, other in combinations(ranking[:LOOKAHEAD], 2):
+            if one.joints != other.joints:
+                continue
+            starts = [t.fit.members[t.which] for t in (one, other)]
+            _, beside = self.closure(one.joints)
+            together = self.fitted((*beside, *starts), one.joints)
+            trial = one._replace(
+                fit=together, gain=gain(self.present(one.joints), errors_of(together, self.data, self.weight, one.joints))
+            )
+            if together.feasible and trial.gain.clear(4.0 * self.min_gain) and (best is None or trial.gain.value > best[0]):
+                best = trial.gain.value, trial
+        return best[1] if best else None
 
     def matters(self, trial: Trial) -> bool:
         """Is it a clear gain, of something that is not a trifle beside the command?"""
@@ -265,6 +347,20 @@ class Ranking:
             singles = [t for t in map(self.attempt, best[1]) if t is not None and self.matters(t)]
             if singles:
                 return min(singles, key=_error)
+        return self._half(compound) if compound.candidate.variant == "both" else None
+
+    def _half(self, both: Trial) -> Trial | None:
+        """Friction that differs by direction in its dry part only, beside plain viscous friction; or the other way round."""
+        joint = both.candidate.joint
+        for variant, partner in (("dry", "viscous_friction"), ("viscous", "coulomb_friction")):
+            half = next(c for c in self.pool if c.key == (both.candidate.name, joint, variant))
+            atom = next((c for c in self.pool if c.name == partner and c.joint == joint), None)
+            if atom is None or any(m.candidate.key == atom.key for m in self.members):
+                continue
+            _, beside = self.closure(both.joints)
+            together = self.fitted((*beside, self.column(half), self.column(atom)), both.joints)
+            if together.feasible and not gain(self._errors(both._replace(fit=together)), self._errors(both)).clear(self.min_gain):
+                return self.attempt(half)
         return None
 
     def _excess(self, trial: Trial) -> float:
@@ -289,11 +385,11 @@ class Ranking:
         touched = {j for m in (*old, *new) for j in m.joints()}
         self.members = tuple(m for m in self.members if m not in old)
         joints, beside = self.closure(touched)
-        found = polished(self.data, self.fitted((*beside, *new), joints), self.weight, joints)
+        found = polished(self.data, self.fitted((*beside, *new), joints), self.rows, joints)
         changed = any(m.delivered is not None for m in (*old, *new))
         fresh = tuple(m for m in updated(found, self.data) if m.candidate.name != ALIGNMENT)
         self.members = (*(m for m in self.members if m not in beside), *fresh)
-        whole = fit(self.data, self.all(), self.weight)
+        whole = fit(self.data, self.all(), self.rows)
         self.fit, self.trials = whole, {k: t for k, t in self.trials.items() if not set(t.joints) & set(joints)}
         if changed:
             self.columns = {c: m for c, m in self.columns.items() if not set(m.joints()) & set(joints)}

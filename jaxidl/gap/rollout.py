@@ -16,7 +16,7 @@ WINDOWS = 64
 SETTLE = 0.1  # hidden states are led along the measured motion for as long before a window begins [s]
 
 
-def rollout_errors(plant: Plant, signals: Signals, rows: tuple[int, int]) -> dict[str, Float[np.ndarray, "J"]]:
+def rollout_errors(plant: Plant, signals: Signals, rows: tuple[int, int]) -> dict[str, Float[np.ndarray, " J"]]:
     """Root mean square position error (J,) [m or rad] after each horizon, over windows between two instants of the log.
 
     A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which the

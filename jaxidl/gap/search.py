@@ -11,6 +11,7 @@ from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
+EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
 
@@ -59,6 +60,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         if state in seen:  # added and taken out again
             break
         seen.add(state)
+    _prune(ranking, ranking.members)
     watch("looking for other explanations", 0.0)
     outcome.named = [_credit(ranking, m) for m in ranking.members]
     needed = [n.member for n in outcome.named if n.gain.value > ranking.min_gain / 2]
@@ -69,20 +71,28 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
 def _tidy(ranking: Ranking) -> None:
     """Take out what has become superfluous; exchange what another effect does clearly better."""
     newest = ranking.members[-1]
+    _prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints()) & set(newest.joints())))
     for m in ranking.members[:-1]:
-        if m not in ranking.members or not set(m.joints()) & set(newest.joints()):
-            continue
-        protected = m.candidate.name in CONTAINS.get(newest.candidate.name, ()) and m.candidate.name in ATOMS
-        if not protected and _idle(ranking, m):
-            ranking.replace((m,), ())
-    for m in ranking.members[:-1]:
-        better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(ranking.min_gain))
+        better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
         others = [t for t in better if m.candidate.name not in CONTAINS.get(t.candidate.name, ())]
         if others:
             best = max(others, key=lambda t: t.gain.value)
             start = next(x for x in best.fit.members if x.candidate is best.candidate)
             ranking.replace((m,), (start,))
             return
+
+
+def _prune(ranking: Ranking, suspects: tuple[Member, ...]) -> None:
+    """Take out what is worth nothing beside the others; a simple effect is not given up for a complex one that can imitate it."""
+    for key in [m.candidate.key for m in suspects]:
+        m = next((m for m in ranking.members if m.candidate.key == key), None)
+        if m is None:
+            continue
+        later = ranking.members[ranking.members.index(m) + 1 :]
+        beside = [x.candidate.name for x in later if x.candidate.joint == m.candidate.joint]
+        imitable = any(m.candidate.name in CONTAINS.get(name, ()) for name in beside)
+        if not (imitable and m.candidate.name in ATOMS) and _idle(ranking, m):
+            ranking.replace((m,), ())
 
 
 def _idle(ranking: Ranking, m: Member) -> bool:
@@ -114,7 +124,7 @@ def _instead(ranking: Ranking, m: Member) -> list[Trial]:
     """Every other effect in the place of a member, on any of its joints; the best start of each."""
     taken = {(x.candidate.name, x.candidate.joint) for x in ranking.members}
     best: dict[tuple[str, int | None], Trial] = {}
-    for candidate in ranking.pool:
+    for candidate in ranking.shortlist():
         key = candidate.name, candidate.joint
         near = candidate.joint is None or candidate.joint in m.joints()
         if key in taken or not near or (m.candidate.joint is not None and candidate.joint not in (None, m.candidate.joint)):

@@ -38,9 +38,9 @@ class Signals(NamedTuple):
     qdd: Float[np.ndarray, "T J"]
     tau: Float[np.ndarray, "T J"]  # commands as logged
     tables: Tables  # of the modelled rigid body, T rows
-    sigma: Float[np.ndarray, "J"]  # encoder noise, standard deviation [m or rad]
-    noise_floor: Float[np.ndarray, "J"]  # what it alone puts into the residual, root mean square [N or Nm]
-    rest_speed: Float[np.ndarray, "J"]  # below it a joint counts as resting [m/s or rad/s]
+    sigma: Float[np.ndarray, " J"]  # encoder noise, standard deviation [m or rad]
+    noise_floor: Float[np.ndarray, " J"]  # what it alone puts into the residual, root mean square [N or Nm]
+    rest_speed: Float[np.ndarray, " J"]  # below it a joint counts as resting [m/s or rad/s]
     rows: np.ndarray  # (N,) instants kept
     moving: Bool[np.ndarray, "T J"]
     resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both

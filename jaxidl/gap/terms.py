@@ -105,6 +105,23 @@ def contribution(
     return _rows(change, signals, columns), _rows(slopes, signals, columns), delivered
 
 
+def trial_changes(effects: list[Effect], joint: int, signals: Signals, tau: np.ndarray) -> np.ndarray:
+    """Changes (N, G) of one joint's balance by each of G one-joint effects of one class: many starting values, simulated side by side."""
+    columns = slice(joint, joint + 1)
+    drive = Drive(*(x[:, columns] for x in signals[3:6]), tau[:, columns], _sliced(signals.tables, columns))
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
+    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
+    delivered, inertia = jax.tree.map(np.asarray, _many(stacked, drive, starts, signals.dt))
+    return signals.command(delivered - drive.tau)[signals.rows] - inertia[signals.rows]
+
+
+@partial(jax.jit, static_argnames=("dt",))
+def _many(effects: Any, drive: Drive, starts: Any, dt: float) -> Any:
+    terms = jax.vmap(lambda effect: _along(effect, drive, starts, dt), out_axes=1)(effects)
+    return terms.delivered[..., 0], terms.inertia[..., 0]
+
+
 def _sliced(table: Tables, columns: slice) -> Tables:
     return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns, columns] for x in table))
 

@@ -25,7 +25,7 @@ MODEL = "model.xml"
 MOTOR = "jaxidl_motor_"  # and the joint's number
 _NAMELESS = "jaxidl_body_"  # a body's name as long as its element must be found
 _FILES = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
-_SETTINGS = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia", "meshdir", "texturedir", "strippath")
+_OF_MASSES = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia")  # settings of the compiler
 
 
 def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[Path, Path]:
@@ -105,7 +105,7 @@ def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> Non
             if file := element.get(key):
                 element.set(key, str((folder / place / (Path(file).name if spec.strippath else file)).resolve()))
     for compiler in root.iterfind("compiler"):
-        for key in _SETTINGS:
+        for key in (*_OF_MASSES, "meshdir", "texturedir", "strippath"):
             compiler.attrib.pop(key, None)
 
 
@@ -127,7 +127,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
             joint = joints[model.joint(j).name]
             _take_out(joint, parents, "class")
             body.insert(place, joint)
-            _write_joint(joint, model, numbers, j)
+            _write_joint(joint, model, numbers, int(j))
             place += 1
         if str(body.get("name")).startswith(_NAMELESS):
             del body.attrib["name"]
@@ -145,6 +145,9 @@ def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inheri
             element.set(inherits, above.attrib["childclass"])
         above = parents[above]
     parent.remove(element)
+    while parent.tag == "frame" and len(parent) == 0:
+        parent, emptied = parents[parent], parent
+        parent.remove(emptied)
 
 
 def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
@@ -203,7 +206,7 @@ def _with_drive(entry: Entry, written: bool) -> Entry:
 
 def _text(values: Any) -> str:
     """Numbers as text that reads back exactly."""
-    return " ".join(repr(float(x)) for x in np.ravel(values))
+    return " ".join(repr(float(x)).removesuffix(".0") for x in np.ravel(values))
 
 
 def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> None:

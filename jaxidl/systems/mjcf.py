@@ -35,8 +35,8 @@ class Model(NamedTuple):
 def read_model(path: str | Path) -> Model:
     """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it if that belongs to it.
 
-    Joint damping, friction loss and stiffness become the effects ``viscous_friction``, ``coulomb_friction`` and ``spring``. Torques are
-    joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so.
+    Joint damping, friction loss and stiffness become ``viscous_friction``, ``coulomb_friction`` and ``spring`` effects. Torques
+    are joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so.
 
     Raises:
         ModelError: if the file or its ``effects.json`` cannot be read, or if the file has what would be silently dropped: other

@@ -37,6 +37,7 @@ class MujocoBody(struct.PyTreeNode):
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
         """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
+        q, qd = jnp.asarray(q), jnp.asarray(qd)  # in NumPy's arrays MJX sees constants of the model
         # float64 where JAX has it: the model's own arrays may be single
         model = jax.tree.map(lambda x: x.astype(q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, self.model)
         data = mjx.make_data(model).replace(qpos=q, qvel=qd)

@@ -79,7 +79,7 @@ class _Probe:
     add_mass = add_inertia
 
     def add_payload(self, mass: Any, com: Any) -> "_Probe":
-        jnp.reshape(mass, ()), jnp.reshape(com, (3,))
+        jnp.concatenate([jnp.reshape(mass, (1,)), jnp.reshape(com, (3,))])
         return self
 
 

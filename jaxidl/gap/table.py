@@ -1,0 +1,114 @@
+"""A diagnosis as a table for the terminal, and numbers as a person reads them."""
+
+import textwrap
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxidl.gap.diagnosis import Diagnosis, Estimate
+from jaxidl.gap.words import number, readable
+
+COLUMNS = 100  # at most
+TITLES = {
+    "named": "effects are missing",
+    "nothing_missing": "nothing is missing",
+    "ambiguous": "effects are missing, and this log does not fully determine which",
+    "unexplained": "something is left that the catalogue does not explain",
+}
+
+
+def as_table(d: Diagnosis) -> str:
+    """The verdict, what was found with parameters ± standard error, errors before and after by joint, and what is ambiguous.
+
+    Lines have at most ``COLUMNS`` characters; the text ends without a newline.
+    """
+    lines = [f"{d.verdict}: {TITLES[d.verdict]}", *_found(d), *_errors(d)]
+    for ambiguity in d.ambiguous:
+        names = " or ".join(on_joint(d, *key) for key in ambiguity.candidates)
+        lines += ["", *_wrapped(f"not told apart: {names}"), *_wrapped(f"to tell: {ambiguity.experiment}", "  ")]
+    if d.verdict == "unexplained" and d.remaining:
+        lines += ["", *_wrapped(f"what is left: {d.remaining[0].sentence}")]
+    return "\n".join(line[:COLUMNS].rstrip() for line in lines)
+
+
+def _found(d: Diagnosis) -> list[str]:
+    if not d.findings:
+        return []
+    rows = [("missing", "held-out error", "gain")]
+    details = []
+    for f in d.findings:
+        error = f"{short(f.held_out_before)} → {short(f.held_out_after)} {unit_of(d, f.joint)}"
+        rows.append((on_joint(d, f.name, f.joint), error, f"{percent(f.gain)} ± {percent(f.gain_stderr)}"))
+        told = (f"{readable(name)} {parameter(p)}" for name, p in f.parameters.items())
+        details.append([line for text in told for line in _wrapped(text, "    ")])
+    head, *body = _aligned(rows)
+    return ["", head, *(line for row, detail in zip(body, details, strict=True) for line in (row, *detail))]
+
+
+def _errors(d: Diagnosis) -> list[str]:
+    """Torque error and rollout error of each joint on the data kept aside."""
+    horizon = longest(d)
+    rows = [("joint", "torque error", "of the command", "encoder noise", f"after {horizon} s" if horizon else "")]
+    for j, name in enumerate(d.model.names):
+        unit, length = d.model.units[j], "m" if d.model.kinds[j] == "slide" else "rad"
+        sides = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)]
+        torque = " → ".join(f"{side.torque_rms[j]:.3g}" for side in sides) + f" {unit}"
+        relative = " → ".join(percent(side.torque_relative[j]) for side in sides)
+        away = " → ".join(short(side.rollout_rms[horizon][j]) for side in sides) + f" {length}" if horizon else ""
+        rows.append((_cut(name), torque, relative, f"{d.gap.noise_floor[j]:.2g} {unit}", away))
+    return ["", *_aligned(rows)]
+
+
+def on_joint(d: Diagnosis, name: str, joint: int | None) -> str:
+    """An effect and the joint it is on, for a person."""
+    return readable(name) + (f" ({_cut(d.model.names[joint])})" if joint is not None else "")
+
+
+def unit_of(d: Diagnosis, joint: int | None) -> str:
+    """Unit of a joint's torque; of the whole mechanism that of all joints, if they have the same."""
+    if joint is not None:
+        return d.model.units[joint]
+    return " or ".join(dict.fromkeys(d.model.units))
+
+
+def parameter(estimate: Estimate) -> str:
+    """A parameter with unit and standard error; of three numbers (a place) each, of a table its range and mean standard error."""
+    if not isinstance(estimate.value, list):
+        return number(estimate)
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    errors = np.broadcast_to(np.array(estimate.stderr, float), len(estimate.value))
+    if len(estimate.value) <= 3:
+        return "(" + ", ".join(f"{v:.3g} ± {e:.1g}" for v, e in zip(estimate.value, errors, strict=True)) + f"){unit}"
+    return f"{number(estimate)}, each ± {np.mean(errors):.2g}{unit}"
+
+
+def longest(d: Diagnosis) -> str | None:
+    """The longest horizon of the rollouts, as it is written in the gap; None if the part kept aside was too short for any."""
+    known = [h for h, errors in d.gap.before.rollout_rms.items() if np.isfinite(errors).all()]
+    return max(known, key=float, default=None)
+
+
+def percent(share: float) -> str:
+    """A share as a percentage with two digits, or all it has before the point."""
+    if not np.isfinite(share):
+        return "-"
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+
+
+def short(value: float) -> str:
+    """Three digits, or a dash for what is not known."""
+    return f"{value:.3g}" if np.isfinite(value) else "-"
+
+
+def _cut(name: str, most: int = 24) -> str:
+    name = " ".join(name.split())
+    return name if len(name) <= most else name[: most - 1] + "…"
+
+
+def _wrapped(text: str, indent: str = "") -> list[str]:
+    return textwrap.wrap(text, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]

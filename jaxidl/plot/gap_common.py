@@ -1,0 +1,101 @@
+"""What all pictures of a diagnosis have in common: which joints, which colours, one clock, names that are safe to draw."""
+
+import io
+import warnings
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from jaxidl.gap.diagnosis import Diagnosis
+
+WIDTH = 7.2  # of every figure [in]
+BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
+JOINTS = 4  # shown at most in figures with a row for each
+POINTS = 6000  # of a curve or cloud; more are thinned out
+
+
+def shown(d: Diagnosis) -> list[int]:
+    """At most ``JOINTS`` joints, in the model's order: those where something was found, then those with the largest gap."""
+    found = {f.joint for f in d.findings}
+    order = sorted(range(len(d.model.names)), key=lambda j: (j not in found, -_known(d.gap.before.torque_relative[j])))
+    return sorted(order[:JOINTS])
+
+
+def which(d: Diagnosis, joints: list[int]) -> str:
+    """What to add to a title if not all joints are shown."""
+    total = len(d.model.names)
+    return "" if len(joints) == total else f" ({len(joints)} of {total} joints: where something was found, or the gap is largest)"
+
+
+def name_of(d: Diagnosis, joint: int | None, most: int = 22) -> str:
+    """A joint's name, cut to length, with dollar signs that do not begin a formula."""
+    name = "mechanism" if joint is None else " ".join(d.model.names[joint].split())
+    return (name if len(name) <= most else name[: most - 1] + "…").replace("$", r"\$")
+
+
+def length_unit(d: Diagnosis, joint: int) -> str:
+    """Unit of a joint's position: m or rad."""
+    return "m" if d.model.kinds[joint] == "slide" else "rad"
+
+
+def clock(d: Diagnosis) -> tuple[np.ndarray, np.ndarray]:
+    """Time (N,) [s] that goes on where a log begins anew, and the first row of each stretch without a gap (S,)."""
+    time = np.array(d.traces.time, float)
+    if len(time) < 2:
+        return time, np.zeros(1, int)
+    step = np.diff(time)
+    usual = float(np.median(step))
+    back = step <= 0.0
+    time[1:] += np.cumsum(np.where(back, 20.0 * usual - step, 0.0))
+    return time, np.concatenate([[0], np.flatnonzero(back | (step > 3.0 * usual)) + 1])
+
+
+def broken(time: np.ndarray, values: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A curve with a break before each of ``starts``, thinned out to the extremes of each piece of it if it is long."""
+    values = np.insert(np.array(values, float), starts[1:], np.nan)
+    time = np.insert(time, starts[1:], time[starts[1:]])
+    piece = -(-len(time) // POINTS) * 2
+    if len(time) <= POINTS or piece < 4:
+        return time, values
+    whole = len(time) // piece * piece
+    parts = values[:whole].reshape(-1, piece)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # pieces of nothing but breaks
+        extremes = np.stack([np.nanmin(parts, 1), np.nanmax(parts, 1)], 1)
+    return np.repeat(time[:whole:piece], 2), extremes.ravel()
+
+
+def counted(d: Diagnosis, residual: np.ndarray, joint: int) -> np.ndarray:
+    """A joint's residual (N,), NaN where a rest begins or ends."""
+    return np.where(d.traces.counted[:, joint], residual[:, joint], np.nan)
+
+
+def sides(d: Diagnosis) -> list[tuple[str, str, np.ndarray]]:
+    """Label, colour and residuals (N, J) before and after; only of the model as it is if nothing was found."""
+    if not d.findings:
+        return [("residual", BEFORE, d.traces.before)]
+    return [("residual before", BEFORE, d.traces.before), ("residual after", AFTER, d.traces.after)]
+
+
+def limits(axes: Axes, *values: np.ndarray, share: float = 0.997) -> None:
+    """Vertical limits that hold ``share`` of the values, and zero: a few outliers shall not flatten the rest."""
+    sizes = np.abs(np.concatenate([np.ravel(v) for v in values]))
+    sizes = sizes[np.isfinite(sizes)]
+    top = float(np.quantile(sizes, share)) if len(sizes) else 0.0
+    axes.set_ylim(*((-1.2 * top, 1.2 * top) if top > 0.0 else (-1.0, 1.0)))
+
+
+def png(figure: Figure) -> bytes:
+    """The figure as a PNG file's content, the same for the same figure."""
+    buffer = io.BytesIO()
+    FigureCanvasAgg(figure)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # a joint's name in another script
+        figure.savefig(buffer, format="png", dpi=180, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def _known(number: float) -> float:
+    return number if np.isfinite(number) else 0.0
