@@ -1,4 +1,4 @@
-"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | bench``.
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | gap | gap-benchmark | bench``.
 
 Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130.
 """
@@ -21,6 +21,7 @@ from tyro.conf import arg
 from jaxidl import __version__
 from jaxidl.backend import choose_devices, keep_programs
 from jaxidl.bench import run_benchmarks
+from jaxidl.cli_gap import gap, gap_benchmark
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
@@ -191,7 +192,16 @@ def report(results: Path, out: Path) -> None:
     print(f"results in {results}, {len(paths)} figures and claims.json in {out}")
 
 
-COMMANDS = {"simulate": simulate, "sweep": sweep, "figures": figures, "claims": claims, "reproduce": reproduce, "bench": bench}
+COMMANDS = {
+    "simulate": simulate,
+    "sweep": sweep,
+    "figures": figures,
+    "claims": claims,
+    "reproduce": reproduce,
+    "gap": gap,
+    "gap-benchmark": gap_benchmark,
+    "bench": bench,
+}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -229,7 +239,9 @@ def _stop(*_: object) -> None:
 
 
 def _leave() -> NoReturn:
-    print("jaxidl: interrupted; finished runs of a sweep are saved, and the same command continues", file=sys.stderr)
+    print(
+        "jaxidl: interrupted; what is finished of a sweep or benchmark is saved, and the same command continues", file=sys.stderr
+    )
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(130)  # without waiting for the chunk in flight
@@ -253,7 +265,7 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
             return tyro.extras.subcommand_cli_from_dict(
                 {name: later(command) for name, command in COMMANDS.items()},
                 prog="jaxidl",
-                description="Learn inverse dynamics; reproduce the study of the two data sources.",
+                description="Learn inverse dynamics; reproduce the study of the two data sources; find what a simulation is missing.",
                 args=arguments,
             )
     except SystemExit as stop:

@@ -163,7 +163,7 @@ def test_stiction_holds_up_to_breakaway_and_lets_go_altogether():
     assert acceleration(effect, 1.0, qd=2e-3) == pytest.approx(0.5)  # it moves
     assert acceleration(effect, 1.0, q=0.5) == pytest.approx(0.5)  # the border is strict
     assert not effect.holds(one(0.0), one(0.0), one(0.0))  # nothing of the paper's program
-    q, qd, _, _ = run([effect, fx.CoulombFriction(one(2.0))], np.linspace(0.0, 8.0, 801))
+    _, qd, _, _ = run([effect, fx.CoulombFriction(one(2.0))], np.linspace(0.0, 8.0, 801))
     assert np.argmax(np.abs(qd) > 1e-12) == 602  # both together hold 6 N
     assert (np.diff(qd[640:]) / DT).min() > 1.9  # sliding: 2 N are left
 
@@ -218,7 +218,7 @@ def test_friction_never_adds_energy(effect):
     after = jax.vmap(lambda plant, *s: s[1] + 5e-3 * plant.acceleration(State(*s[:2]), s[2], 5e-3), (None, 0, 0, 0))
     free, braked = Plant(point_mass(2.0, 1)), Plant(point_mass(2.0, 1), (effect,))
     assert jnp.all(jnp.abs(after(braked, q, qd, 0.0 * tau)) <= jnp.abs(qd) + 1e-15)
-    if type(effect).torque is fx.Effect.torque:  # dry alone: what the torque makes of the speed is made less, and never turned round
+    if type(effect).torque is fx.Effect.torque:  # dry alone: it makes speed less and never turns it round
         assert jnp.all(jnp.abs(after(braked, q, qd, tau)) <= jnp.abs(after(free, q, qd, tau)) + 1e-15)
         assert jnp.all(after(braked, q, qd, tau) * after(free, q, qd, tau) >= -1e-15)
 

@@ -33,7 +33,7 @@ def python_execution(setting, noise, torque_of=None):
         tau = rbd + feedback.applied + (torque_of(sensed, qdd_d) if torque_of else 0.0)
         rows.append((true.q, sensed.qd, tau, feedback.learning))
         true, hidden = plant.step(true, hidden, tau, task.dt)
-        q = plant.sense(true.q, noise[t])
+        q = plant.sense(hidden, true.q, noise[t])
         qd = (q - sensed.q) / task.dt
         qdd_a = (qd - sensed.qd) / task.dt
         memory = law.observe(memory, qdd_d, qdd_a)

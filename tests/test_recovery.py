@@ -1,4 +1,4 @@
-"""Effects found again in clean data: by linear least squares where they are linear, else by Gauss-Newton from their own guesses."""
+"""Effects found again in clean data: by linear least squares if they are linear, else by Gauss-Newton from their guesses."""
 
 import jax
 import jax.numpy as jnp
@@ -41,7 +41,8 @@ def record(effect, axes):
 
     log = jax.lax.scan(step, (rest, plant.start(rest.q)), (tau, noise))[1]
     qdd = (log["next_qd"] - log["qd"]) / DT
-    return log | {"tau": tau, "noise": noise, "qdd": qdd, "missing": jax.vmap(plant.body.inverse_dynamics)(log["q"], log["qd"], qdd) - tau}
+    missing = jax.vmap(plant.body.inverse_dynamics)(log["q"], log["qd"], qdd) - tau
+    return log | {"tau": tau, "noise": noise, "qdd": qdd, "missing": missing}
 
 
 @pytest.mark.parametrize("effect", [e for e in EXAMPLES.values() if type(e).linear], ids=lambda e: e.name)
@@ -70,7 +71,8 @@ def unexplained(effect, log):
         added = effect.torque(q, qd, tau) - effect.dry(q, qd, tau, direction) * jnp.sign(direction)
         left = body.forward_dynamics(q, qd, tau + added) - now["qdd"]
         reading = effect.sense(memory, now["next_q"], now["noise"]) - now["reading"]
-        return memory, jnp.concatenate([jnp.where((direction * now["next_qd"] > 0.0) & (jnp.abs(now["next_qd"]) > REST), left, 0.0), reading])
+        sliding = (direction * now["next_qd"] > 0.0) & (jnp.abs(now["next_qd"]) > REST)
+        return memory, jnp.concatenate([jnp.where(sliding, left, 0.0), reading])
 
     return jax.lax.scan(step, effect.start(log["q"][0]), log)[1]
 

@@ -143,7 +143,7 @@ def regressor(
     """Derivative of the torque (J,) that the effect adds with respect to its flattened parameters (P,), in the pytree's order.
 
     Dry friction is that of a moving joint, −level·sign(qd), and nothing where ``qd`` is zero. Given ``body`` and the acceleration
-    ``qdd`` (J,) [m/s^2 or rad/s^2], what the effect alters in the body counts as well: minus the inverse dynamics of what it adds.
+    ``qdd`` (J,) [m/s^2 or rad/s^2], what it alters in the body counts as well: minus the inverse dynamics of what it adds.
 
     For an effect with ``linear`` true, ``regressor(...) @ parameters`` *is* the torque: the row block of one instant in a
     least-squares fit. For the others it is the Gauss-Newton row at the present parameters.

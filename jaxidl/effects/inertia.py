@@ -10,7 +10,7 @@ from jaxidl.types import Joints, Scalar
 
 
 class InertiaError(Effect):
-    """Inertia that the model lacks: of each joint's rotor, and of the body that the joint carries; negative where it has too much.
+    """Inertia that the model lacks: of each joint's rotor, and of the body that a joint carries; negative where it has too much.
 
     A body's inertia about its centre of mass changes in proportion to its mass.
     """

@@ -27,7 +27,7 @@ class _Part:
 
 
 class OnJoint(Effect):
-    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of ``joints``; nothing on the others."""
+    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of ``joints``; nothing on others."""
 
     effect: Effect
     joint: int = struct.field(pytree_node=False)

@@ -18,7 +18,7 @@ _ENDS = {
 }
 
 
-def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Scalar:
+def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
     """The table (K,) at ``q``, linear between its evenly spaced positions and constant beyond the ends."""
     return jnp.interp(q, jnp.linspace(lower, upper, table.shape[-1]), table)
 

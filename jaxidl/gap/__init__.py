@@ -1,0 +1,8 @@
+"""Find what a simulation is missing: ``jaxidl.gap.diagnose(log, model) -> Diagnosis``."""
+
+from jaxidl.gap.diagnose import diagnose
+from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.log import Log, from_arrays, read
+from jaxidl.systems.mjcf import Model, read_model
+
+__all__ = ["Diagnosis", "Log", "Model", "diagnose", "from_arrays", "read", "read_model"]

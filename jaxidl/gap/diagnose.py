@@ -20,7 +20,7 @@ from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rank import NOISE_MARGIN, TRIFLE, Ranking
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.search import Outcome, search
-from jaxidl.gap.signals import Signals, prepare
+from jaxidl.gap.signals import prepare
 from jaxidl.gap.words import summarise
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
@@ -40,6 +40,7 @@ def diagnose(
     held_out: float = 0.3,
     effects: Sequence[str] = SEARCHED,
     min_gain: float = MIN_GAIN,
+    rollouts: bool = True,
     watch: Watch = lambda what, share: None,
 ) -> Diagnosis:
     """Say where a log and a model disagree, which effect is missing, and by how much the gap shrinks with it.
@@ -50,6 +51,7 @@ def diagnose(
         held_out: share of the log, at its end, that takes no part in fitting and ranking.
         effects: names of the catalogue to look for.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
+        rollouts: replay the torques and compare positions, too; compiling that takes some seconds.
         watch: called with what is being done and the share done of it.
 
     Raises:
@@ -75,10 +77,10 @@ def diagnose(
         before = outcome.before
         watch("looking for what no effect explains", 0.0)
         network = check(data, outcome.ranking.fit.residual)
-        findings = _findings(outcome, known)
+        findings = _findings(outcome, data_of(signals, known.plant.effects, 0.0), known)
         patched = Plant(known.plant.body, (*known.plant.effects, *(f.effect for f in findings)))
         watch("replaying the log", 0.0)
-        gap = _gap(data, before, outcome.ranking.fit.residual, known, patched, findings)
+        gap = _gap(data, before, outcome.ranking.fit.residual, known, patched, findings, rollouts)
     after = outcome.ranking.fit.residual
     remaining = tuple(localise(data, after, known.names))
     gains = tuple((g.value, g.stderr) for g in network.gains)
@@ -100,7 +102,7 @@ def diagnose(
         model=known,
         traces=_traces(measured, data, before, after),
         band=signals.band,
-        notes=(*measured.notes, *known.notes, *_warnings(signals, known)),
+        notes=(*measured.notes, *known.notes, *_warnings(data, known)),
         options={"held_out": held_out, "effects": list(effects), "min_gain": min_gain},
     )
 
@@ -121,9 +123,9 @@ def _rms(residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(residual**2 * counted, 0) / np.maximum(counted.sum(0), 1))
 
 
-def _findings(outcome: Outcome, model: Model) -> tuple[Finding, ...]:
+def _findings(outcome: Outcome, whole: Data, model: Model) -> tuple[Finding, ...]:
     found = []
-    for named, (effect, estimates) in zip(outcome.named, settled(outcome), strict=True):
+    for named, (effect, estimates) in zip(outcome.named, settled(outcome, whole), strict=True):
         candidate = named.member.candidate
         joint = candidate.joint
         single = joint is not None and candidate.name != "coupled_friction"
@@ -154,18 +156,20 @@ def unit_of(unit: str, kind: str) -> str:
     return hinge.get(unit, unit)
 
 
-def _gap(data: Data, base: np.ndarray, after: np.ndarray, model: Model, patched: Plant, findings: Sequence[Finding]) -> Gap:
+def _gap(
+    data: Data, base: np.ndarray, after: np.ndarray, model: Model, patched: Plant, findings: Sequence[Finding], rollouts: bool
+) -> Gap:
     """Both sides on the rows kept aside."""
     signals = data.signals
     aside = (data.block < 0)[:, None] & used(data)
     command = _rms(signals.command(signals.tau)[signals.rows], aside)
-    first = int(signals.rows[np.argmax(data.block < 0)])
-    span = (first, len(signals.q))
+    kept_aside = signals.rows[data.block < 0]
+    span = (int(kept_aside[0]), int(kept_aside[-1]) + 1)
 
     def side(residual: np.ndarray, plant: Plant) -> Side:
         rms = _rms(residual, aside)
-        rollouts = {h: e.tolist() for h, e in rollout_errors(plant, signals, span).items()}
-        return Side(rms.tolist(), (rms / np.maximum(command, 1e-300)).tolist(), rollouts)
+        errors = rollout_errors(plant, signals, span) if rollouts else {}
+        return Side(rms.tolist(), (rms / np.maximum(command, 1e-300)).tolist(), {h: e.tolist() for h, e in errors.items()})
 
     before = side(base, model.plant)
     later = side(after, patched) if findings else before
@@ -208,8 +212,10 @@ def _traces(log: Log, data: Data, before: np.ndarray, after: np.ndarray) -> Trac
     return Traces(log.time[rows], data.block < 0, signals.q[rows], signals.qd[rows], command, before, after, used(data))
 
 
-def _warnings(signals: Signals, model: Model) -> list[str]:
-    notes = []
+def _warnings(data: Data, model: Model) -> list[str]:
+    signals, notes = data.signals, []
+    if data.block[-1] >= 0:
+        notes.append("the first part of the log is kept aside: the last one holds motion that the rest does not")
     still = [model.names[j] for j in range(len(model.names)) if not np.any(signals.moving[:, j])]
     if still:
         notes.append(f"{', '.join(still)} hardly moved: nothing can be said of friction there")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import jax
 import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
@@ -161,7 +162,8 @@ class Diagnosis:
         """
         from jaxidl.plot.report import write
 
-        return write(self, Path(folder))
+        with jax.enable_x64(True):  # the parameters' precision
+            return write(self, Path(folder))
 
     def plot_residual(self) -> "Figure":
         """Command and residual before and after over time, with the encoder's noise; enlarged where the log is long."""

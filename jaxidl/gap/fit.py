@@ -18,6 +18,7 @@ from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_parameters
 
 BLOCKS = 48
+FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
 FINE = 6  # moments of a block
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
@@ -79,16 +80,16 @@ class Data(NamedTuple):
 
 
 def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3, blocks: int = BLOCKS) -> Data:
-    """Rows of a log and what the model, a rigid body with ``effects``, makes of them; the last share ``held_out`` is kept aside."""
+    """Rows of a log and what the model, a rigid body with ``effects``, makes of them; a share ``held_out`` is kept aside."""
     rows, tau = signals.rows, signals.tau
     base, slide = signals.balance(), np.zeros((len(rows), signals.q.shape[1]))
     grip = np.zeros_like(slide)
     for effect in effects:
         value, _, tau = contribution(effect, None, (), signals, tau)
         base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
-    train = round(len(rows) * (1.0 - held_out))
+    train = kept_rows(signals, round(len(rows) * held_out))
     block = np.full(len(rows), -1)
-    block[:train] = np.arange(train) * blocks // max(train, 1)
+    block[train] = np.arange(len(rows))[: block[train].size] * blocks // max(block[train].size, 1)
     spread = np.std(signals.tau[rows], axis=0)
     return Data(
         base,
@@ -98,17 +99,39 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
         signals.moving[rows],
         signals.resting[rows],
         block,
-        tuple(_in_training(peaks, rows, train) for peaks in signals.peaks),
+        tuple(_in_training(peaks, rows, block >= 0) for peaks in signals.peaks),
         np.maximum(signals.noise_floor, LEAST_FLOOR * spread),
         spread,
         signals,
     )
 
 
-def _in_training(peaks: np.ndarray, rows: np.ndarray, train: int) -> np.ndarray:
+def kept_rows(signals: Signals, aside: int) -> slice:
+    """The rows to fit: all but the last ``aside``, or all but the first if the last ones hold faster or harder motion than the rest.
+
+    What happens in the part kept aside only, saturation in a fast stretch at the end for one, could neither be found nor be shown.
+    """
+    n = len(signals.rows)
+    if not aside:
+        return slice(0, n)
+    parts = slice(0, n - aside), slice(aside, n)
+
+    def beyond(part: slice) -> float:
+        """How much further the part kept aside goes than the rest."""
+        ratios = []
+        for x in (np.abs(x[signals.rows]) for x in (signals.tau, signals.qd, signals.qdd)):
+            outside = np.delete(x, np.arange(n)[part], axis=0)
+            ratios.append(np.quantile(outside, 0.995, axis=0) / np.maximum(np.quantile(x[part], 0.995, axis=0), 1e-300))
+        return float(np.max(ratios))
+
+    last, first = map(beyond, parts)
+    return parts[1] if last > FURTHER and first < last else parts[0]
+
+
+def _in_training(peaks: np.ndarray, rows: np.ndarray, training: np.ndarray) -> np.ndarray:
     """Instants as numbers of the kept rows next to them; those of the training part."""
     place = np.clip(np.searchsorted(rows, peaks[:, 0]), 0, len(rows) - 1)
-    return np.column_stack([place, peaks[:, 1]])[place < train]
+    return np.column_stack([place, peaks[:, 1]])[training[place.astype(int)]]
 
 
 class Fit(NamedTuple):

@@ -5,6 +5,9 @@ from typing import Any
 import numpy as np
 
 from jaxidl.effects import Effect
+from jaxidl.gap.fit import Data
+from jaxidl.gap.fit import fit as fit_members
+from jaxidl.gap.rank import polished
 from jaxidl.gap.search import Outcome
 from jaxidl.gap.terms import with_parameters
 
@@ -14,9 +17,14 @@ SHARED = {"positive": ("coulomb_friction", "level"), "viscous_positive": ("visco
 """What friction by direction has in common with plain friction on the same joint: the mean of both directions."""
 
 
-def settled(outcome: Outcome) -> list[tuple[Effect, Told]]:
-    """Effect and parameters of each named effect, in the order added."""
-    fit = outcome.ranking.fit
+def settled(outcome: Outcome, whole: Data) -> list[tuple[Effect, Told]]:
+    """Effect and parameters of each named effect, in the order added, fitted to the ``whole`` log.
+
+    What an effect is worth was shown on data kept aside; the model that is handed out need not do without these.
+    """
+    ranking = outcome.ranking
+    joints = tuple(range(whole.base.shape[1]))
+    fit = polished(whole, fit_members(whole, ranking.all(), ranking.weight), ranking.weight, joints)
     place = {(m.candidate.name, m.candidate.joint): i for i, m in enumerate(fit.members)}
     thetas, samples = [t.copy() for t in fit.thetas], [s.copy() for s in fit.samples]
     for i, m in enumerate(fit.members):

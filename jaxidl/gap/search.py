@@ -12,6 +12,7 @@ from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
 EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
+UNSURE = 0.1  # ... and never if it loses more than this share, however unsure
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
 
@@ -62,8 +63,8 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         seen.add(state)
     _prune(ranking, ranking.members)
     watch("looking for other explanations", 0.0)
-    outcome.named = [_credit(ranking, m) for m in ranking.members]
-    needed = [n.member for n in outcome.named if n.gain.value > ranking.min_gain / 2]
+    outcome.named = _credits(ranking)
+    needed = [m for m in ranking.members if _worth(ranking, m).value > ranking.min_gain / 2]
     outcome.ambiguous = [found for m in needed if len(found := _equals(ranking, m)) > 1]
     return outcome
 
@@ -107,17 +108,21 @@ def _worth(ranking: Ranking, m: Member) -> Gain:
     return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
 
 
-def _credit(ranking: Ranking, m: Member) -> Named:
-    """What a member is worth at the end, beside all others."""
-    own = list(m.joints())
-    joints, beside = ranking.closure(own)
-    without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
-    where = [joints.index(j) for j in own]
-    before = errors_of(without, ranking.data, ranking.weight, joints).of(where)
-    count = max(ranking.fit.count[:, own].sum(), 1.0)
-    rms = lambda x: float((x.sum() / count) ** 0.5)  # noqa: E731
-    after = ranking.present(tuple(own))
-    return Named(m, gain(before, after), rms(without.error[:, where]), rms(ranking.fit.error[:, own]))
+def _credits(ranking: Ranking) -> list[Named]:
+    """What each member does when it is added to those before it."""
+    out = []
+    for number, m in enumerate(ranking.members):
+        own = m.joints()
+        joints, _ = ranking.closure(own)
+        pick = list(own)
+        where = [joints.index(j) for j in own]
+        touching = lambda x, joints=joints: bool(set(x.joints()) & set(joints))  # noqa: E731
+        sides = [ranking.fitted(tuple(filter(touching, ranking.members[:n])), joints) for n in (number, number + 1)]
+        count = max(ranking.fit.count[:, pick].sum(), 1.0)
+        rms = [float((side.error[:, where].sum() / count) ** 0.5) for side in sides]
+        before, after = (errors_of(side, ranking.data, ranking.weight, joints).of(where) for side in sides)
+        out.append(Named(m, gain(before, after), *rms))
+    return out
 
 
 def _instead(ranking: Ranking, m: Member) -> list[Trial]:
@@ -145,6 +150,6 @@ def _equals(ranking: Ranking, m: Member) -> list[Candidate]:
         if not other.guess.linear and trial.gain.value > -0.5:
             polished = ranking.attempt(other, polish=True, without=m)
             trial = max((t for t in (trial, polished) if t is not None), key=lambda t: t.gain.value)
-        if trial.fit.feasible and trial.gain.value >= -max(SAME * trial.gain.stderr, NEGLIGIBLE):
+        if trial.fit.feasible and trial.gain.value >= -max(min(SAME * trial.gain.stderr, UNSURE), NEGLIGIBLE):
             found.append(other)
     return found

@@ -10,11 +10,12 @@ from jaxidl.gap.words import number, readable
 
 COLUMNS = 100  # at most
 TITLES = {
-    "named": "effects are missing",
-    "nothing_missing": "nothing is missing",
-    "ambiguous": "effects are missing, and this log does not fully determine which",
-    "unexplained": "something is left that the catalogue does not explain",
+    "named": "{count} missing",
+    "nothing_missing": "no effect of the catalogue makes the model clearly better",
+    "ambiguous": "{count} missing, and this log does not fully determine which",
+    "unexplained": "{count} missing, and something is left that the catalogue does not explain",
 }
+SENSELESS = 1e4  # times the command: of what is not moved by one
 
 
 def as_table(d: Diagnosis) -> str:
@@ -22,7 +23,8 @@ def as_table(d: Diagnosis) -> str:
 
     Lines have at most ``COLUMNS`` characters; the text ends without a newline.
     """
-    lines = [f"{d.verdict}: {TITLES[d.verdict]}", *_found(d), *_errors(d)]
+    count = f"{len(d.findings) or 'no'} effect{'s' * (len(d.findings) != 1)}"
+    lines = [f"{d.verdict.replace('_', ' ')}: {TITLES[d.verdict].format(count=count)}", *_found(d), *_errors(d)]
     for ambiguity in d.ambiguous:
         names = " or ".join(on_joint(d, *key) for key in ambiguity.candidates)
         lines += ["", *_wrapped(f"not told apart: {names}"), *_wrapped(f"to tell: {ambiguity.experiment}", "  ")]
@@ -38,7 +40,7 @@ def _found(d: Diagnosis) -> list[str]:
     details = []
     for f in d.findings:
         error = f"{short(f.held_out_before)} → {short(f.held_out_after)} {unit_of(d, f.joint)}"
-        rows.append((on_joint(d, f.name, f.joint), error, f"{percent(f.gain)} ± {percent(f.gain_stderr)}"))
+        rows.append((on_joint(d, f.name, f.joint), error, gain(f.gain, f.gain_stderr)))
         told = (f"{readable(name)} {parameter(p)}" for name, p in f.parameters.items())
         details.append([line for text in told for line in _wrapped(text, "    ")])
     head, *body = _aligned(rows)
@@ -48,13 +50,13 @@ def _found(d: Diagnosis) -> list[str]:
 def _errors(d: Diagnosis) -> list[str]:
     """Torque error and rollout error of each joint on the data kept aside."""
     horizon = longest(d)
-    rows = [("joint", "torque error", "of the command", "encoder noise", f"after {horizon} s" if horizon else "")]
+    rows = [("joint", "torque error", "of the command", "encoder noise", f"position, {horizon} s" if horizon else "")]
     for j, name in enumerate(d.model.names):
-        unit, length = d.model.units[j], "m" if d.model.kinds[j] == "slide" else "rad"
+        unit = d.model.units[j]
         sides = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)]
         torque = " → ".join(f"{side.torque_rms[j]:.3g}" for side in sides) + f" {unit}"
         relative = " → ".join(percent(side.torque_relative[j]) for side in sides)
-        away = " → ".join(short(side.rollout_rms[horizon][j]) for side in sides) + f" {length}" if horizon else ""
+        away = lengths([side.rollout_rms[horizon][j] for side in sides], d.model.kinds[j]) if horizon else ""
         rows.append((_cut(name), torque, relative, f"{d.gap.noise_floor[j]:.2g} {unit}", away))
     return ["", *_aligned(rows)]
 
@@ -88,11 +90,26 @@ def longest(d: Diagnosis) -> str | None:
     return max(known, key=float, default=None)
 
 
+def lengths(values: Sequence[float], kind: str) -> str:
+    """Position errors [m or rad] of a joint one after the other, in thousandths if they are small."""
+    unit = "m" if kind == "slide" else "rad"
+    if values[0] < 0.1:
+        values, unit = [1e3 * value for value in values], f"m{unit}"
+    return " → ".join(short(value) for value in values) + f" {unit}"
+
+
 def percent(share: float) -> str:
     """A share as a percentage with two digits, or all it has before the point."""
-    if not np.isfinite(share):
+    if not abs(share) < SENSELESS:
         return "-"
-    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{100.0 * share:.2g} %"
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{round(100.0 * share, 4):.2g} %".replace("-0 ", "0 ")
+
+
+def gain(value: float, stderr: float) -> str:
+    """A share with its standard error, as percentages to a tenth."""
+    if not np.isfinite([value, stderr]).all():
+        return percent(value)
+    return f"{100.0 * value:.1f} ± {100.0 * stderr:.1f} %".replace("-0.0 ", "0.0 ")
 
 
 def short(value: float) -> str:

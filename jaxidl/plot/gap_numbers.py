@@ -5,9 +5,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Row
-from jaxidl.gap.table import percent
+from jaxidl.gap.table import SENSELESS, percent
 from jaxidl.gap.words import readable
 from jaxidl.plot.gap_common import ADDED, AFTER, BEFORE, NOISE, WIDTH, length_unit, name_of, shown, which
 from jaxidl.plot.style import house_style
@@ -33,7 +34,7 @@ def plot_ranking(d: Diagnosis) -> Figure:
     most = max([10.0, *(end for end in ends if np.isfinite(end))])
     grid[0].set_xlim(-8.0, 1.3 * most)
     grid[0].set_xticks([t for t in (0, 5, 10, 20, 40, 60, 80, 100) if t <= most and (most < 20 or t not in (5, 10))])
-    grid[-1].set_xlabel("held-out error that it would remove [%] ± standard error; dotted: least to be named")
+    grid[-1].set_xlabel("share of the held-out error that it removes [%]; dotted: least to be named")
     left = f" (rounds {', '.join(str(n + 1) for n in numbers)} of {len(d.rounds)})" if len(numbers) < len(d.rounds) else ""
     figure.suptitle("Which effect explains it best, round by round" + left, fontsize=10)
     return figure
@@ -51,8 +52,10 @@ def _bars(axes: Axes, d: Diagnosis, rows: tuple[Row, ...]) -> None:
     axes.barh(range(len(rows)), np.maximum(gains, -6.0), color=colors, height=0.72)
     axes.errorbar(np.maximum(gains, -6.0), range(len(rows)), xerr=errors, fmt="none", color="0.15", elinewidth=0.9, capsize=2)
     for k, (gain, error, row) in enumerate(zip(gains, errors, rows, strict=True)):
-        text = f"  {gain:.1f} ± {error:.1f}" + ("  ◂ added" if row.chosen else "")
-        axes.text(max(gain + error, 0.0), k, text, va="center", fontsize=7.5, fontweight="bold" if row.chosen else "normal")
+        text = f"{gain:.1f} ± {error:.1f}" + ("  ◂ added" if row.chosen else "")
+        ground = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}
+        weight = "bold" if row.chosen else "normal"
+        axes.text(max(gain + error, 0.0) + 1.2, k, text, va="center", fontsize=7.5, fontweight=weight, bbox=ground)
     axes.set_yticks(range(len(rows)), [label_of(d, row.name, row.joint) for row in rows])
     axes.set_ylim(max(len(rows), 2) - 0.4, -0.6)
     axes.axvline(0.0, color="0.2", linewidth=0.8)
@@ -85,20 +88,28 @@ def _torque_errors(axes: Axes, d: Diagnosis) -> None:
     order = range(len(d.model.names)) if len(d.model.names) <= BAR_JOINTS else shown(d)
     before, after = (np.array([side.torque_relative[j] for j in order]) for side in (d.gap.before, d.gap.after))
     command = np.array([d.gap.before.torque_rms[j] for j in order]) / np.maximum(before, 1e-300)
+    before, after = (np.where(side < SENSELESS, side, np.nan) for side in (before, after))
     floor = 100.0 * np.array([d.gap.noise_floor[j] for j in order]) / np.maximum(command, 1e-300)
+    floor = np.where(np.isfinite(before), floor, np.nan)
     x, width = np.arange(len(before)), 0.36 if d.findings else 0.5
     sides = [(-width / 2, before, BEFORE, "before"), (width / 2, after, AFTER, "after")]
     sides = sides if d.findings else [(0.0, before, BEFORE, "model")]
     for shift, values, color, label in sides:
         axes.bar(x + shift, 100.0 * values, width, color=color, label=label)
         for at, value, noise in zip(x + shift, values, floor, strict=True):
+            if not np.isfinite(value):  # nothing was commanded
+                continue
             above = noise if 0.6 * noise < 100.0 * value < noise else 100.0 * value  # not across the line of the noise
             axes.text(at, 1.06 * above, percent(value), ha="center", va="bottom", fontsize=8 if len(x) < 6 else 6.5)
     span = width * (1.0 if d.findings else 0.6)
     axes.hlines(floor, x - span, x + span, color=NOISE, linewidth=2.0, linestyle="--", label="encoder noise alone", zorder=5)
     axes.set_yscale("log")
     known = [v for v in (*(100.0 * before), *(100.0 * after), *floor) if np.isfinite(v) and v > 1e-6]
-    axes.set_ylim(min(known, default=1.0) / 2.5, max(known, default=1.0) * 3.0)
+    low, high = min(known, default=1.0) / 2.5, max(known, default=1.0) * 3.0
+    axes.set_ylim(low, high)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(-0.8 - 0.7 * (len(x) == 1), len(x) - 0.2 + 0.7 * (len(x) == 1))
     axes.set_xticks(x, [name_of(d, j, max(8, 70 // len(x))) for j in order])
     axes.set_ylabel("torque error [% of command]" if set(d.model.units) != {"N"} else "force error [% of command]")

@@ -6,8 +6,8 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.plot.gap_common import AFTER, BEFORE, COMMAND, NOISE, POINTS, WIDTH
-from jaxidl.plot.gap_common import broken, clock, counted, length_unit, limits, name_of, shown, sides, which
+from jaxidl.plot import gap_common as common
+from jaxidl.plot.gap_common import NOISE, WIDTH, broken, clock, counted, length_unit, limits, name_of, shown, sides, which
 from jaxidl.plot.style import house_style
 
 BINS = 26  # over the range of position, velocity or acceleration
@@ -26,7 +26,7 @@ def plot_residual(d: Diagnosis) -> Figure:
     widths = (1.7, 1.0) if zoom else (1.0,)
     rows = figure.subplots(len(joints), len(widths), squeeze=False, sharex="col", width_ratios=widths)
     for row, j in zip(rows, joints, strict=True):
-        row[0].plot(*broken(time, d.traces.command[:, j], starts), color=COMMAND, linewidth=0.8, label="command")
+        row[0].plot(*broken(time, d.traces.command[:, j], starts), color=common.COMMAND, linewidth=0.8, label="command")
         for axes in row:
             _residuals(axes, d, j, time, starts)
         row[0].set_ylabel(f"{name_of(d, j)}\ntorque [{d.model.units[j]}]".replace("torque [N]", "force [N]"))
@@ -114,7 +114,7 @@ def plot_where(d: Diagnosis) -> Figure:
 def _cloud(axes: Axes, x: np.ndarray, residual: np.ndarray, color: str, label: str) -> None:
     known = np.isfinite(residual) & np.isfinite(x)
     x, residual = x[known], residual[known]
-    stride = max(1, -(-len(x) // POINTS))
+    stride = max(1, -(-len(x) // common.POINTS))
     axes.plot(x[::stride], residual[::stride], ".", color=color, markersize=1.2, alpha=0.22, markeredgewidth=0, rasterized=True)
     centre, mean, spread = binned(x, residual)
     axes.errorbar(centre, mean, spread, color=color, marker="o", markersize=2.4, linewidth=1.1, elinewidth=0.7, label=label)

@@ -12,28 +12,27 @@ from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis, Finding, Row, sentence_of
 from jaxidl.gap.localise import Place
 from jaxidl.gap.network import SYSTEMATIC
-from jaxidl.gap.table import on_joint, parameter, percent, short, unit_of
+from jaxidl.gap.table import gain, lengths, on_joint, parameter, percent, short, unit_of
 from jaxidl.gap.words import readable
 from jaxidl.plot.html import STYLE, Html, join, table, tag
 
 BADGES = {"named": "Found", "nothing_missing": "Nothing missing", "ambiguous": "Ambiguous", "unexplained": "Unexplained"}
 CAPTIONS = {
-    "gap": "Above: root mean square torque error on the data kept aside, relative to the command; the dashed line is what encoder "
-    "noise alone makes of it. Below: how far the simulation runs away from the measurement when it replays the logged torque.",
+    "gap": "Above: root mean square torque error on the data kept aside, relative to the command; dashed: what encoder noise "
+    "alone makes of it. Below: how far the simulation runs away from the measurement when it replays the logged torque.",
     "residual": "The residual is the commanded torque minus the one that the model needs for the measured motion. Its gaps are "
     "where a joint comes to rest or breaks away, which does not count.",
     "where": "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope over acceleration an "
     "inertia, a shape over position a spring, ripple or uneven friction. Bars: one standard deviation of the samples.",
     "spectrum": "What lies on the dashed line is noise of the encoders, differentiated twice; no model removes it.",
     "ranking": "Each effect was fitted on some blocks of the log and judged on others. Where a plainer effect is contained in a "
-    "better one, the plainer goes first and the other has to earn what is left.",
+    "better one, the plainer goes first and the other has to earn what is left. A trifle beside the command is not added.",
     "parameters": "Bars and bands: two standard errors. Where an interval holds zero, this log does not determine the parameter.",
 }
 ADVICE = {
-    "named": "Record a new log, with other motion than this one, and run the patched model on it: it should say that nothing is "
-    "missing.",
-    "nothing_missing": "To look further, record faster motion, reversals, rests and a known load: only what the motion excites can "
-    "be seen.",
+    "named": "Record a new log, with other motion than this one, and run the patched model on it: it should say that "
+    "nothing is missing.",
+    "nothing_missing": "To look further, record faster motion, reversals, rests and a known load.",
     "ambiguous": "Make the experiment named below and give its log together with this one.",
     "unexplained": "Record more motion where the remaining error is, and look for a cause outside the catalogue: contact, cables, "
     "temperature, a loose part.",
@@ -49,11 +48,11 @@ def page(d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[st
         record: the effects of ``effects.json``, those found last.
         folder: where the patched model will be, for the instructions.
     """
-    title = f"What the simulation of {d.model.path.name} is missing"
+    title = f"Gap report: {d.model.path.name}"
     pictures = {name: _figure(name, content) for name, content in figures.items()}
     sections = [
         _head(d, title),
-        _section("The gap, before and after", _gap_table(d), pictures.get("gap")),
+        _section("The gap, before and after" if d.findings else "The gap", _gap_table(d), pictures.get("gap")),
         _section("Where the gap is", _places(d, d.where), *(pictures.get(n) for n in ("residual", "where", "spectrum"))),
         _section("What is missing", _missing(d, record), pictures.get("parameters")),
         _section("What this log cannot tell apart", _ambiguous(d)) if d.ambiguous else None,
@@ -113,15 +112,12 @@ def _gap_table(d: Diagnosis) -> Html:
     sides = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)]
     horizons = [h for h in ("0.1", "0.5") if h in d.gap.before.rollout_rms] or list(d.gap.before.rollout_rms)[-2:]
 
-    def change(values: Sequence[float], text: Any = short) -> str:
-        return " → ".join(text(v) for v in values)
-
     rows = []
     for j, name in enumerate(d.model.names):
-        unit, length = d.model.units[j], "m" if d.model.kinds[j] == "slide" else "rad"
-        torque = f"{change([s.torque_rms[j] for s in sides])} {unit}"
-        relative = change([s.torque_relative[j] for s in sides], percent)
-        away = [f"{change([s.rollout_rms[h][j] for s in sides])} {length}" for h in horizons]
+        unit = d.model.units[j]
+        torque = " → ".join(short(s.torque_rms[j]) for s in sides) + f" {unit}"
+        relative = " → ".join(percent(s.torque_relative[j]) for s in sides)
+        away = [lengths([s.rollout_rms[h][j] for s in sides], d.model.kinds[j]) for h in horizons]
         rows.append([name, torque, relative, f"{short(d.gap.noise_floor[j])} {unit}", *away])
     head = ["joint", "torque or force error", "of the command", "encoder noise alone"]
     head += [f"position error after {h} s" for h in horizons]
@@ -145,7 +141,10 @@ def _missing(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     entries = [*([{}] * len(d.findings)), *record][-len(d.findings) :] if record else [{}] * len(d.findings)
     head = ["effect", "joint", "parameters", "held-out error", "gain"]
     rows = [_finding(d, f, entry) for f, entry in zip(d.findings, entries, strict=True)]
-    about = "In the order in which they were added; the error is that of held-out blocks with all other effects."
+    about = (
+        "In the order in which they were added. The error is that of held-out blocks without and with the effect, all others "
+        "being there: what another effect contains has little left of its own."
+    )
     return join([tag("p", about), table(head, rows, (3, 4))])
 
 
@@ -160,7 +159,7 @@ def _finding(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any
     known = CATALOGUE[f.name].parameters
     yield tag("ul", (_parameter(name, parameter(p), known[name].meaning) for name, p in f.parameters.items()))
     yield f"{short(f.held_out_before)} → {short(f.held_out_after)} {unit_of(d, f.joint)}"
-    yield f"{percent(f.gain)} ± {percent(f.gain_stderr)}"
+    yield gain(f.gain, f.gain_stderr)
 
 
 def _parameter(name: str, value: str, meaning: str) -> Html:
@@ -190,18 +189,18 @@ def _ranked(d: Diagnosis, row: Row, largest: float) -> Html:
     share = float(np.clip(np.nan_to_num(row.gain) / largest, 0.0, 1.0))
     bar = tag("span", class_="bar", style=f"width:{100.0 * share:.1f}%")
     name = on_joint(d, row.name, row.joint) + (" (added)" if row.chosen else "")
-    number = tag("td", f"{percent(row.gain)} ± {percent(row.gain_stderr)}", class_="number")
+    number = tag("td", gain(row.gain, row.gain_stderr), class_="number")
     return tag("tr", tag("td", name), tag("td", bar, class_="wide"), number, class_="chosen" if row.chosen else None)
 
 
 def _remains(d: Diagnosis) -> Html:
     told = []
-    for name, (gain, stderr) in zip(d.model.names, d.network, strict=False):
-        if gain <= 0.0 or gain <= 2.0 * stderr:
-            text = "cannot predict any of it: to the eye of the log it is noise"
+    for name, (value, stderr) in zip(d.model.names, d.network, strict=False):
+        if value <= 0.0 or value <= 2.0 * stderr:
+            text = "cannot predict any of it, so nothing systematic is left"
         else:
-            text = f"removes {percent(gain)} ± {percent(stderr)} of it: "
-            text += "something systematic is left" if gain > SYSTEMATIC else "too little to speak of something missing"
+            text = f"removes {gain(value, stderr)} of it: "
+            text += "something systematic is left" if value > SYSTEMATIC else "too little to speak of something missing"
         told.append(tag("li", tag("strong", name), f": the network {text}."))
     check = (
         "A small neural network was trained to predict what is left from the motion, and then asked on other blocks of the log:"
@@ -215,12 +214,12 @@ def _next(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Ht
     python = f"from jaxidl.systems.mjcf import read_model\n\nplant = read_model({model!r}).plant"
     whole = all(entry.get("in_mjcf") for entry in record)
     mujoco = "Keep effects.json beside model.xml: MuJoCo simulates only what model.xml has, jaxidl both."
-    mujoco = "All of it is in model.xml, so MuJoCo simulates it too." if whole else mujoco
+    mujoco = ("All of it is in model.xml, so MuJoCo simulates it too." if record else None) if whole else mujoco
     steps = [ADVICE[d.verdict]]
     steps += [f"To tell {' from '.join(on_joint(d, *k) for k in a.candidates)}: {a.experiment}." for a in d.ambiguous]
     patched = "The patched model" if d.findings else "The model, unchanged,"
     use = tag("p", f"{patched} loads from the command line and in Python:"), tag("pre", command), tag("pre", python)
-    return join([tag("ul", (tag("li", step) for step in steps)), *use, tag("p", mujoco)])
+    return join([tag("ul", (tag("li", step) for step in steps)), *use, tag("p", mujoco) if mujoco else None])
 
 
 def _method(d: Diagnosis) -> Html:

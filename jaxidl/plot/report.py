@@ -25,43 +25,48 @@ def write(d: Diagnosis, folder: Path) -> Path:
         StoreError: if the folder cannot be written, or has a model or report that is not ours; nothing has changed then.
         ModelError: if the model's file has gone or changed since it was read.
     """
-    made = [p for p in (folder, *folder.parents) if not p.exists()]  # deepest first
-    done = False
+    made: list[Path] = []
     try:
-        _check(d, folder)
+        made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
+        check_folder(folder, d.model.path)
         folder.mkdir(parents=True, exist_ok=True)
-        # inside the folder: the one beside it may be another disk, or not ours to write
+        # inside the folder: the place beside it may be on another disk, or not ours to write
         with tempfile.TemporaryDirectory(prefix=".report-", dir=folder) as aside:
             names = _compose(d, folder, Path(aside))
             _move(Path(aside), folder, names)
-        done = True
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise StoreError(f"to write a report into {folder}", reason, "make room or choose another folder with --out") from None
+        raise StoreError(f"to write a report into {folder}", reason, "make room or choose another folder") from None
     finally:
-        for path in made if not done else ():
+        for path in made:  # those that are still empty
             with contextlib.suppress(OSError):
                 path.rmdir()
     return folder / PAGE
 
 
-def _check(d: Diagnosis, folder: Path) -> None:
-    """Complain of what is in the way before anything is done."""
+def check_folder(folder: Path, model: Path) -> None:
+    """Complain if a report on the model file ``model`` could not be written into ``folder``; for use before hours of work.
+
+    Raises:
+        StoreError: if something is in the way.
+    """
     if folder.exists() and not folder.is_dir():
-        raise StoreError(f"a folder at {folder}", "a file", "choose another folder with --out")
+        raise StoreError(f"a folder at {folder}", "a file", "choose another folder")
     for name in (MODEL, EFFECTS, PAGE, REPORT):
         if (folder / name).is_dir():
-            raise StoreError(f"to write {folder / name}", "a folder of that name", "move it, or choose another folder with --out")
+            raise StoreError(f"to write {folder / name}", "a folder of that name", "move it, or choose another folder")
     if (folder / PICTURES).exists() and not (folder / PICTURES).is_dir():
-        raise StoreError(f"a folder at {folder / PICTURES}", "a file", "move it, or choose another folder with --out")
-    model = folder / MODEL
-    if model.exists() and d.model.path.exists() and os.path.samefile(model, d.model.path):
-        remedy = "choose another folder with --out: its model.xml would be lost"
-        raise StoreError("another folder than the model's own", f"{folder}", remedy)
+        raise StoreError(f"a folder at {folder / PICTURES}", "a file", "move it, or choose another folder")
+    if (folder / MODEL).exists() and model.exists() and os.path.samefile(folder / MODEL, model):
+        raise StoreError("another folder than the model's own", f"{folder}", "choose another folder: its model.xml would be lost")
     foreign = [name for name in (MODEL, EFFECTS, PAGE, REPORT) if (folder / name).exists()]
     if foreign and not _ours(folder / REPORT):
         got = f"{' and '.join(foreign)} of another origin in {folder}"
-        raise StoreError("an empty folder or one with a report of jaxidl gap", got, "choose another folder with --out")
+        raise StoreError("an empty folder or one with a report of jaxidl gap", got, "choose another folder")
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        got = "no permission" if there.is_dir() else "a file"
+        raise StoreError(f"to write into {there}", got, "choose another folder")
 
 
 def _ours(path: Path) -> bool:
@@ -82,19 +87,28 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
         (aside / name).write_bytes(content)
     _, effects = write_patched(d.model, [f.effect for f in d.findings], aside)
     record = json.loads(effects.read_text(encoding="utf-8"))["effects"]
-    (aside / PAGE).write_text(page(d, figures, record, folder), encoding="utf-8")
+    (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))  # a path may be no text
     files = {"model": MODEL, "effects": EFFECTS, "report": PAGE, "figures": pictures}
     (aside / REPORT).write_text(d.to_json(files=files) + "\n", encoding="utf-8")
     return [*pictures, MODEL, EFFECTS, PAGE, REPORT]
 
 
 def _move(aside: Path, folder: Path, names: list[str]) -> None:
+    """Move the files; if that fails or is interrupted, take back those that were not there before."""
     for name in names:
         with (aside / name).open("rb") as file:
             os.fsync(file.fileno())
-    (folder / PICTURES).mkdir(exist_ok=True)
-    for name in names:
-        os.replace(aside / name, folder / name)
+    fresh = [name for name in names if not (folder / name).exists()]
+    try:
+        (folder / PICTURES).mkdir(exist_ok=True)
+        for name in names:
+            os.replace(aside / name, folder / name)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            for name in fresh:
+                (folder / name).unlink(missing_ok=True)
+            (folder / PICTURES).rmdir()
+        raise
     for name in FIGURES:
         if f"{PICTURES}/{name}.png" not in names:  # of an earlier report
             (folder / PICTURES / f"{name}.png").unlink(missing_ok=True)

@@ -80,8 +80,8 @@ class Plant(struct.PyTreeNode):
 def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:
     """Torque (J,) within ±``level`` that brings the joints to rest, or as near as it can.
 
-    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of ``push`` (J,), the acceleration that
-    would carry on [m/s^2]. One joint needs one round, joints that the inertia couples more.
+    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of ``push`` (J,), the acceleration
+    that would carry on [m/s^2]. One joint needs one round, joints that the inertia couples more.
     """
 
     def around(_: Any, grip: Joints) -> Joints:

@@ -1,0 +1,79 @@
+"""The commands ``jaxidl gap`` and ``jaxidl gap-benchmark``."""
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from tyro.conf import arg
+
+Names = tuple[str, ...]
+
+
+def gap(
+    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, arg(metavar="LOG ...")],
+    /,
+    *,
+    model: Annotated[Path, arg(metavar="ROBOT.xml")],
+    out: Annotated[Path, arg(metavar="DIR")] = Path("gap"),
+    held_out: float = 0.3,
+    min_gain: float = 0.05,
+    effects: Annotated[Names, arg(metavar="NAME ...")] = (),
+) -> None:
+    """Find what a simulation is missing: say where a log and a model disagree, name the effect, show the gap shrink.
+
+    Args:
+        logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Several files are several runs.
+        model: MJCF or URDF, joints in the order of the log's columns; its folder's effects.json counts if it was written for it.
+        out: folder for report.html, report.json, figures, and the patched model.xml and effects.json.
+        held_out: share of the log that takes no part in fitting and ranking.
+        min_gain: share of the remaining held-out error that an effect must remove to be named.
+        effects: look for these effects only; all of the catalogue unless told.
+    """
+    from jaxidl.effects import SEARCHED  # mujoco: slow to import, and only needed here
+    from jaxidl.gap.diagnose import diagnose
+    from jaxidl.gap.table import as_table
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, transient=True) as progress:
+        bar = progress.add_task("reading", total=1.0)
+        found = diagnose(
+            logs,
+            model,
+            held_out=held_out,
+            effects=effects or SEARCHED,
+            min_gain=min_gain,
+            watch=lambda what, share: progress.update(bar, description=what, completed=share),
+        )
+        progress.update(bar, description="writing the report")
+        page = found.save(out)
+    print(as_table(found))
+    print(f"report in {page}")
+
+
+def gap_benchmark(
+    *,
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/gap-benchmark"),
+    families: Annotated[Names, arg(metavar="single|none|pair|outside ...")] = ("single", "none", "pair", "outside"),
+    severities: Annotated[Names, arg(metavar="weak|medium|clear ...")] = ("weak", "medium", "clear"),
+    every: int = 1,
+    processes: int | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Hide effects in simulated mechanisms, look for them, and score what was found; continue where an interrupted run stopped.
+
+    Args:
+        out: folder for the cases, their reports, benchmark.json and the confusion matrix.
+        families: which cases.
+        severities: of single effects.
+        every: take only each n-th case of each kind.
+        processes: how many cases at a time, one a core unless told.
+        overwrite: begin anew.
+    """
+    from jaxidl.gap.benchmark.run import run_benchmark
+    from jaxidl.plot.confusion import write_confusion
+
+    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, overwrite)
+    for path in write_confusion(score, out):
+        print(f"wrote {path}")
