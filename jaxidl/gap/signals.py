@@ -96,6 +96,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     ]
     floor = noise_torque(reach, band, dt)
     kept = np.concatenate(rows)
+    rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
     peaks = tuple(withstood(rests[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
     return Signals(
         dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, peaks, body, held

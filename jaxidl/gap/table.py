@@ -57,13 +57,13 @@ def _errors(d: Diagnosis) -> list[str]:
         torque = " → ".join(f"{side.torque_rms[j]:.3g}" for side in sides) + f" {unit}"
         relative = " → ".join(percent(side.torque_relative[j]) for side in sides)
         away = lengths([side.rollout_rms[horizon][j] for side in sides], d.model.kinds[j]) if horizon else ""
-        rows.append((_cut(name), torque, relative, f"{d.gap.noise_floor[j]:.2g} {unit}", away))
+        rows.append((cut(name), torque, relative, f"{d.gap.noise_floor[j]:.2g} {unit}", away))
     return ["", *_aligned(rows)]
 
 
 def on_joint(d: Diagnosis, name: str, joint: int | None) -> str:
     """An effect and the joint it is on, for a person."""
-    return readable(name) + (f" ({_cut(d.model.names[joint])})" if joint is not None else "")
+    return readable(name) + (f" ({cut(d.model.names[joint])})" if joint is not None else "")
 
 
 def unit_of(d: Diagnosis, joint: int | None) -> str:
@@ -117,9 +117,10 @@ def short(value: float) -> str:
     return f"{value:.3g}" if np.isfinite(value) else "-"
 
 
-def _cut(name: str, most: int = 24) -> str:
+def cut(name: str, most: int = 24) -> str:
+    """A name on one line, of a long one both ends: joints are often numbered."""
     name = " ".join(name.split())
-    return name if len(name) <= most else name[: most - 1] + "…"
+    return name if len(name) <= most else name[: most - 1 - most // 2] + "…" + name[-(most // 2) :]
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:

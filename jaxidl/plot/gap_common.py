@@ -9,6 +9,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.table import cut
 
 WIDTH = 7.2  # of every figure [in]
 BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
@@ -26,13 +27,13 @@ def shown(d: Diagnosis) -> list[int]:
 def which(d: Diagnosis, joints: list[int]) -> str:
     """What to add to a title if not all joints are shown."""
     total = len(d.model.names)
-    return "" if len(joints) == total else f" ({len(joints)} of {total} joints: where something was found, or the gap is largest)"
+    return "" if len(joints) == total else f"\n{len(joints)} of {total} joints: where something was found, or the gap is largest"
 
 
 def name_of(d: Diagnosis, joint: int | None, most: int = 22) -> str:
     """A joint's name, cut to length, with dollar signs that do not begin a formula."""
-    name = "mechanism" if joint is None else " ".join(d.model.names[joint].split())
-    return (name if len(name) <= most else name[: most - 1] + "…").replace("$", r"\$")
+    name = "mechanism" if joint is None else d.model.names[joint]
+    return cut(name, most).replace("$", r"\$")
 
 
 def length_unit(d: Diagnosis, joint: int) -> str:

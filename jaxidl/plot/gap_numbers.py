@@ -100,7 +100,8 @@ def _torque_errors(axes: Axes, d: Diagnosis) -> None:
             if not np.isfinite(value):  # nothing was commanded
                 continue
             above = noise if 0.6 * noise < 100.0 * value < noise else 100.0 * value  # not across the line of the noise
-            axes.text(at, 1.06 * above, percent(value), ha="center", va="bottom", fontsize=8 if len(x) < 6 else 6.5)
+            text = percent(value) if len(x) < 6 else percent(value).removesuffix(" %")
+            axes.text(at, 1.06 * above, text, ha="center", va="bottom", fontsize=8 if len(x) < 6 else 6.5)
     span = width * (1.0 if d.findings else 0.6)
     axes.hlines(floor, x - span, x + span, color=NOISE, linewidth=2.0, linestyle="--", label="encoder noise alone", zorder=5)
     axes.set_yscale("log")

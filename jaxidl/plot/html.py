@@ -67,7 +67,7 @@ table{border-collapse:collapse;min-width:100%;font-size:.9rem}
 th,td{padding:.38rem .6rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 th{font-weight:600;color:var(--soft);vertical-align:bottom}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}th.number{white-space:normal;min-width:5.5rem}
-td ul{margin:0;padding-left:1.1rem;min-width:14rem}td:first-child{min-width:7rem}tr.chosen td{font-weight:600}
+td ul{margin:0;padding-left:1.1rem;min-width:14rem}tr:has(ul) td:first-child{min-width:8rem}tr.chosen td{font-weight:600}
 .bar{display:inline-block;height:.7rem;border-radius:.15rem;background:var(--line);vertical-align:middle}
 .chosen .bar{background:var(--accent)}.bar{print-color-adjust:exact;-webkit-print-color-adjust:exact}
 td.wide{min-width:9rem;width:35%}

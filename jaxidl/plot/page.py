@@ -34,8 +34,8 @@ ADVICE = {
     "nothing is missing.",
     "nothing_missing": "To look further, record faster motion, reversals, rests and a known load.",
     "ambiguous": "Make the experiment named below and give its log together with this one.",
-    "unexplained": "Record more motion where the remaining error is, and look for a cause outside the catalogue: contact, cables, "
-    "temperature, a loose part.",
+    "unexplained": "Record more motion where the remaining error is, and look for a cause outside the catalogue: contact, "
+    "cables, temperature, a loose part.",
 }
 LISTED = 8  # rows of each round
 
@@ -211,7 +211,7 @@ def _remains(d: Diagnosis) -> Html:
 def _next(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Html:
     model = str(folder / "model.xml")
     command = f"jaxidl gap LOG --model {shlex.quote(model)}"
-    python = f"from jaxidl.systems.mjcf import read_model\n\nplant = read_model({model!r}).plant"
+    python = f"from jaxidl.gap import read_model\n\nplant = read_model({model!r}).plant"
     whole = all(entry.get("in_mjcf") for entry in record)
     mujoco = "Keep effects.json beside model.xml: MuJoCo simulates only what model.xml has, jaxidl both."
     mujoco = ("All of it is in model.xml, so MuJoCo simulates it too." if record else None) if whole else mujoco

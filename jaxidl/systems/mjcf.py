@@ -17,6 +17,9 @@ from jaxidl.systems.plant import Plant
 from jaxidl.systems.record import read_record
 
 
+LARGEST = 1e30  # kg, m and their products: beyond it single precision ends
+
+
 class Model(NamedTuple):
     """A plant read from a file. ``plant.body`` is a :class:`MujocoBody`; ``notes`` say what of the file plays no part."""
 
@@ -94,14 +97,16 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
-    """Complain unless the inertia matrix is finite and clearly positive definite, whatever the units of its rows."""
-    data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-    for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb):
+    """Complain unless gravity's torque and the inertia matrix are finite, and it positive definite, whatever its rows' units."""
+    data, inertia, weight = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(model.nv)
+    for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
         stage(model, data)
     mujoco.mj_fullM(model, data, inertia)
-    size = np.sqrt(np.maximum(np.diag(inertia), 1e-300))
-    if not np.isfinite(inertia).all():
-        raise ModelError(f"{path} to have finite inertia", "a number that is not finite", "correct its masses and lengths")
+    mujoco.mj_rne(model, data, 0, weight)
+    if not (np.abs(inertia).max() < LARGEST and np.abs(weight).max() < LARGEST):  # NaN fails too
+        remedy = "correct its masses, lengths and gravity"
+        raise ModelError(f"{path} to have inertia and weight below {LARGEST:g}", "a number that is not", remedy)
+    size = np.sqrt(np.maximum(np.diag(inertia), 1.0 / LARGEST))
     if np.linalg.eigvalsh(inertia / size / size[:, None]).min() <= 1e-12:
         remedy = "give its body a mass, or the joint armature"
         raise ModelError(f"{path} to have inertia at every joint", "a joint without any", remedy)

@@ -52,12 +52,32 @@ class Plant(struct.PyTreeNode):
             total = total + effect.torque(q, qd, tau)
             held = held | effect.holds(q, qd, tau)
         qdd = jnp.where(held, 0.0, body.forward_dynamics(q, qd, total))
-        gripping = [effect for effect in self.effects if type(effect).dry is not Effect.dry or isinstance(effect, OnJoint)]
-        if not gripping:
+        if not any(map(_grips, self.effects)):
             return qdd
-        free = qd + dt * qdd
-        level = sum((effect.dry(q, qd, tau, free) for effect in gripping), jnp.zeros_like(qd))
-        return qdd - body.mobility(q) @ friction_torque(free / dt, body.mobility(q), jnp.maximum(level, 0.0))
+        free, mobility = qd + dt * qdd, body.mobility(q)
+        return qdd - mobility @ friction_torque(free / dt, mobility, self.grip(q, qd, tau, free))
+
+    def grip(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        """Level (J,) [N or Nm] of all dry friction together; see :meth:`jaxidl.effects.Effect.dry`."""
+        levels = (effect.dry(q, qd, tau, direction) for effect in self.effects if _grips(effect))
+        return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
+
+    def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
+        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state, so that a corrected model can command as a body does.
+
+        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the encoders do to a command over time
+        (lag, delay, hidden states) has no inverse at one instant and is left out; friction that depends on the torque is that of
+        the torque without it.
+        """
+        body, torque = self.body, jnp.zeros_like(qd)
+        for effect in self.effects:
+            body = effect.alter(body)
+        needed = body.inverse_dynamics(q, qd, qdd)
+        for effect in self.effects:
+            torque = torque + effect.torque(q, qd, needed)
+        needed = needed - torque
+        direction = jnp.where(jnp.abs(qd) > 0.0, qd, qdd)
+        return needed + self.grip(q, qd, needed, direction) * jnp.sign(direction)
 
     def step(self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float) -> tuple[State, tuple[Any, ...]]:
         """State and hidden states one time step ``dt`` [s] later, under the commanded torque ``tau`` (J,) [N].
@@ -75,6 +95,11 @@ class Plant(struct.PyTreeNode):
         for effect, memory in zip(self.effects, hidden, strict=True):
             q = effect.sense(memory, q, noise)
         return q
+
+
+def _grips(effect: Effect) -> bool:
+    """Has the effect dry friction?"""
+    return type(effect.effect if isinstance(effect, OnJoint) else effect).dry is not Effect.dry
 
 
 def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:

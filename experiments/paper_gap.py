@@ -1,0 +1,132 @@
+"""What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the corrected model.
+
+The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller from
+place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes a few minutes,
+writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
+
+import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
+from flax import struct  # noqa: E402
+from matplotlib.figure import Figure  # noqa: E402
+
+from jaxidl import gap  # noqa: E402
+from jaxidl.control import Pid, PidGains  # noqa: E402
+from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction  # noqa: E402
+from jaxidl.learning.execute import Task, execute  # noqa: E402
+from jaxidl.learning.iterate import learn  # noqa: E402
+from jaxidl.learning.paper import Condition, PaperStudy, draw_noise  # noqa: E402
+from jaxidl.plot.style import SOURCE_STYLE, house_style, save  # noqa: E402
+from jaxidl.systems import Plant, point_mass  # noqa: E402
+from jaxidl.types import State  # noqa: E402
+
+MODEL = """<mujoco model="point mass">
+  <option gravity="0 0 0"/>
+  <worldbody>
+    <body name="mass">
+      <joint name="x" type="slide" axis="1 0 0"/>
+      <joint name="y" type="slide" axis="0 1 0"/>
+      <inertial pos="0 0 0" mass="0.5" diaginertia="0.001 0.001 0.001"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+FRICTION, STICTION, ENCODER = 5.0, 5.0, 2e-6  # levels, and the encoder's noise [m]
+STAY, MOVES = 2000, 40  # steps at each place, places
+
+
+class Tour(struct.PyTreeNode):
+    """From place to place: a PD policy whose target changes every ``STAY`` steps."""
+
+    places: jax.Array  # (M, 2) [m]
+
+    def __call__(self, q, qd, t):
+        return 100.0 * (self.places[t // STAY] - q) - 20.0 * qd
+
+
+def places() -> np.ndarray:
+    """(M, 2) targets: one axis at a time and both, over all regions, with many rests where the mass sticks.
+
+    Where axis 0 is below 0.2 m, axis 1 stays below 0.4 m, as on the way of the paper's own task: beyond, the paper's rules let
+    the coupling overwrite the friction of axis 0, which is no sum of two effects.
+    """
+    rng = np.random.default_rng(1)
+    out = [np.zeros(2)]
+    for k in range(MOVES - 1):
+        low = k % 3 == 0
+        first = rng.uniform(-0.15, 0.15) if low else rng.uniform(0.25, 1.1)
+        second = rng.uniform(-0.3, 0.15) if low or k % 3 == 1 else rng.uniform(0.1, 1.2)
+        out.append(np.array([first, second]))
+    return np.array(out)
+
+
+def measured() -> gap.Log:
+    """The log that one would have recorded."""
+    plant = Plant(point_mass(5.0), (PaperFriction(FRICTION), paper_stiction(STICTION), SensingNoise(ENCODER)))
+    gains = PidGains(20000.0, 600.0, 0.0)
+    rest = State(jnp.zeros(2), jnp.zeros(2))
+    steps = STAY * MOVES
+    task = Task(rest, Tour(jnp.asarray(places())), jnp.asarray(5000.0), steps=steps)
+    noise = np.random.default_rng(2).standard_normal((steps, 2))
+    run = jax.jit(execute)(plant, point_mass(5.0), Pid(gains, gains, 0.1), task, noise)
+    return gap.from_arrays(np.arange(steps) * task.dt, np.asarray(run.q_sensing), np.asarray(run.tau))
+
+
+def learning(corrected: Plant, study: PaperStudy, seeds: tuple[int, ...]) -> dict[str, dict[str, list]]:
+    """Tracking error (K,) of each seed, model and source, with the low-gain PID that the stiction stops."""
+    condition = Condition(0, 5e-5, FRICTION, STICTION)
+    curves: dict[str, dict[str, list]] = {}
+    for name, model in (("0.5 kg, nothing else", point_mass(study.modelled_mass)), ("corrected", corrected)):
+        for source in SOURCE_STYLE:
+            setting = study.setting("pid", condition).replace(model=model)
+            run = jax.jit(lambda s, z, k, source=source: learn(
+                s, z, k, source=source, error_model=study.error_model, training=study.training)[0])  # fmt: skip
+            errors = [run(setting, draw_noise(s, 20, study.steps), jax.random.key(s)).q_error.tolist() for s in seeds]
+            curves.setdefault(name, {})[source] = errors
+    return curves
+
+
+def draw(curves: dict[str, dict[str, list]], folder: Path) -> None:
+    """Tracking error by iteration, one panel a model."""
+    with house_style():
+        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        panels = figure.subplots(1, len(curves), sharey=True)
+        for axes, (name, sources) in zip(panels, curves.items(), strict=True):
+            for source, errors in sources.items():
+                values = np.array(errors)
+                axes.plot(np.median(values, 0), label=source, **SOURCE_STYLE[source])
+                axes.fill_between(range(values.shape[1]), values.min(0), values.max(0), alpha=0.15, color=SOURCE_STYLE[source]["color"])
+            axes.set_title(f"model: {name}")
+            axes.set_xlabel("learning iteration")
+            axes.set_yscale("log")
+        panels[0].set_ylabel("mean tracking error [m]")
+        panels[0].legend(title="data source")
+        save(figure, folder, "learning")
+
+
+def main(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "point_mass.xml").write_text(MODEL)
+    found = gap.diagnose(measured(), folder / "point_mass.xml")
+    found.save(folder / "report")
+    print(found.summary)
+    if len(sys.argv)>2: return
+    curves = learning(found.plant, PaperStudy(), (1, 2, 3))
+    (folder / "learning.json").write_text(json.dumps(curves, indent=1))
+    draw(curves, folder)
+    for name, sources in curves.items():
+        for source, errors in sources.items():
+            middle = np.median(errors, axis=0)
+            print(f"{name:>22} {source:>9}: tracking error {middle[0]:.4f} m at first, {middle[-1]:.4f} m at last")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out/paper_gap"))
