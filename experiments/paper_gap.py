@@ -40,7 +40,7 @@ MODEL = """<mujoco model="point mass">
 </mujoco>
 """
 FRICTION, STICTION, ENCODER = 5.0, 5.0, 2e-6  # levels, and the encoder's noise [m]
-STAY, MOVES = 2000, 40  # steps at each place, places
+STAY, MOVES = 1000, 40  # steps at each place, places
 
 
 class Tour(struct.PyTreeNode):

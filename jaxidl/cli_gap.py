@@ -34,7 +34,9 @@ def gap(
     from jaxidl.effects import SEARCHED  # mujoco: slow to import, and only needed here
     from jaxidl.gap.diagnose import diagnose
     from jaxidl.gap.table import as_table
+    from jaxidl.plot.report import check_folder
 
+    check_folder(out, model)
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, transient=True) as progress:
         bar = progress.add_task("reading", total=1.0)

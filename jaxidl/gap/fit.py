@@ -7,6 +7,7 @@ from sample to sample, blocks hardly are.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,7 @@ class Member:
     def theta(self) -> np.ndarray:
         return parameters_of(self.effect, self.candidate.free)
 
+    @cached_property
     def joints(self) -> tuple[int, ...]:
         """The joints that it touches."""
         touched = [np.any(self.slopes.net, (0, 1)) | np.any(self.slopes.slide, (0, 1)) | np.any(self.slopes.grip, (0, 1))]
@@ -82,7 +84,7 @@ class Data(NamedTuple):
 def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3, blocks: int = BLOCKS) -> Data:
     """Rows of a log and what the model, a rigid body with ``effects``, makes of them; a share ``held_out`` is kept aside."""
     rows, tau = signals.rows, signals.tau
-    base, slide = signals.balance(), np.zeros((len(rows), signals.q.shape[1]))
+    base, slide = signals.balance, np.zeros((len(rows), signals.q.shape[1]))
     grip = np.zeros_like(slide)
     for effect in effects:
         value, _, tau = contribution(effect, None, (), signals, tau)

@@ -179,11 +179,11 @@ class Ranking:
         """The joints that must be fitted together, and the members on them."""
         reached, found = set(joints), set()
         while True:
-            new = [m for m in self.members if m not in found and reached & set(m.joints())]
+            new = [m for m in self.members if m not in found and reached & set(m.joints)]
             if not new:
                 return tuple(sorted(reached)), tuple(m for m in self.members if m in found)
             found.update(new)
-            reached.update(*(m.joints() for m in new))
+            reached.update(*(m.joints for m in new))
 
     def present(self, joints: tuple[int, ...]) -> Errors:
         """Weighted held-out errors of the present model."""
@@ -196,10 +196,10 @@ class Ranking:
     def attempt(self, candidate: Candidate, polish: bool = False, without: Member | None = None) -> Trial | None:
         """The candidate beside the members (but one)."""
         start = self.column(candidate)
-        own = start.joints()
+        own = start.joints
         if not own:
             return None
-        joints, beside = self.closure(own if without is None else {*own, *without.joints()})
+        joints, beside = self.closure(own if without is None else {*own, *without.joints})
         beside = tuple(m for m in beside if m is not without)
         found = self.fitted((*beside, start), joints)
         if polish and not start.effect.linear:
@@ -264,7 +264,7 @@ class Ranking:
 
     def _merit(self, trial: Trial) -> float:
         """What is left of the weighted error, over all joints."""
-        own = self.column(trial.candidate).joints()
+        own = self.column(trial.candidate).joints
         return ((1.0 - trial.gain.value) ** 2 - 1.0) * self.present(own).total()
 
     def winner(self, ranking: list[Trial]) -> tuple[Trial | None, list[Trial]]:
@@ -297,7 +297,7 @@ class Ranking:
 
     def matters(self, trial: Trial) -> bool:
         """Is it a clear gain, of something that is not a trifle beside the command?"""
-        own = self.column(trial.candidate).joints()
+        own = self.column(trial.candidate).joints
         rows = self.fit.count[:, list(own)].sum(0)
         removed = self.present(own).total() * (1.0 - (1.0 - trial.gain.value) ** 2)  # weighted sum of squares
         command = np.sum((self.data.command[list(own)] * self.weight[list(own)]) ** 2 * rows)
@@ -328,7 +328,7 @@ class Ranking:
         joint = compound.candidate.joint
         taken = {(m.candidate.name, m.candidate.joint) for m in self.members}
         atoms = [c for c in self.pool if c.name in ATOMS and c.joint == joint and (c.name, joint) not in taken]
-        atoms = [c for c in atoms if set(self.column(c).joints()) <= set(compound.joints)]
+        atoms = [c for c in atoms if set(self.column(c).joints) <= set(compound.joints)]
         left = self._excess(compound)
         for size in (1, 2, 3):
             best: tuple[float, tuple[Candidate, ...]] | None = None
@@ -374,7 +374,7 @@ class Ranking:
 
     def take(self, trial: Trial) -> None:
         """Add the trial's candidate; fit everything on its joints anew."""
-        _, beside = self.closure(self.column(trial.candidate).joints())
+        _, beside = self.closure(self.column(trial.candidate).joints)
         kept = tuple(m for m in trial.fit.members if m.candidate.name != ALIGNMENT)
         parts = {ABSORBS.get((trial.candidate.name, name)) for name in trial.candidate.free}
         merged = lambda m: m.candidate.joint == trial.candidate.joint and m.candidate.name in parts  # noqa: E731
@@ -382,7 +382,7 @@ class Ranking:
 
     def replace(self, old: tuple[Member, ...], new: tuple[Member, ...]) -> None:
         """Put ``new`` members in the place of ``old`` ones, and fit them."""
-        touched = {j for m in (*old, *new) for j in m.joints()}
+        touched = {j for m in (*old, *new) for j in m.joints}
         self.members = tuple(m for m in self.members if m not in old)
         joints, beside = self.closure(touched)
         found = polished(self.data, self.fitted((*beside, *new), joints), self.rows, joints)
@@ -392,7 +392,7 @@ class Ranking:
         whole = fit(self.data, self.all(), self.rows)
         self.fit, self.trials = whole, {k: t for k, t in self.trials.items() if not set(t.joints) & set(joints)}
         if changed:
-            self.columns = {c: m for c, m in self.columns.items() if not set(m.joints()) & set(joints)}
+            self.columns = {c: m for c, m in self.columns.items() if not set(m.joints) & set(joints)}
         self._weigh()
 
 

@@ -72,7 +72,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
 def _tidy(ranking: Ranking) -> None:
     """Take out what has become superfluous; exchange what another effect does clearly better."""
     newest = ranking.members[-1]
-    _prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints()) & set(newest.joints())))
+    _prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
     for m in ranking.members[:-1]:
         better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
         others = [t for t in better if m.candidate.name not in CONTAINS.get(t.candidate.name, ())]
@@ -103,7 +103,7 @@ def _idle(ranking: Ranking, m: Member) -> bool:
 
 def _worth(ranking: Ranking, m: Member) -> Gain:
     """How much a member improves the error beside all others."""
-    joints, beside = ranking.closure(m.joints())
+    joints, beside = ranking.closure(m.joints)
     without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
     return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
 
@@ -112,11 +112,11 @@ def _credits(ranking: Ranking) -> list[Named]:
     """What each member does when it is added to those before it."""
     out = []
     for number, m in enumerate(ranking.members):
-        own = m.joints()
+        own = m.joints
         joints, _ = ranking.closure(own)
         pick = list(own)
         where = [joints.index(j) for j in own]
-        touching = lambda x, joints=joints: bool(set(x.joints()) & set(joints))  # noqa: E731
+        touching = lambda x, joints=joints: bool(set(x.joints) & set(joints))  # noqa: E731
         sides = [ranking.fitted(tuple(filter(touching, ranking.members[:n])), joints) for n in (number, number + 1)]
         count = max(ranking.fit.count[:, pick].sum(), 1.0)
         rms = [float((side.error[:, where].sum() / count) ** 0.5) for side in sides]
@@ -131,7 +131,7 @@ def _instead(ranking: Ranking, m: Member) -> list[Trial]:
     best: dict[tuple[str, int | None], Trial] = {}
     for candidate in ranking.shortlist():
         key = candidate.name, candidate.joint
-        near = candidate.joint is None or candidate.joint in m.joints()
+        near = candidate.joint is None or candidate.joint in m.joints
         if key in taken or not near or (m.candidate.joint is not None and candidate.joint not in (None, m.candidate.joint)):
             continue
         trial = ranking.attempt(candidate, without=m)

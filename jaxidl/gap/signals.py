@@ -7,6 +7,7 @@ reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -42,16 +43,13 @@ class Signals(NamedTuple):
     noise_floor: Float[np.ndarray, " J"]  # what it alone puts into the residual, root mean square [N or Nm]
     rest_speed: Float[np.ndarray, " J"]  # below it a joint counts as resting [m/s or rad/s]
     rows: np.ndarray  # (N,) instants kept
+    balance: Float[np.ndarray, "N J"]  # command − inverse dynamics there: what the rigid body does not explain [N or Nm]
     moving: Bool[np.ndarray, "T J"]
     resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
     peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: instant and largest torque withstood of each rest [N or Nm]
 
     body: Any  # the modelled rigid body
     held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
-
-    def balance(self) -> np.ndarray:
-        """The kept rows (N, J) of command − inverse dynamics: the torque that the rigid body does not explain."""
-        return self.command(self.tau)[self.rows] - self.tables.torque[self.rows]
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """H applied to each run of ``x`` (T, ...)."""
@@ -98,14 +96,21 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     kept = np.concatenate(rows)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
     peaks = tuple(withstood(rests[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
-    return Signals(
-        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, moving, resting, peaks, body, held
+    none = np.zeros((len(kept), log.joints))
+    found = Signals(
+        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body, held
     )
+    return found._replace(balance=found.command(found.tau)[kept] - table.torque[kept])
+
+
+@lru_cache(maxsize=16)
+def _design(band: float, dt: float) -> np.ndarray:
+    return signal.butter(4, band, fs=1.0 / dt, output="sos")
 
 
 def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
     """H on one run (T, ...)."""
-    sections = signal.butter(4, band, fs=1.0 / dt, output="sos")
+    sections = _design(band, dt)
     return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
 
 

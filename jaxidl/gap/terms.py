@@ -181,7 +181,7 @@ def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
     sign = np.sign(signals.qd[:, columns]) * ~signals.resting[:, columns]
     net = kept(terms.delivered, signals.command) + kept(terms.torque, signals.smooth) - kept(terms.inertia)
     net = net - _moved(terms.q, signals, columns)
-    pushed = signals.balance()[:, columns] > 0.0
+    pushed = signals.balance[:, columns] > 0.0
     slide = kept(terms.level * sign, signals.smooth)
     grip = np.where(pushed, kept(terms.up), kept(terms.down)) * signals.resting[:, columns][signals.rows]
     out = [np.zeros((*lead, len(signals.rows), joints)) for _ in range(3)]

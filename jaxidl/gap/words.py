@@ -61,4 +61,5 @@ def _verdict(verdict: str, findings: Sequence[Finding]) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+    """Two digits, or all that stand before the point."""
+    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"

@@ -67,6 +67,7 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         drives = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
         root = ET.fromstring(spec.to_xml())
         _point_to_assets(root, spec, model.path.parent)
+        _write_gravity(root, compiled)
         _write_bodies(root, compiled, numbers)
         _write_motors(root, compiled, drives)
         ET.indent(root)
@@ -107,6 +108,13 @@ def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> Non
     for compiler in root.iterfind("compiler"):
         for key in (*_OF_MASSES, "meshdir", "texturedir", "strippath"):
             compiler.attrib.pop(key, None)
+
+
+def _write_gravity(root: ET.Element, model: mujoco.MjModel) -> None:
+    option = root.find("option")
+    if option is None:
+        root.insert(0, option := ET.Element("option"))
+    option.set("gravity", _text(model.opt.gravity))
 
 
 def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:

@@ -97,15 +97,16 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
-    """Complain unless gravity's torque and the inertia matrix are finite, and it positive definite, whatever its rows' units."""
+    """Complain unless all that moves is finite, and the inertia matrix positive definite, whatever the units of its rows."""
     data, inertia, weight = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
         stage(model, data)
     mujoco.mj_fullM(model, data, inertia)
     mujoco.mj_rne(model, data, 0, weight)
-    if not (np.abs(inertia).max() < LARGEST and np.abs(weight).max() < LARGEST):  # NaN fails too
+    places = model.body_pos, model.body_ipos, model.jnt_pos, model.qpos0
+    if not all(np.abs(numbers).max() < LARGEST for numbers in (inertia, weight, *places)):  # NaN fails too
         remedy = "correct its masses, lengths and gravity"
-        raise ModelError(f"{path} to have inertia and weight below {LARGEST:g}", "a number that is not", remedy)
+        raise ModelError(f"{path} to have lengths, inertia and weight below {LARGEST:g}", "a number that is not", remedy)
     size = np.sqrt(np.maximum(np.diag(inertia), 1.0 / LARGEST))
     if np.linalg.eigvalsh(inertia / size / size[:, None]).min() <= 1e-12:
         remedy = "give its body a mass, or the joint armature"
