@@ -38,6 +38,7 @@ CONTAINS = {
     "joint_elasticity": ("actuator_lag", "actuator_delay"),
     "backlash": ("joint_elasticity",),
     "torque_ripple": ("constant_offset", "spring"),
+    "spring": ("constant_offset",),
 }
 """Effects that can imitate others, which are simpler: the simpler one is preferred unless the other is clearly better."""
 

@@ -192,14 +192,17 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     if members:
         zeros = [zero + total(part) for zero, part in zip(zeros, Contribution._fields, strict=True)]
         parts = [*zeros, *map(stack, Contribution._fields)]
-        problem = _Problem(data, weight, *_in_commands(parts, members, sizes, pick))
+        problem = _Problem(data, weight, *_in_commands(parts, members, sizes, pick), theta0)
     else:
-        problem = _Problem(data, weight, *zeros, *[np.zeros((0, *data.base.shape))] * 3)
+        problem = _Problem(data, weight, *zeros, *[np.zeros((0, *data.base.shape))] * 3, theta0)
     limits = [_limits(m) for m in members]
     lower = np.concatenate([low for low, _ in limits]) - theta0 if members else theta0
     upper = np.concatenate([high for _, high in limits]) - theta0 if members else theta0
     places = np.cumsum([0, *sizes])
     penalty = np.concatenate([_smoothness(m, at) for m, at in zip(members, places, strict=False)] or [np.zeros((0, 2), int)])
+    problem.shaped = [
+        _shaping(m, at, data, pick) for m, at in zip(members, places, strict=False) if "motor_inertia" in m.candidate.free
+    ]
     step, steps = problem.solve(lower, upper, penalty)
     feasible = all(map(_inside, members, np.split(theta0 + step, np.cumsum(sizes)[:-1]))) if members else True
     cuts = np.cumsum(sizes)[:-1]
@@ -214,6 +217,9 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
         square = kept_out**2 * counted
         square = np.where(np.isfinite(square), np.minimum(square, DIVERGED), DIVERGED)
     error = np.add.reduceat(square, edges, axis=0)
+    for place, joint, inertia in problem.shaped:
+        taken = 1.0 - (1.0 - np.clip((theta0 + step)[place] / inertia, 0.0, 1.0)) ** 2
+        error[:, joint] += count[:, joint] * data.floor[joint] ** 2 * taken
     moments = np.add.reduceat(square, np.unique(np.linspace(0, len(train) - 1, FINE * len(edges)).astype(int)), axis=0)
     split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
     return Fit(members, split(theta0 + step), split(theta0 + steps), error, moments, count, residual, feasible)
@@ -237,6 +243,19 @@ def _in_commands(
         own[m.candidate.joint] = 1.0 / m.theta[0]
         parts[3][at] -= (parts[0] - parts[1]) * own[pick]
     return parts
+
+
+def _shaping(m: Member, at: int, data: Data, pick: slice | list[int]) -> tuple[int, int, float]:
+    """Place of the motor's inertia among the parameters, its joint among those fitted, and the joint's whole inertia.
+
+    Inertia on the motor's side does not multiply the encoder's noise: the more of it, the quieter the residual, whatever is true. The
+    noise that is so taken away is added again.
+    """
+    name = m.candidate.free.index("motor_inertia")
+    before = sum(np.size(getattr(m.effect, other)) for other in m.candidate.free[:name])
+    joint = m.candidate.joint or 0
+    column = joint if isinstance(pick, slice) else pick.index(joint)
+    return at + before, column, float(np.median(data.signals.tables.inertia[:, joint, joint]))
 
 
 def _limits(m: Member) -> tuple[np.ndarray, np.ndarray]:
@@ -282,6 +301,8 @@ class _Problem:
     net: np.ndarray  # (P, N, J)
     slide: np.ndarray
     grip: np.ndarray
+    theta0: np.ndarray  # (P,) where it is linearised
+    shaped: list[tuple[int, int, float]] = field(default_factory=list)  # see ``_shaping``
 
     def __post_init__(self) -> None:
         self.dry = np.any(self.slide0, 0) | np.any(self.grip0, 0) | np.any(self.slide, (0, 1)) | np.any(self.grip, (0, 1))
@@ -330,6 +351,7 @@ class _Problem:
         for _ in range(3 if sticking else 1):
             gram, right = self._normal(step)
             gram += _together(gram, neighbours)
+            self._quieten(gram, right)
             for _ in range(4):
                 step[~pinned] = _solve(gram.sum(0), right.sum(0), step, ~pinned)
                 wrong = ~pinned & ((step < lower) | (step > upper))
@@ -363,6 +385,17 @@ class _Problem:
         parts = [part.reshape(len(both), -1) for part in np.split(both, edges[1:], axis=1)]
         product = np.stack([part @ part.T for part in parts])
         return product[:, :-1, :-1], -product[:, :-1, -1]
+
+    def _quieten(self, gram: np.ndarray, right: np.ndarray) -> None:
+        """The noise that motor inertia takes away, as one more residual √n·floor·√(1 − (1 − share)²) spread over the blocks."""
+        for place, joint, inertia in self.shaped:
+            share = np.clip(self.theta0[place] / inertia, 1e-3, 1.0 - 1e-3)
+            weight = self.weight[..., joint].mean() * self.data.floor[joint]
+            size = weight * np.sqrt(np.sum(self.data.block >= 0) / len(gram))
+            value = np.sqrt(1.0 - (1.0 - share) ** 2)
+            slope = size * (1.0 - share) / (value * inertia)
+            gram[:, place, place] += slope**2
+            right[:, place] -= slope * size * value
 
     def _cover(self, step: np.ndarray, among: np.ndarray, lower: np.ndarray) -> None:
         """Levels that act at rest only: what rests typically withstood before they ended, beyond what other friction holds."""

@@ -74,12 +74,14 @@ def _total(error: np.ndarray, noise: np.ndarray, count: np.ndarray) -> np.ndarra
     return np.sum(np.maximum(error, noise) ** 2 / np.maximum(count, 1.0), axis=-1)
 
 
-def errors_of(found: Fit, data: Data, weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Errors:
-    """Errors of a fit of some joints, or all, with their weights (J,)."""
+def errors_of(
+    found: Fit, data: Data, weight: np.ndarray, joints: tuple[int, ...] | None = None, margin: float = NOISE_MARGIN
+) -> Errors:
+    """Errors of a fit of some joints, or all, with their weights (J,); none counts as less than ``margin`` noise floors."""
     pick = list(range(len(weight)) if joints is None else joints)
     square = weight[pick] ** 2
     return Errors(
-        found.error * square, found.count * (NOISE_MARGIN * data.floor[pick]) ** 2 * square, found.count, found.moments * square
+        found.error * square, found.count * (margin * data.floor[pick]) ** 2 * square, found.count, found.moments * square
     )
 
 
@@ -132,7 +134,7 @@ class Ranking:
     """
 
     def __init__(self, data: Data, pool: Iterable[Candidate], min_gain: float):
-        self.data, self.min_gain = data, min_gain
+        self.data, self.min_gain, self.margin = data, min_gain, NOISE_MARGIN
         self.pool = list(pool)
         self.members: tuple[Member, ...] = ()
         self.alignments = alignments(data)
@@ -187,10 +189,10 @@ class Ranking:
 
     def present(self, joints: tuple[int, ...]) -> Errors:
         """Weighted held-out errors of the present model."""
-        return errors_of(self.fit, self.data, self.weight).of(list(joints))
+        return errors_of(self.fit, self.data, self.weight, margin=self.margin).of(list(joints))
 
     def judge(self, candidate: Candidate, found: Fit, joints: tuple[int, ...], own: tuple[int, ...]) -> Trial:
-        after = errors_of(found, self.data, self.weight, joints).of([joints.index(j) for j in own])
+        after = errors_of(found, self.data, self.weight, joints, self.margin).of([joints.index(j) for j in own])
         return Trial(candidate, found, joints, gain(self.present(own), after))
 
     def attempt(self, candidate: Candidate, polish: bool = False, without: Member | None = None) -> Trial | None:
@@ -343,7 +345,7 @@ class Ranking:
             if best is None or left < REPLACES * best[0]:
                 continue
             if compound.candidate.name == "asymmetric_friction" and size > 1 and _directional(compound):
-                return None
+                break
             singles = [t for t in map(self.attempt, best[1]) if t is not None and self.matters(t)]
             if singles:
                 return min(singles, key=_error)

@@ -9,6 +9,7 @@ from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
 from jaxidl.gap.fit import Member
 from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 
+INSEPARABLE = {"inertia_error", "torque_scale", "payload"}  # without gravity, one and the same; the others must be as simple
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
 EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
@@ -65,6 +66,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
     watch("looking for other explanations", 0.0)
     outcome.named = _credits(ranking)
     needed = [m for m in ranking.members if _worth(ranking, m).value > ranking.min_gain / 2]
+    ranking.margin = 1.0  # no more is needed to compare timings, and inertias compare within NEGLIGIBLE
     outcome.ambiguous = [found for m in needed if len(found := _equals(ranking, m)) > 1]
     return outcome
 
@@ -145,7 +147,9 @@ def _equals(ranking: Ranking, m: Member) -> list[Candidate]:
     found = [m.candidate]
     for trial in _instead(ranking, m):
         other = trial.candidate
-        if m.candidate.name in CONTAINS.get(other.name, ()) and other.name != "payload":
+        if not {m.candidate.name, other.name} <= INSEPARABLE and (
+            m.candidate.name in CONTAINS.get(other.name, ()) or other.cost > m.candidate.cost + 1.0
+        ):
             continue
         if not other.guess.linear and trial.gain.value > -0.5:
             polished = ranking.attempt(other, polish=True, without=m)

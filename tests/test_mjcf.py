@@ -1,0 +1,322 @@
+"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, what is refused, and damaged files."""
+
+import copy
+import json
+import random
+import re
+
+import jax
+import jax.numpy as jnp
+import mujoco
+import numpy as np
+import pytest
+
+from jaxidl.effects import Payload, from_dict
+from jaxidl.errors import EffectError, JaxidlError, ModelError
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
+from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.mujoco_body import LOADS, batched_inverse_dynamics
+from jaxidl.systems.tables import inverse_dynamics, tables
+from tests.test_catalogue import EXAMPLES
+
+LINK = (
+    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass value="{1}"/>'
+    '<inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002" iyz="0.0005"/></inertial></link>'
+)
+HINGE = (
+    '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
+    '<origin xyz="0.03 0.01 -0.25" rpy="0.2 0 0.1"/><axis xyz="{2}"/></joint>'
+)
+URDF = f"""<robot name="chain"><link name="l0"/>
+{"".join(LINK.format(j, 2.0 - 0.4 * j) for j in (1, 2, 3, 4))}<link name="tool"/>
+{"".join(HINGE.format(j, j - 1, axis) for j, axis in zip((1, 2, 3, 4), ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0"), strict=True))}
+<joint name="end" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0 0 -0.2"/></joint></robot>"""
+
+RICH = """<mujoco><compiler angle="degree" boundmass="0.001"/><option timestep="0.001" integrator="implicitfast"/>
+<default><default class="k"><joint damping="0.3" armature="0.1"/></default></default>
+<worldbody><light pos="0 0 1"/><geom type="plane" size="1 1 1"/>
+<body name="a" pos="0 0 0.1"><joint name="j" class="k" axis="0 1 0" ref="20" range="-30 40"/>
+<geom type="cylinder" size="0.02 0.1"/><body name="q"><geom size="0.1"/></body>
+<frame pos="0.1 0.2 0.3" euler="10 20 30" childclass="k"><joint axis="1 0 0" pos="1 2 3"/><body pos="0 0 -0.5">
+<joint axis="0 1 0" stiffness="2" springref="90" frictionloss="0.1"/><geom type="ellipsoid" size="0.1 0.2 0.3"/></body></frame>
+<body><joint type="slide"/><geom size="0.1"/></body></body><body name="table"><geom type="box" size="1 1 1"/></body></worldbody>
+<actuator><motor joint="j"/></actuator><sensor><jointpos joint="j"/></sensor></mujoco>"""
+
+
+def stored(folder, text, name="model.xml"):
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def in_c(path):
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep, model.opt.integrator = 1e-3, mujoco.mjtIntegrator.mjINT_EULER
+    return model, mujoco.MjData(model)
+
+
+@pytest.mark.parametrize("name", [*MECHANISMS, "chain"])
+def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
+    path = stored(tmp_path, URDF, "chain.urdf") if name == "chain" else stored(tmp_path, MECHANISMS[name])
+    body = read_model(path).plant.body
+    model, data = in_c(path)
+    start = jnp.linspace(0.9, -0.4, model.nv)
+
+    @jax.jit
+    def swing(q):
+        def step(state, _):
+            q, qd = state
+            inertia, bias = body.equation_of_motion(q, qd)
+            after = qd - 1e-3 * jnp.linalg.solve(inertia, bias)
+            return (q + 1e-3 * after, after), (q, qd, inertia, bias)
+
+        return jax.lax.scan(step, (q, jnp.zeros_like(q)), None, length=1000)[1]
+
+    data.qpos[:] = start
+    inertia, bend = np.zeros((model.nv, model.nv)), np.linspace(-2.0, 1.0, model.nv)
+    history = [np.asarray(x) for x in swing(start)]
+    for t, (q, qd, mass, bias) in enumerate(zip(*history, strict=True)):
+        if t % 100 == 0:
+            probe = mujoco.MjData(model)
+            probe.qpos[:], probe.qvel[:], probe.qacc[:] = q, qd, bend
+            mujoco.mj_inverse(model, probe)
+            mujoco.mj_fullM(model, probe, inertia)
+            np.testing.assert_allclose(mass, inertia, rtol=1e-10, atol=1e-12)
+            np.testing.assert_allclose(mass @ bend + bias, probe.qfrc_inverse, rtol=1e-10, atol=1e-10)
+        np.testing.assert_allclose(q, data.qpos, atol=1e-9)  # the same scheme: rounding, grown over a second
+        mujoco.mj_step(model, data)
+    assert np.ptp(history[0], axis=0).max() > 0.5 or name == "slider"
+
+
+def test_a_batch_is_its_instants(tmp_path):
+    body = read_model(stored(tmp_path, PENDULUM)).plant.body
+    log = jnp.asarray(np.random.default_rng(0).normal(size=(3, 7, 1)))
+    one = jax.jit(body.inverse_dynamics)
+    many = jax.jit(lambda *log: batched_inverse_dynamics(body, *log))(*log)
+    np.testing.assert_allclose(many, [one(*instant) for instant in zip(*log, strict=True)], rtol=1e-12)
+    np.testing.assert_allclose(many, inverse_dynamics(body, *log), rtol=1e-10)
+
+
+def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
+    body, rng = read_model(stored(tmp_path, TWO_LINK)).plant.body, np.random.default_rng(1)
+    sizes = {"q": 2, "qd": 2, "qdd": 2, "extra": 2, "mass": 2, "load": 1, "com": 3}
+    cuts = np.cumsum([*sizes.values()])[:-1]
+
+    def both(x):
+        q, qd, qdd, extra, mass, load, com = jnp.split(x, cuts)
+        altered = body.add_mass(mass).add_inertia(extra).add_payload(load[0], com)
+        return jnp.concatenate([altered.inverse_dynamics(q, qd, qdd), altered.forward_dynamics(q, qd, qdd)])
+
+    quick = {"xla_backend_optimization_level": 0}
+    value = jax.jit(both, compiler_options=quick)
+    forward, reverse = (jax.jit(j(both), compiler_options=quick) for j in (jax.jacfwd, jax.jacrev))
+    x = jnp.asarray(np.concatenate([rng.normal(size=6), [0.1, 0.2, 0.3, -0.2, 0.4, 0.1, 0.05, -0.3]]))
+    numeric = np.stack([(value(x + h) - value(x - h)) / 2e-6 for h in 1e-6 * np.eye(len(x))], -1)
+    np.testing.assert_allclose(forward(x), reverse(x), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(forward(x), numeric, rtol=1e-6, atol=1e-7)
+
+    states, com = rng.normal(size=(3, 20, 2)), np.array([0.1, -0.2, 0.3])
+    table = tables(body, *states)
+    places = np.array([1, *com, *com**2, com[0] * com[1], com[1] * com[2], com[0] * com[2]])
+    for t in range(20):
+        x = jnp.concatenate([*states[:, t], jnp.zeros(5), com])
+        q, qd, qdd, extra, mass, load, _ = jnp.split(forward(x)[:2], cuts, axis=1)
+        for got, true, by in (
+            (table.torque[t], value(x)[:2], "torque"),
+            (table.inertia[t], qdd, "acceleration"),
+            (table.by_q[t], q, "position"),
+            (table.by_qd[t], qd, "velocity"),
+            (table.by_mass[t], mass, "mass"),
+            (table.by_load[t] @ places, load[:, 0], "load"),
+            (np.diag(states[2, t]), extra, "rotor inertia"),
+        ):
+            np.testing.assert_allclose(got, true, rtol=1e-7, atol=1e-7, err_msg=by)  # positions: central differences
+
+
+def test_tables_between_their_instants(tmp_path):
+    body, t = read_model(stored(tmp_path, TWO_LINK)).plant.body, np.arange(0.0, 1.0, 1e-3)[:, None]
+    wave = 2 * np.pi * np.array([0.7, 1.1])
+    log = np.sin(wave * t), wave * np.cos(wave * t), -(wave**2) * np.sin(wave * t)
+    fine, coarse = (tables(body, *log, stride=stride) for stride in (1, 7))
+    np.testing.assert_array_equal(fine.torque, coarse.torque)
+    for name, a, b in zip(fine._fields, fine, coarse, strict=True):
+        np.testing.assert_allclose(b, a, atol=1e-3 * np.abs(a).max(), err_msg=name)
+
+
+def test_payloads_add_up_each_at_its_place(tmp_path):
+    body = read_model(stored(tmp_path, TWO_LINK)).plant.body
+    loads = [Payload(jnp.array(m), jnp.array(c)) for m, c in ((0.5, [0.1, 0.2, -0.3]), (0.2, [-0.2, 0.0, 0.1]))]
+    state = jnp.asarray(np.random.default_rng(2).normal(size=(3, 2)))
+    heavy = jax.jit(lambda *state: loads[1].alter(loads[0].alter(body)).inverse_dynamics(*state))(*state)
+    by_load = tables(body, *state[:, None]).by_load[0]
+    shift = sum(p.mass * by_load @ [1, *(c := p.com), *c**2, c[0] * c[1], c[1] * c[2], c[0] * c[2]] for p in loads)
+    np.testing.assert_allclose(heavy, inverse_dynamics(body, *state[:, None])[0] + shift, rtol=1e-9)
+    with pytest.raises(EffectError, match=f"at most {len(LOADS)} payloads"):
+        for _ in range(len(LOADS) + 1):
+            body = body.add_payload(jnp.array(1.0), jnp.zeros(3))
+
+
+def test_what_a_file_says_of_its_joints_becomes_effects(tmp_path):
+    model = read_model(stored(tmp_path, RICH))
+    assert model.names == ("j", "joint1", "joint2", "joint3")
+    assert model.units == ("Nm", "Nm", "Nm", "N")
+    assert any("actuators" in note for note in model.notes)
+    assert any("limits" in note for note in model.notes)
+    records = [effect.to_dict() for effect in model.plant.effects]
+    found = [(r["effect"], r["joint"], *(p["value"] for p in r["parameters"].values())) for r in records]
+    assert [entry[:3] for entry in found] == [
+        ("viscous_friction", 0, 0.3),
+        ("viscous_friction", 1, 0.3),
+        ("viscous_friction", 2, 0.3),
+        ("coulomb_friction", 2, 0.1),
+        ("spring", 2, 2.0),
+        ("viscous_friction", 3, 0.3),
+    ] or [entry[:3] for entry in found[:2]] == [("viscous_friction", 0, 0.3), ("viscous_friction", 1, 0.3)]
+    spring = next(entry for entry in found if entry[0] == "spring")
+    np.testing.assert_allclose(spring[3], np.pi / 2, rtol=1e-12)  # the file counts in degrees
+
+
+def test_a_payload_goes_on_the_last_body_that_moves(tmp_path):
+    source = read_model(stored(tmp_path, RICH)).plant.body.source
+    on, massless = source.body(LOADS[0]).parentid[0], source.body(LOADS[0]).mass[0]
+    assert source.jnt_bodyid[3] == on
+    assert massless == 0.0  # whatever least mass the file asks of its bodies
+
+
+BODY = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
+
+
+def scene(joint="", inside="", after="", option=""):
+    return f"<mujoco>{option}<worldbody>{BODY.format(joint, inside)}{BODY.format(' name="b"', '')}</worldbody>{after}</mujoco>"
+
+
+REFUSED = {
+    "at least one joint": "<mujoco><worldbody><body><geom size='0.1'/></body></worldbody></mujoco>",
+    "slide and hinge joints": scene(inside='<body><joint type="ball"/><geom size="0.1"/></body>'),
+    "free or ball": "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>",
+    "equality": scene(' name="a"', after='<equality><joint joint1="a" joint2="b"/></equality>'),
+    "tendons": scene(' name="a"', after='<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon>'),
+    "polynomial": scene(' damping="1 2"'),
+    "springdamper": scene(' springdamper="0.1 1"'),
+    "actuator with armature": scene(' name="a"', after='<actuator><motor joint="a" armature="0.1"/></actuator>'),
+    "gravity compensation": scene().replace("<body>", '<body gravcomp="1">', 1),
+    "fluid": scene(option='<option density="1000"/>'),
+    "flag": scene(option='<option><flag damper="disable"/></option>'),
+    "possible friction": scene(' damping="-1"'),
+    "inertia at every joint": scene(' armature="-100"'),
+    "MJCF or URDF": "<mujoco><worldbody>",
+    "to compile": scene(inside='<geom type="mesh" mesh="m"/>', after='<asset><mesh name="m" file="gone.stl"/></asset>'),
+    "must load it": b"\x00\x01\xff\xfe" * 100,
+    "below 1e+30": scene().replace('size="0.1"', 'size="0.1" mass="1e40"', 1),
+}
+
+
+def complaint(path):
+    """The one line with which a file is refused."""
+    with pytest.raises(ModelError) as caught:
+        read_model(path)
+    (line,) = str(caught.value).splitlines()
+    assert re.fullmatch("expected .+; got .+; .+", line)
+    return line
+
+
+@pytest.mark.parametrize("words", REFUSED)
+def test_what_would_be_dropped_in_silence_is_refused(words, tmp_path):
+    assert words in complaint(stored(tmp_path, REFUSED[words]))
+
+
+def test_missing_files_and_folders_are_refused(tmp_path):
+    assert "no such file" in complaint(tmp_path / "gone.xml")
+    assert "a folder" in complaint(tmp_path)
+
+
+ODD = ["nan", "inf", "-inf", "1e308", "-1e300", "1e18", "0", "-1", "1e-320", "", "x", "1 2 3 4 5 6 7 8 9", "99999999999999999999"]
+
+
+def damaged(text, rng):
+    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled, swapped or made odd."""
+    kind, attributes = rng.randrange(12), list(re.finditer(r'\s\w+="[^"]*"', text))
+    numbers, elements = (list(re.finditer(pattern, text)) for pattern in (r"-?\d*\.?\d+", r"<[^>]*/>"))
+    if kind == 0:
+        raw = bytearray(text.encode())
+        for _ in range(rng.randint(1, 6)):
+            raw[rng.randrange(len(raw))] = rng.randrange(256)
+        return bytes(raw)
+    if kind == 1:
+        return text[: rng.randrange(len(text))].encode()
+    a, b = (rng.choice(attributes if kind < 6 else elements) for _ in range(2))
+    if kind < 8:
+        put = ("", a.group() * 2, b.group())[kind % 3]
+    else:
+        a, put = rng.choice(numbers), rng.choice(ODD)
+    return (text[: a.start()] + put + text[a.end() :]).encode()
+
+
+@pytest.mark.parametrize("name", [*MECHANISMS, "chain", "rich"])
+def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+    text, ending = {"chain": (URDF, "urdf"), "rich": (RICH, "xml")}.get(name) or (MECHANISMS[name], "xml")
+    outcomes = []
+    for seed in range(60):
+        path = stored(tmp_path, damaged(text, random.Random(f"{name} {seed}")), f"model.{ending}")
+        try:
+            model = read_model(path).plant.body.source
+        except ModelError as error:
+            assert len(str(error).splitlines()) == 1
+        else:
+            data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+            mujoco.mj_forward(model, data)
+            mujoco.mj_fullM(model, data, inertia)
+            assert np.isfinite(inertia).all()
+            assert np.linalg.eigvalsh(inertia / np.sqrt(np.outer(inertia.diagonal(), inertia.diagonal()))).min() > 0.0
+        outcomes.append(path.name)
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]  # MuJoCo has left no log
+    assert capfd.readouterr() == ("", "")
+
+
+def spots(value, path=()):
+    """Paths to everything inside a JSON value."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, part in inside:
+        yield (*path, key)
+        yield from spots(part, (*path, key))
+
+
+def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
+    path = stored(tmp_path, TWO_LINK)
+    entries = [{**effect.to_dict(), "in_mjcf": False, "mjcf": None} for effect in EXAMPLES.values()]
+    odd = [None, True, [], {}, "x", "nan", -1, 3, 1e308, [1, 2, 3], [[1], [2]], "inf", 10**400, 2.5, 10**9, {"value": 1}]
+    for seed in range(150):
+        rng = random.Random(seed)
+        record = {"model": path.name, "effects": [copy.deepcopy(rng.choice(entries))]}
+        *way, last = rng.choice([*spots(record)][1:])
+        inner = record
+        for key in way:
+            inner = inner[key]
+        if rng.random() < 0.3:
+            del inner[last]
+        else:
+            inner[last] = rng.choice(odd)
+        raw = json.dumps(record).encode()
+        (tmp_path / "effects.json").write_bytes(raw[: rng.randrange(len(raw))] if rng.random() < 0.1 else raw)
+        try:
+            for effect in read_model(path).plant.effects:
+                assert from_dict(effect.to_dict()).to_dict() == effect.to_dict()
+        except JaxidlError as error:
+            assert isinstance(error, ModelError)
+            assert len(str(error).splitlines()) == 1
+
+
+def test_effects_that_do_not_fit_the_model_are_refused(tmp_path):
+    path = stored(tmp_path, TWO_LINK)
+    three = {"effect": "viscous_friction", "parameters": {"coefficient": {"value": 1.0}}, "joint": 2, "joints": 3}
+    for entry, words in (
+        (three, "one of 2 joints"),
+        ({**three, "joint": None, "parameters": {"coefficient": {"value": [1, 2, 3]}}}, "each of 2 joints"),
+        ({**EXAMPLES["coupled_friction"].to_dict(), "options": {"joint": 0, "other": 2}}, "option other"),
+        ({**EXAMPLES["actuator_delay"].to_dict(), "options": {"steps": 10**12}}, "option steps"),
+    ):
+        stored(tmp_path, json.dumps({"model": path.name, "effects": [entry]}), "effects.json")
+        assert words in complaint(path)
+    stored(tmp_path, json.dumps({"model": "another.xml", "effects": [three]}), "effects.json")
+    assert read_model(path).plant.effects == ()
