@@ -109,10 +109,11 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
 
     quick = {"xla_backend_optimization_level": 0}
     value = jax.jit(both, compiler_options=quick)
-    forward, reverse = (jax.jit(j(both), compiler_options=quick) for j in (jax.jacfwd, jax.jacrev))
+    forward, way = jax.jit(jax.jacfwd(both), compiler_options=quick), jnp.array([1.0, -0.7, 0.4, 0.2])
+    reverse = jax.jit(jax.grad(lambda x: way @ both(x)), compiler_options=quick)
     x = jnp.asarray(np.concatenate([rng.normal(size=6), [0.1, 0.2, 0.3, -0.2, 0.4, 0.1, 0.05, -0.3]]))
     numeric = np.stack([(value(x + h) - value(x - h)) / 2e-6 for h in 1e-6 * np.eye(len(x))], -1)
-    np.testing.assert_allclose(forward(x), reverse(x), rtol=1e-9, atol=1e-10)
+    np.testing.assert_allclose(way @ forward(x), reverse(x), rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(forward(x), numeric, rtol=1e-6, atol=1e-7)
 
     states, com = rng.normal(size=(3, 20, 2)), np.array([0.1, -0.2, 0.3])
@@ -148,6 +149,7 @@ def test_payloads_add_up_each_at_its_place(tmp_path):
     loads = [Payload(jnp.array(m), jnp.array(c)) for m, c in ((0.5, [0.1, 0.2, -0.3]), (0.2, [-0.2, 0.0, 0.1]))]
     state = jnp.asarray(np.random.default_rng(2).normal(size=(3, 2)))
     heavy = jax.jit(lambda *state: loads[1].alter(loads[0].alter(body)).inverse_dynamics(*state))(*state)
+    state = np.asarray(state)
     by_load = tables(body, *state[:, None]).by_load[0]
     shift = sum(p.mass * by_load @ [1, *(c := p.com), *c**2, c[0] * c[1], c[1] * c[2], c[0] * c[2]] for p in loads)
     np.testing.assert_allclose(heavy, inverse_dynamics(body, *state[:, None])[0] + shift, rtol=1e-9)
@@ -170,10 +172,8 @@ def test_what_a_file_says_of_its_joints_becomes_effects(tmp_path):
         ("viscous_friction", 2, 0.3),
         ("coulomb_friction", 2, 0.1),
         ("spring", 2, 2.0),
-        ("viscous_friction", 3, 0.3),
-    ] or [entry[:3] for entry in found[:2]] == [("viscous_friction", 0, 0.3), ("viscous_friction", 1, 0.3)]
-    spring = next(entry for entry in found if entry[0] == "spring")
-    np.testing.assert_allclose(spring[3], np.pi / 2, rtol=1e-12)  # the file counts in degrees
+    ]
+    np.testing.assert_allclose(found[-1][3], np.pi / 2, rtol=1e-12)  # the file counts in degrees
 
 
 def test_a_payload_goes_on_the_last_body_that_moves(tmp_path):
@@ -187,7 +187,8 @@ BODY = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
 
 
 def scene(joint="", inside="", after="", option=""):
-    return f"<mujoco>{option}<worldbody>{BODY.format(joint, inside)}{BODY.format(' name="b"', '')}</worldbody>{after}</mujoco>"
+    bodies = BODY.format(joint, inside) + BODY.format(' name="b"', "")
+    return f"<mujoco>{option}<worldbody>{bodies}</worldbody>{after}</mujoco>"
 
 
 REFUSED = {

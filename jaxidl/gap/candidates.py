@@ -19,6 +19,8 @@ from jaxidl.effects import (
     Scale,
     Stiction,
     StribeckFriction,
+    TorqueSaturation,
+    TorqueScale,
 )
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Free, as_effect
@@ -50,6 +52,9 @@ ABSORBS = {
     ("coupled_friction", "coefficient"): "viscous_friction",
 }
 """What an effect with a certain free parameter makes superfluous on its joint, because it has it as a part."""
+
+INSEPARABLE = {"inertia_error", "torque_scale", "payload"}
+"""Without gravity and friction one and the same; with them still much alike."""
 
 TIMING = ("actuator_lag", "actuator_delay", "sensor_delay", "joint_elasticity", "backlash")
 
@@ -143,12 +148,16 @@ def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: flo
     """Bounds beyond which an effect is another one, or trivial.
 
     A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that explains nothing.
-    An excess of friction only where nothing is seen to move is stiction.
+    An excess of friction only where nothing is seen to move is stiction. A motor that always delivers the same is no motor.
     """
     if "motor_inertia" in guess:
         inertia = float(guess["motor_inertia"])
         soft = (2.0 * np.pi * SOFTEST) ** 2 * inertia
         return {"motor_inertia": (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia)), "stiffness": (soft, np.inf)}
+    if cls is TorqueScale:
+        return {"scale": (0.4, 2.5)}
+    if cls is TorqueSaturation:
+        return {"limit": (0.1 * scale.torque, np.inf)}
     return {"speed": (3.0 * rest, np.inf)} if cls is StribeckFriction else {}
 
 

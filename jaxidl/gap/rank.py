@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.alignment import ALIGNMENT, alignments
-from jaxidl.gap.candidates import ABSORBS, ATOMS, CONTAINS, TIMING, Candidate
+from jaxidl.gap.candidates import ABSORBS, ATOMS, CONTAINS, INSEPARABLE, TIMING, Candidate
 from jaxidl.gap.fit import Data, Fit, Member, fit, member, updated, used
 from jaxidl.gap.terms import trial_changes
 
@@ -310,8 +310,10 @@ class Ranking:
         """Is ``other`` as good? A simpler effect that ``best`` contains must be clearly beaten."""
         if best is other:
             return True
-        a, b = self._errors(best), self._errors(other)
-        over = gain(b, a)
+        concerned = sorted({*best.joints, *other.joints})
+        over = gain(self._errors(other).of(concerned), self._errors(best).of(concerned))
+        if {best.candidate.name, other.candidate.name} <= INSEPARABLE:
+            return over.value < 2.0 * self.min_gain
         if other.candidate.name in CONTAINS.get(best.candidate.name, ()):
             return not over.clear(self.min_gain)
         return over.value <= SAME * over.stderr or over.value < 0.5 * self.min_gain

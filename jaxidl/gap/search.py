@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
+from jaxidl.gap.candidates import ATOMS, CONTAINS, INSEPARABLE, Candidate
 from jaxidl.gap.fit import Member
 from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 
-INSEPARABLE = {"inertia_error", "torque_scale", "payload"}  # without gravity, one and the same; the others must be as simple
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
 EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better

@@ -40,10 +40,11 @@ class MujocoBody(struct.PyTreeNode):
         q, qd = jnp.asarray(q), jnp.asarray(qd)  # in NumPy's arrays MJX sees constants of the model
         # float64 where JAX has it: the model's own arrays may be single
         model = jax.tree.map(lambda x: x.astype(q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, self.model)
-        data = mjx.make_data(model).replace(qpos=q, qvel=qd)
-        for stage in (mjx.kinematics, mjx.com_pos, mjx.crb, mjx.com_vel):
-            data = stage(model, data)
-        return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+        with jax.numpy_rank_promotion("allow"):  # MJX relies on it
+            data = mjx.make_data(model).replace(qpos=q, qvel=qd)
+            for stage in (mjx.kinematics, mjx.com_pos, mjx.crb, mjx.com_vel):
+                data = stage(model, data)
+            return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
         """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,)."""
