@@ -1,0 +1,145 @@
+"""The gap workflow from a log to a diagnosis, on mechanisms in which an effect is hidden, and on a measured drive."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jaxidl import gap
+from jaxidl.errors import ConfigurationError
+from jaxidl.gap.benchmark.catalogue import make
+from jaxidl.gap.benchmark.engine import run
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+
+EMPS = Path(os.environ.get("JAXIDL_EMPS", Path(__file__).parents[2] / "shared" / "data" / "emps" / "emps.csv"))
+SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
+<inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
+
+
+def hidden(folder: Path, mechanism: str, *effects, seed: int = 3) -> tuple[Path, Path]:
+    """Log and model of a mechanism in which the effects are hidden."""
+    columns = run(MECHANISMS[mechanism], [make(*effect) for effect in effects], seed).log()
+    np.savez(folder / "log.npz", **columns)
+    (folder / "model.xml").write_text(MECHANISMS[mechanism])
+    return folder / "log.npz", folder / "model.xml"
+
+
+def named(found: gap.Diagnosis) -> list[tuple[str, int | None]]:
+    return [(f.name, f.joint) for f in found.findings]
+
+
+CASES = [
+    ("slider", "coulomb_friction", {"level": 1.2}, "level"),
+    ("slider", "spring", {"stiffness": 6.0, "rest": 0.05}, "stiffness"),
+    ("pendulum", "viscous_friction", {"coefficient": 0.3}, "coefficient"),
+    ("pendulum", "torque_saturation", {"limit": 4.5}, "limit"),
+    ("pendulum", "actuator_lag", {"time_constant": 0.017}, "time_constant"),
+    ("pendulum", "torque_ripple", {"amplitude": 0.4, "period": 0.4, "phase": 1.0}, "period"),
+]
+
+
+@pytest.mark.parametrize(("mechanism", "effect", "parameters", "told"), CASES, ids=[f"{c[0]}-{c[1]}" for c in CASES])
+def test_hidden_effect_is_named_with_its_parameter(tmp_path, mechanism, effect, parameters, told):
+    found = gap.diagnose(*hidden(tmp_path, mechanism, (effect, 0, parameters)), rollouts=False)
+    assert named(found) == [(effect, 0)]
+    assert found.findings[0].parameters[told].value == pytest.approx(parameters[told], rel=0.1)
+    (before,), (after,) = found.gap.before.torque_rms, found.gap.after.torque_rms
+    assert after < 0.35 * before
+
+
+@pytest.mark.parametrize("mechanism", ["slider", "pendulum"])
+def test_nothing_is_named_where_nothing_is_hidden(tmp_path, mechanism):
+    found = gap.diagnose(*hidden(tmp_path, mechanism), rollouts=False)
+    assert found.verdict == "nothing_missing"
+    assert not found.findings
+
+
+def test_inertia_and_motor_constant_of_a_slider_are_told_to_be_ambiguous(tmp_path):
+    found = gap.diagnose(*hidden(tmp_path, "slider", ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"})), rollouts=False)
+    assert found.verdict == "ambiguous"
+    assert {name for a in found.ambiguous for name, _ in a.candidates} >= {"inertia_error", "torque_scale"}
+    assert "known mass" in found.ambiguous[0].experiment
+
+
+def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
+    log, model = hidden(tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}), ("constant_offset", 0, {"offset": 0.3}))
+    found = gap.diagnose(log, model)
+    assert set(named(found)) == {("coulomb_friction", 0), ("constant_offset", 0)}
+    found.save(tmp_path / "report")
+    again = gap.diagnose(log, tmp_path / "report" / "model.xml")
+    assert again.verdict == "nothing_missing"
+    assert again.gap.before.torque_rms == pytest.approx(found.gap.after.torque_rms, rel=0.05)
+    for horizon, errors in found.gap.after.rollout_rms.items():
+        assert errors < found.gap.before.rollout_rms[horizon]
+        assert again.gap.before.rollout_rms[horizon] == pytest.approx(errors, rel=1e-3)
+
+
+def test_result_depends_on_log_and_model_alone(tmp_path):
+    files = hidden(tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}))
+    names = ("coulomb_friction", "viscous_friction", "stiction")
+    one, two = (gap.diagnose(*files, effects=names, rollouts=False).to_json() for _ in range(2))
+    assert one == two
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"effects": ["coulomb"]}, "coulomb_friction"),
+        ({"effects": []}, "at least one effect"),
+        ({"held_out": 0.9}, "held-out"),
+        ({"min_gain": 0.0}, "least gain"),
+    ],
+)
+def test_wrong_options_are_explained(tmp_path, options, words):
+    with pytest.raises(ConfigurationError, match=words):
+        gap.diagnose(tmp_path / "log.csv", tmp_path / "model.xml", **options)
+
+
+def test_command_line_ends_bad_input_in_one_line_and_writes_nothing(tmp_path):
+    (tmp_path / "model.xml").write_text(SLIDER.format(mass=1))
+    (tmp_path / "log.csv").write_text("time,q0\n0,1\n")
+    command = [sys.executable, "-m", "jaxidl.cli", "gap", str(tmp_path / "log.csv"), "--model", str(tmp_path / "model.xml")]
+    done = subprocess.run([*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "tau0" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture(scope="module")
+def emps() -> Path:
+    if not EMPS.is_file():
+        pytest.skip(f"no measured drive at {EMPS}; set JAXIDL_EMPS")
+    return EMPS
+
+
+def test_measured_drive_has_viscous_and_dry_friction_and_an_offset(emps, tmp_path):
+    (tmp_path / "slider.xml").write_text(SLIDER.format(mass=95.1089))
+    found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)
+    names = {name for name, _ in named(found)}
+    assert {"viscous_friction", "coulomb_friction", "constant_offset"} <= names
+    assert names <= {"viscous_friction", "coulomb_friction", "constant_offset", "asymmetric_friction"}
+    assert found.gap.after.torque_relative[0] <= 0.045
+
+
+def test_measured_drive_in_its_published_form_has_its_published_parameters(emps, tmp_path):
+    (tmp_path / "slider.xml").write_text(SLIDER.format(mass=95.1089))
+    form = ("viscous_friction", "coulomb_friction", "constant_offset")
+    found = gap.diagnose(emps, tmp_path / "slider.xml", effects=form, rollouts=False)
+    values = {f.name: next(iter(f.parameters.values())).value for f in found.findings}
+    assert values["viscous_friction"] == pytest.approx(203.5034, rel=0.03)
+    assert values["coulomb_friction"] == pytest.approx(20.3935, rel=0.03)
+    assert values["constant_offset"] == pytest.approx(3.1648, rel=0.03)
+    assert found.gap.after.torque_relative[0] <= 0.045
+
+
+def test_measured_drives_mass_is_found_from_a_wrong_one(emps, tmp_path):
+    (tmp_path / "slider.xml").write_text(SLIDER.format(mass=80))
+    found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)
+    (inertia,) = [f for f in found.findings if f.name == "inertia_error"]
+    assert 80 + next(iter(inertia.parameters.values())).value == pytest.approx(95.1, rel=0.01)
+    json.loads(found.to_json())
