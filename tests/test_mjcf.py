@@ -1,9 +1,4 @@
-"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, what is refused, and damaged files."""
-
-import copy
-import json
-import random
-import re
+"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, and what becomes of a file."""
 
 import jax
 import jax.numpy as jnp
@@ -11,13 +6,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from jaxidl.effects import Payload, from_dict
-from jaxidl.errors import EffectError, JaxidlError, ModelError
+from jaxidl.effects import Payload
+from jaxidl.errors import EffectError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.mujoco_body import LOADS, batched_inverse_dynamics
 from jaxidl.systems.tables import inverse_dynamics, tables
-from tests.test_catalogue import EXAMPLES
 
 LINK = (
     '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass value="{1}"/>'
@@ -47,6 +41,11 @@ def stored(folder, text, name="model.xml"):
     path = folder / name
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
+
+
+def monomials(com):
+    """What a load's torque is linear in."""
+    return np.array([1.0, *com, *com**2, com[0] * com[1], com[1] * com[2], com[0] * com[2]])
 
 
 def in_c(path):
@@ -118,7 +117,6 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
 
     states, com = rng.normal(size=(3, 20, 2)), np.array([0.1, -0.2, 0.3])
     table = tables(body, *states)
-    places = np.array([1, *com, *com**2, com[0] * com[1], com[1] * com[2], com[0] * com[2]])
     for t in range(20):
         x = jnp.concatenate([*states[:, t], jnp.zeros(5), com])
         q, qd, qdd, extra, mass, load, _ = jnp.split(forward(x)[:2], cuts, axis=1)
@@ -128,7 +126,7 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
             (table.by_q[t], q, "position"),
             (table.by_qd[t], qd, "velocity"),
             (table.by_mass[t], mass, "mass"),
-            (table.by_load[t] @ places, load[:, 0], "load"),
+            (table.by_load[t] @ monomials(com), load[:, 0], "load"),
             (np.diag(states[2, t]), extra, "rotor inertia"),
         ):
             np.testing.assert_allclose(got, true, rtol=1e-7, atol=1e-7, err_msg=by)  # positions: central differences
@@ -141,7 +139,7 @@ def test_tables_between_their_instants(tmp_path):
     fine, coarse = (tables(body, *log, stride=stride) for stride in (1, 7))
     np.testing.assert_array_equal(fine.torque, coarse.torque)
     for name, a, b in zip(fine._fields, fine, coarse, strict=True):
-        np.testing.assert_allclose(b, a, atol=1e-3 * np.abs(a).max(), err_msg=name)
+        np.testing.assert_allclose(b, a, atol=2e-3 * np.abs(a).max(), err_msg=name)  # chords of 7 ms
 
 
 def test_payloads_add_up_each_at_its_place(tmp_path):
@@ -151,11 +149,12 @@ def test_payloads_add_up_each_at_its_place(tmp_path):
     heavy = jax.jit(lambda *state: loads[1].alter(loads[0].alter(body)).inverse_dynamics(*state))(*state)
     state = np.asarray(state)
     by_load = tables(body, *state[:, None]).by_load[0]
-    shift = sum(p.mass * by_load @ [1, *(c := p.com), *c**2, c[0] * c[1], c[1] * c[2], c[0] * c[2]] for p in loads)
+    shift = sum(float(load.mass) * by_load @ monomials(np.asarray(load.com)) for load in loads)
     np.testing.assert_allclose(heavy, inverse_dynamics(body, *state[:, None])[0] + shift, rtol=1e-9)
+    for load in [loads[0]] * len(LOADS):
+        body = load.alter(body)
     with pytest.raises(EffectError, match=f"at most {len(LOADS)} payloads"):
-        for _ in range(len(LOADS) + 1):
-            body = body.add_payload(jnp.array(1.0), jnp.zeros(3))
+        loads[0].alter(body)
 
 
 def test_what_a_file_says_of_its_joints_becomes_effects(tmp_path):
@@ -181,143 +180,3 @@ def test_a_payload_goes_on_the_last_body_that_moves(tmp_path):
     on, massless = source.body(LOADS[0]).parentid[0], source.body(LOADS[0]).mass[0]
     assert source.jnt_bodyid[3] == on
     assert massless == 0.0  # whatever least mass the file asks of its bodies
-
-
-BODY = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
-
-
-def scene(joint="", inside="", after="", option=""):
-    bodies = BODY.format(joint, inside) + BODY.format(' name="b"', "")
-    return f"<mujoco>{option}<worldbody>{bodies}</worldbody>{after}</mujoco>"
-
-
-REFUSED = {
-    "at least one joint": "<mujoco><worldbody><body><geom size='0.1'/></body></worldbody></mujoco>",
-    "slide and hinge joints": scene(inside='<body><joint type="ball"/><geom size="0.1"/></body>'),
-    "free or ball": "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>",
-    "equality": scene(' name="a"', after='<equality><joint joint1="a" joint2="b"/></equality>'),
-    "tendons": scene(' name="a"', after='<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon>'),
-    "polynomial": scene(' damping="1 2"'),
-    "springdamper": scene(' springdamper="0.1 1"'),
-    "actuator with armature": scene(' name="a"', after='<actuator><motor joint="a" armature="0.1"/></actuator>'),
-    "gravity compensation": scene().replace("<body>", '<body gravcomp="1">', 1),
-    "fluid": scene(option='<option density="1000"/>'),
-    "flag": scene(option='<option><flag damper="disable"/></option>'),
-    "possible friction": scene(' damping="-1"'),
-    "inertia at every joint": scene(' armature="-100"'),
-    "MJCF or URDF": "<mujoco><worldbody>",
-    "to compile": scene(inside='<geom type="mesh" mesh="m"/>', after='<asset><mesh name="m" file="gone.stl"/></asset>'),
-    "must load it": b"\x00\x01\xff\xfe" * 100,
-    "below 1e+30": scene().replace('size="0.1"', 'size="0.1" mass="1e40"', 1),
-}
-
-
-def complaint(path):
-    """The one line with which a file is refused."""
-    with pytest.raises(ModelError) as caught:
-        read_model(path)
-    (line,) = str(caught.value).splitlines()
-    assert re.fullmatch("expected .+; got .+; .+", line)
-    return line
-
-
-@pytest.mark.parametrize("words", REFUSED)
-def test_what_would_be_dropped_in_silence_is_refused(words, tmp_path):
-    assert words in complaint(stored(tmp_path, REFUSED[words]))
-
-
-def test_missing_files_and_folders_are_refused(tmp_path):
-    assert "no such file" in complaint(tmp_path / "gone.xml")
-    assert "a folder" in complaint(tmp_path)
-
-
-ODD = ["nan", "inf", "-inf", "1e308", "-1e300", "1e18", "0", "-1", "1e-320", "", "x", "1 2 3 4 5 6 7 8 9", "99999999999999999999"]
-
-
-def damaged(text, rng):
-    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled, swapped or made odd."""
-    kind, attributes = rng.randrange(12), list(re.finditer(r'\s\w+="[^"]*"', text))
-    numbers, elements = (list(re.finditer(pattern, text)) for pattern in (r"-?\d*\.?\d+", r"<[^>]*/>"))
-    if kind == 0:
-        raw = bytearray(text.encode())
-        for _ in range(rng.randint(1, 6)):
-            raw[rng.randrange(len(raw))] = rng.randrange(256)
-        return bytes(raw)
-    if kind == 1:
-        return text[: rng.randrange(len(text))].encode()
-    a, b = (rng.choice(attributes if kind < 6 else elements) for _ in range(2))
-    if kind < 8:
-        put = ("", a.group() * 2, b.group())[kind % 3]
-    else:
-        a, put = rng.choice(numbers), rng.choice(ODD)
-    return (text[: a.start()] + put + text[a.end() :]).encode()
-
-
-@pytest.mark.parametrize("name", [*MECHANISMS, "chain", "rich"])
-def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
-    monkeypatch.chdir(tmp_path)
-    text, ending = {"chain": (URDF, "urdf"), "rich": (RICH, "xml")}.get(name) or (MECHANISMS[name], "xml")
-    outcomes = []
-    for seed in range(60):
-        path = stored(tmp_path, damaged(text, random.Random(f"{name} {seed}")), f"model.{ending}")
-        try:
-            model = read_model(path).plant.body.source
-        except ModelError as error:
-            assert len(str(error).splitlines()) == 1
-        else:
-            data, inertia = mujoco.MjData(model), np.zeros((model.nv, model.nv))
-            mujoco.mj_forward(model, data)
-            mujoco.mj_fullM(model, data, inertia)
-            assert np.isfinite(inertia).all()
-            assert np.linalg.eigvalsh(inertia / np.sqrt(np.outer(inertia.diagonal(), inertia.diagonal()))).min() > 0.0
-        outcomes.append(path.name)
-    assert [file.name for file in tmp_path.iterdir()] == [path.name]  # MuJoCo has left no log
-    assert capfd.readouterr() == ("", "")
-
-
-def spots(value, path=()):
-    """Paths to everything inside a JSON value."""
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
-    for key, part in inside:
-        yield (*path, key)
-        yield from spots(part, (*path, key))
-
-
-def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
-    path = stored(tmp_path, TWO_LINK)
-    entries = [{**effect.to_dict(), "in_mjcf": False, "mjcf": None} for effect in EXAMPLES.values()]
-    odd = [None, True, [], {}, "x", "nan", -1, 3, 1e308, [1, 2, 3], [[1], [2]], "inf", 10**400, 2.5, 10**9, {"value": 1}]
-    for seed in range(150):
-        rng = random.Random(seed)
-        record = {"model": path.name, "effects": [copy.deepcopy(rng.choice(entries))]}
-        *way, last = rng.choice([*spots(record)][1:])
-        inner = record
-        for key in way:
-            inner = inner[key]
-        if rng.random() < 0.3:
-            del inner[last]
-        else:
-            inner[last] = rng.choice(odd)
-        raw = json.dumps(record).encode()
-        (tmp_path / "effects.json").write_bytes(raw[: rng.randrange(len(raw))] if rng.random() < 0.1 else raw)
-        try:
-            for effect in read_model(path).plant.effects:
-                assert from_dict(effect.to_dict()).to_dict() == effect.to_dict()
-        except JaxidlError as error:
-            assert isinstance(error, ModelError)
-            assert len(str(error).splitlines()) == 1
-
-
-def test_effects_that_do_not_fit_the_model_are_refused(tmp_path):
-    path = stored(tmp_path, TWO_LINK)
-    three = {"effect": "viscous_friction", "parameters": {"coefficient": {"value": 1.0}}, "joint": 2, "joints": 3}
-    for entry, words in (
-        (three, "one of 2 joints"),
-        ({**three, "joint": None, "parameters": {"coefficient": {"value": [1, 2, 3]}}}, "each of 2 joints"),
-        ({**EXAMPLES["coupled_friction"].to_dict(), "options": {"joint": 0, "other": 2}}, "option other"),
-        ({**EXAMPLES["actuator_delay"].to_dict(), "options": {"steps": 10**12}}, "option steps"),
-    ):
-        stored(tmp_path, json.dumps({"model": path.name, "effects": [entry]}), "effects.json")
-        assert words in complaint(path)
-    stored(tmp_path, json.dumps({"model": "another.xml", "effects": [three]}), "effects.json")
-    assert read_model(path).plant.effects == ()

@@ -163,12 +163,11 @@ def _gap(
     signals = data.signals
     aside = (data.block < 0)[:, None] & used(data)
     command = _rms(signals.command(signals.tau)[signals.rows], aside)
-    kept_aside = signals.rows[data.block < 0]
-    span = (int(kept_aside[0]), int(kept_aside[-1]) + 1)
+    kept_aside = np.interp(np.arange(len(signals.q)), signals.rows, data.block < 0) > 0.5
 
     def side(residual: np.ndarray, plant: Plant) -> Side:
         rms = _rms(residual, aside)
-        errors = rollout_errors(plant, signals, span) if rollouts else {}
+        errors = rollout_errors(plant, signals, kept_aside) if rollouts else {}
         return Side(rms.tolist(), (rms / np.maximum(command, 1e-300)).tolist(), {h: e.tolist() for h, e in errors.items()})
 
     before = side(base, model.plant)
@@ -214,8 +213,8 @@ def _traces(log: Log, data: Data, before: np.ndarray, after: np.ndarray) -> Trac
 
 def _warnings(data: Data, model: Model) -> list[str]:
     signals, notes = data.signals, []
-    if data.block[-1] >= 0:
-        notes.append("the first part of the log is kept aside: the last one holds motion that the rest does not")
+    if np.count_nonzero(np.diff(data.block < 0)) > 1:
+        notes.append("several parts of the log are kept aside: its end holds motion that the rest does not")
     still = [model.names[j] for j in range(len(model.names)) if not np.any(signals.moving[:, j])]
     if still:
         notes.append(f"{', '.join(still)} hardly moved: nothing can be said of friction there")

@@ -20,6 +20,7 @@ from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_par
 
 BLOCKS = 48
 FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
+STRETCH = 4.0  # see ``kept_rows`` [s]
 FINE = 6  # moments of a block
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
@@ -89,9 +90,9 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
     for effect in effects:
         value, _, tau = contribution(effect, None, (), signals, tau)
         base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
-    train = kept_rows(signals, round(len(rows) * held_out))
+    train = kept_rows(signals, held_out)
     block = np.full(len(rows), -1)
-    block[train] = np.arange(len(rows))[: block[train].size] * blocks // max(block[train].size, 1)
+    block[train] = np.arange(train.sum()) * blocks // max(train.sum(), 1)
     spread = np.std(signals.tau[rows], axis=0)
     return Data(
         base,
@@ -108,26 +109,24 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
     )
 
 
-def kept_rows(signals: Signals, aside: int) -> slice:
-    """The rows to fit: all but the last ``aside``, or all but the first if the last ones hold faster or harder motion than the rest.
+def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
+    """Which of the kept rows (N,) are fitted: all but the last share ``held_out``, or all but the last share of every stretch.
 
-    What happens in the part kept aside only, saturation in a fast stretch at the end for one, could neither be found nor be shown.
+    What happens at the end of a log only, saturation in fast motion for one, could neither be found if that end were kept aside nor be
+    shown if it were not. So where the end holds faster or harder motion than the rest, stretches of ``STRETCH`` seconds each
+    give their own last part.
     """
     n = len(signals.rows)
-    if not aside:
-        return slice(0, n)
-    parts = slice(0, n - aside), slice(aside, n)
-
-    def beyond(part: slice) -> float:
-        """How much further the part kept aside goes than the rest."""
-        ratios = []
-        for x in (np.abs(x[signals.rows]) for x in (signals.tau, signals.qd, signals.qdd)):
-            outside = np.delete(x, np.arange(n)[part], axis=0)
-            ratios.append(np.quantile(outside, 0.995, axis=0) / np.maximum(np.quantile(x[part], 0.995, axis=0), 1e-300))
-        return float(np.max(ratios))
-
-    last, first = map(beyond, parts)
-    return parts[1] if last > FURTHER and first < last else parts[0]
+    last = np.arange(n) >= round(n * (1.0 - held_out))
+    if not last.any():
+        return ~last
+    sizes = [np.abs(x[signals.rows]) for x in (signals.tau, signals.qd, signals.qdd)]
+    reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])  # noqa: E731
+    if np.all(reach(last) <= FURTHER * reach(~last)):
+        return ~last
+    duration = n * np.median(np.diff(signals.rows)) * signals.dt
+    stretches = max(2, round(duration / STRETCH))
+    return (np.arange(n) * stretches / n) % 1.0 < 1.0 - held_out
 
 
 def _in_training(peaks: np.ndarray, rows: np.ndarray, training: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ SELDOM = 4.0  # times the least gain: what an effect must remove that acts in fe
 FEWEST = 2.5  # and at as many moments at least (saturation in one fast stretch of a log, for one)
 SAME = 1.0  # standard errors within which two are equally good
 TRIFLE = 0.02  # of the command's spread: an effect smaller than this must remove five times as much of what is left
+QUIET = 3.0  # noise floors: where no more than this is left, small effects stand out from what is not understood
 REPLACES = 0.5  # see ``Ranking._imitation``
 ROUNDS = 10  # of polishing
 NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
@@ -26,6 +27,7 @@ PROMISING = 4  # and as many of them are fitted
 LOOKAHEAD = 10  # effects of which pairs are tried if none is clear alone
 STARTS = 3  # of one effect that are polished
 WORTH = 0.02  # gain of the first linear fit from which polishing is worth its while
+LEAST_SIDE = 0.05  # of one direction's dry friction that the other has at least: else it is an offset as large as the friction
 RATIO = 1.5  # directions whose dry friction differs less are Coulomb friction and an offset
 
 
@@ -303,7 +305,8 @@ class Ranking:
         rows = self.fit.count[:, list(own)].sum(0)
         removed = self.present(own).total() * (1.0 - (1.0 - trial.gain.value) ** 2)  # weighted sum of squares
         command = np.sum((self.data.command[list(own)] * self.weight[list(own)]) ** 2 * rows)
-        small = removed < TRIFLE**2 * command
+        noisy = all(self.fit.rms(j) < QUIET * self.data.floor[j] for j in own)
+        small = removed < TRIFLE**2 * command and not noisy
         return trial.gain.clear(5.0 * self.min_gain if small else self.min_gain)
 
     def _same(self, best: Trial, other: Trial) -> bool:
@@ -421,4 +424,4 @@ def _directional(trial: Trial) -> bool:
     """Does dry friction differ so much between directions that an offset is not the likelier reason?"""
     theta = dict(zip(trial.candidate.free, trial.theta, strict=False))
     low, high = sorted((theta.get("positive", 0.0), theta.get("negative", 0.0)))
-    return low > 0.0 and high > RATIO * low
+    return low > LEAST_SIDE * high and high > RATIO * low

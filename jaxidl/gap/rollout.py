@@ -16,14 +16,15 @@ WINDOWS = 64
 SETTLE = 0.1  # hidden states are led along the measured motion for as long before a window begins [s]
 
 
-def rollout_errors(plant: Plant, signals: Signals, rows: tuple[int, int]) -> dict[str, Float[np.ndarray, " J"]]:
-    """Root mean square position error (J,) [m or rad] after each horizon, over windows between two instants of the log.
+def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
+    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin in parts
+    of the log marked in ``aside`` (T,).
 
     A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which the
     simulation is not finite counts as an error of the joint's whole range.
     """
     lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
-    starts = window_starts(signals, rows, lead, length)
+    starts = window_starts(signals, aside, lead, length)
     if not len(starts):
         return {str(h): np.full(signals.q.shape[1], np.nan) for h in HORIZONS}
     cut = lambda x: np.stack([x[s - lead : s + length + 1] for s in starts])  # noqa: E731
@@ -39,12 +40,12 @@ def rollout_errors(plant: Plant, signals: Signals, rows: tuple[int, int]) -> dic
     return out
 
 
-def window_starts(signals: Signals, rows: tuple[int, int], lead: int, length: int) -> np.ndarray:
-    """First instants of at most ``WINDOWS`` windows, spread evenly, each within one run."""
+def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -> np.ndarray:
+    """First instants of at most ``WINDOWS`` windows, spread evenly, each within one run, beginning where ``aside`` (T,) is true."""
     possible: list[int] = []
     for run in signals.slices:
-        first, last = max(run.start + lead, rows[0]), min(run.stop, rows[1]) - length - 1
-        possible += range(first, max(first, last), max(1, length // 4))
+        possible += range(run.start + lead, max(run.start + lead, run.stop - length - 1), max(1, length // 8))
+    possible = [start for start in possible if aside[start]]
     if len(possible) > WINDOWS:
         possible = [possible[k] for k in np.linspace(0, len(possible) - 1, WINDOWS).astype(int)]
     return np.array(possible, int)

@@ -11,7 +11,7 @@ from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
 
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
-EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
+EXCHANGE = 2.0  # times the least gain: an effect is exchanged for another one only if that is much better
 UNSURE = 0.1  # ... and never if it loses more than this share, however unsure
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
@@ -76,12 +76,17 @@ def _tidy(ranking: Ranking) -> None:
     _prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
     for m in ranking.members[:-1]:
         better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
-        others = [t for t in better if m.candidate.name not in CONTAINS.get(t.candidate.name, ())]
+        others = [t for t in better if not _flexible(t.candidate, m.candidate)]
         if others:
             best = max(others, key=lambda t: t.gain.value)
             start = next(x for x in best.fit.members if x.candidate is best.candidate)
             ranking.replace((m,), (start,))
             return
+
+
+def _flexible(one: Candidate, other: Candidate) -> bool:
+    """Does the first imitate the second by being more flexible?"""
+    return one.name != "payload" and other.name in CONTAINS.get(one.name, ())
 
 
 def _prune(ranking: Ranking, suspects: tuple[Member, ...]) -> None:

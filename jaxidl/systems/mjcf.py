@@ -16,7 +16,6 @@ from jaxidl.systems.mujoco_body import mujoco_body
 from jaxidl.systems.plant import Plant
 from jaxidl.systems.record import read_record
 
-
 LARGEST = 1e30  # kg, m and their products: beyond it single precision ends
 
 
