@@ -20,7 +20,7 @@ from jaxidl.gap.terms import Contribution, contribution, parameters_of, with_par
 
 BLOCKS = 48
 FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
-STRETCH = 4.0  # see ``kept_rows`` [s]
+STRETCH = 1.5  # see ``kept_rows`` [s]
 FINE = 6  # moments of a block
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 STEP = 0.6  # a shape parameter moves by at most this share of itself in one linear step
