@@ -1,7 +1,7 @@
-"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose last body carries a tool, of which the model knows nothing.
+"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose last body carries a tool, unknown to the model.
 
-``python experiments/hidden_effects.py FOLDER`` writes ``log.csv`` and ``model.xml``. The data come from the benchmark's engine: plain
-MuJoCo at a step ten times finer than the log's, with encoder noise and quantisation.
+``python experiments/hidden_effects.py FOLDER`` writes ``log.csv`` and ``model.xml``. The data come from the benchmark's engine:
+plain MuJoCo at a step ten times finer than the log's, with encoder noise and quantisation.
 """
 
 import sys

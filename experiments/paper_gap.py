@@ -1,8 +1,8 @@
 """What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the corrected model.
 
-The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller from
-place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes a few minutes,
-writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
+The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller
+from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes a few
+minutes, writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
 """
 
 import json
@@ -103,7 +103,9 @@ def draw(curves: dict[str, dict[str, list]], folder: Path) -> None:
             for source, errors in sources.items():
                 values = np.array(errors)
                 axes.plot(np.median(values, 0), label=source, **SOURCE_STYLE[source])
-                axes.fill_between(range(values.shape[1]), values.min(0), values.max(0), alpha=0.15, color=SOURCE_STYLE[source]["color"])
+                axes.fill_between(
+                    range(values.shape[1]), values.min(0), values.max(0), alpha=0.15, color=SOURCE_STYLE[source]["color"]
+                )
             axes.set_title(f"model: {name}")
             axes.set_xlabel("learning iteration")
             axes.set_yscale("log")
@@ -118,7 +120,8 @@ def main(folder: Path) -> None:
     found = gap.diagnose(measured(), folder / "point_mass.xml")
     found.save(folder / "report")
     print(found.summary)
-    if len(sys.argv)>2: return
+    if len(sys.argv) > 2:
+        return
     curves = learning(found.plant, PaperStudy(), (1, 2, 3))
     (folder / "learning.json").write_text(json.dumps(curves, indent=1))
     draw(curves, folder)

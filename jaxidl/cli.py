@@ -265,7 +265,8 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
             return tyro.extras.subcommand_cli_from_dict(
                 {name: later(command) for name, command in COMMANDS.items()},
                 prog="jaxidl",
-                description="Learn inverse dynamics; reproduce the study of the two data sources; find what a simulation is missing.",
+                description="Learn inverse dynamics; reproduce the study of the two data sources; "
+                "find what a simulation is missing.",
                 args=arguments,
             )
     except SystemExit as stop:

@@ -11,7 +11,8 @@ import numpy as np
 
 from jaxidl.effects import Effect, Parameter
 from jaxidl.gap.candidates import Candidate
-from jaxidl.gap.fit import Data, Member
+from jaxidl.gap.data import Data
+from jaxidl.gap.members import Member
 from jaxidl.gap.terms import Contribution
 from jaxidl.types import Joints
 

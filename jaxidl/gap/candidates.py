@@ -130,7 +130,7 @@ def _of_joint(cls: type[Effect], joint: int, joints: int, scale: Scale, signals:
     if cls is InertiaError:
         return _inertia(joint, signals)
     if cls is AsymmetricFriction:
-        kinds = {"dry": ("positive", "negative"), "viscous": ("viscous_positive", "viscous_negative")}
+        kinds: dict[str, Free] = {"dry": ("positive", "negative"), "viscous": ("viscous_positive", "viscous_negative")}
         kinds["both"] = (*kinds["dry"], *kinds["viscous"])
         return [Candidate(cls.name, joint, kind, as_effect(cls, {}), free) for kind, free in kinds.items()]
     if cls is Stiction:
@@ -147,8 +147,9 @@ def _of_joint(cls: type[Effect], joint: int, joints: int, scale: Scale, signals:
 def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: float) -> dict[str, tuple[float, float]]:
     """Bounds beyond which an effect is another one, or trivial.
 
-    A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that explains nothing.
-    An excess of friction only where nothing is seen to move is stiction. A motor that always delivers the same is no motor.
+    A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that explains
+    nothing. An excess of friction only where nothing is seen to move is stiction. A motor that always delivers the same is no
+    motor.
     """
     if "motor_inertia" in guess:
         inertia = float(guess["motor_inertia"])
@@ -187,13 +188,13 @@ def _tables_of(cls: type[Effect], joint: int, joints: int, signals: Signals) -> 
         if not high > low:
             continue
         for knots in KNOTS:
-            zeros, ends = np.zeros(knots), {"lower": low, "upper": high}
+            values = {"level": np.zeros(knots), "coefficient": np.zeros(knots), "lower": low, "upper": high}
             if cls is PositionDependentFriction:
-                tables = {key: jnp.asarray(zeros[None]) for key in ("level", "coefficient")}
-                guess: Effect = cls(**tables, **{key: jnp.asarray([x]) for key, x in ends.items()})
+                own: dict[str, Any] = {key: jnp.asarray(value[None]) for key, value in values.items()}
+                guess: Effect = PositionDependentFriction(**own)
             else:
-                tables = {key: jnp.asarray(zeros) for key in ("level", "coefficient")}
-                guess = cls(**tables, **{key: jnp.asarray(x) for key, x in ends.items()}, joint=joint, other=other)
+                shared: dict[str, Any] = {key: jnp.asarray(value) for key, value in values.items()}
+                guess = CoupledFriction(**shared, joint=joint, other=other)
             for free in ("level", "coefficient"):
                 found.append(Candidate(cls.name, joint, f"{free} {knots} over {other}", guess, (free,), loose=True))
     return found

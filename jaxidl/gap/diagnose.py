@@ -10,14 +10,16 @@ import numpy as np
 from jaxidl.effects import CATALOGUE, SEARCHED, Effect, OnJoint
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.candidates import candidates
+from jaxidl.gap.choose import TRIFLE
+from jaxidl.gap.data import Data, data_of, used
 from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Estimate, Finding, Gap, Row, Side, Traces, sentence_of
 from jaxidl.gap.experiments import experiment
-from jaxidl.gap.fit import Data, data_of, used
+from jaxidl.gap.gains import NOISE_MARGIN
 from jaxidl.gap.gauge import settled
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
-from jaxidl.gap.rank import NOISE_MARGIN, TRIFLE, Ranking
+from jaxidl.gap.rank import Ranking
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.search import Outcome, search
 from jaxidl.gap.signals import prepare

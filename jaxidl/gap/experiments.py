@@ -7,8 +7,8 @@ from jaxidl.gap.diagnosis import Key
 _ADVICE: tuple[tuple[frozenset[str], str], ...] = (
     (
         frozenset({"inertia_error", "torque_scale", "payload"}),
-        "repeat the motion with a known mass attached, or hold the joint still against gravity or a force gauge: a wrong torque scale "
-        "shows at rest, a wrong inertia only under acceleration, a payload in both and in every posture",
+        "repeat the motion with a known mass attached, or hold the joint still against gravity or a force gauge: a wrong torque "
+        "scale shows at rest, a wrong inertia only under acceleration, a payload in both and in every posture",
     ),
     (
         frozenset({"actuator_delay", "sensor_delay"}),
@@ -39,8 +39,8 @@ _ADVICE: tuple[tuple[frozenset[str], str], ...] = (
     ),
     (
         frozenset({"constant_offset", "spring", "position_bias", "torque_ripple", "payload", "torque_scale", "inertia_error"}),
-        "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and payload "
-        "differ in how the holding torque changes with position",
+        "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and "
+        "payload differ in how the holding torque changes with position",
     ),
 )
 

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from jaxidl.effects import Effect
-from jaxidl.gap.fit import Data
+from jaxidl.gap.data import Data
 from jaxidl.gap.fit import fit as fit_members
-from jaxidl.gap.rank import polished
+from jaxidl.gap.fit import polished
 from jaxidl.gap.search import Outcome
 from jaxidl.gap.terms import with_parameters
 

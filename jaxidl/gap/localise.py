@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from jaxidl.gap.fit import Data, used
+from jaxidl.gap.data import Data, used
 
 EXCESS = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
 LEAST = 0.08  # and if that is at least this much of the joint's energy

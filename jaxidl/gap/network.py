@@ -1,7 +1,7 @@
 """The check for what no effect explains: does the paper's error network still predict the remaining residual?
 
-Trained on some blocks and asked on the others, a network of the house (:mod:`jaxidl.models`) sees position, velocity and acceleration
-of all joints. Where it removes a good part of the residual, something systematic is left.
+Trained on some blocks and asked on the others, a network of the house (:mod:`jaxidl.models`) sees position, velocity and
+acceleration of all joints. Where it removes a good part of the residual, something systematic is left.
 """
 
 from typing import NamedTuple
@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from jaxidl.gap.fit import Data, used
-from jaxidl.gap.rank import Errors, Gain, gain
+from jaxidl.gap.data import Data, used
+from jaxidl.gap.gains import Errors, Gain, gain
 from jaxidl.models import ErrorModel, Training
 from jaxidl.models.training import draw_batches, fit, start
 from jaxidl.types import Dataset

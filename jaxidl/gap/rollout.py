@@ -17,11 +17,10 @@ SETTLE = 0.1  # hidden states are led along the measured motion for as long befo
 
 
 def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
-    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin in parts
-    of the log marked in ``aside`` (T,).
+    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin where ``aside`` (T,) is true.
 
-    A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which the
-    simulation is not finite counts as an error of the joint's whole range.
+    A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which
+    the simulation is not finite counts as an error of the joint's whole range.
     """
     lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
     starts = window_starts(signals, aside, lead, length)
@@ -41,7 +40,7 @@ def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[st
 
 
 def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -> np.ndarray:
-    """First instants of at most ``WINDOWS`` windows, spread evenly, each within one run, beginning where ``aside`` (T,) is true."""
+    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from where ``aside`` (T,) is true."""
     possible: list[int] = []
     for run in signals.slices:
         possible += range(run.start + lead, max(run.start + lead, run.stop - length - 1), max(1, length // 8))

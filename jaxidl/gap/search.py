@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jaxidl.gap.candidates import ATOMS, CONTAINS, INSEPARABLE, Candidate
-from jaxidl.gap.fit import Member
-from jaxidl.gap.rank import SAME, Gain, Ranking, Trial, errors_of, gain
+from jaxidl.gap.choose import SAME, winner
+from jaxidl.gap.gains import Gain, errors_of, gain
+from jaxidl.gap.members import Member
+from jaxidl.gap.rank import Ranking, Trial
 
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
@@ -50,7 +52,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         tried = iter(range(1, keys + 1))
         trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
         outcome.rounds.append(trials)
-        best, _ = ranking.winner(trials)
+        best, _ = winner(ranking, trials)
         if best is None:
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
@@ -124,7 +126,7 @@ def _credits(ranking: Ranking) -> list[Named]:
         where = [joints.index(j) for j in own]
         touching = lambda x, joints=joints: bool(set(x.joints) & set(joints))  # noqa: E731
         sides = [ranking.fitted(tuple(filter(touching, ranking.members[:n])), joints) for n in (number, number + 1)]
-        count = max(ranking.fit.count[:, pick].sum(), 1.0)
+        count = max(ranking.fit.counts[:, pick].sum(), 1.0)
         rms = [float((side.error[:, where].sum() / count) ** 0.5) for side in sides]
         before, after = (errors_of(side, ranking.data, ranking.weight, joints).of(where) for side in sides)
         out.append(Named(m, gain(before, after), *rms))

@@ -1,11 +1,12 @@
 """A log made ready for comparison: smoothed, differentiated, compared with the rigid body, thinned out.
 
-One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout. Positions pass it before they are
-differentiated (five-point stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of the
-comparison lose the same frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
+One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout. Positions pass it before they
+are differentiated (five-point stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of
+the comparison lose the same frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
 reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -67,7 +68,14 @@ class Signals(NamedTuple):
 
 
 def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True) -> Signals:
-    """Signals of a log and its modelled rigid body; ``effects`` are the model's own, of which those on the encoders are undone."""
+    """Signals of a log and its modelled rigid body.
+
+    Args:
+        log: what was measured.
+        body: the modelled rigid body.
+        effects: the model's own, of which those on the encoders are undone.
+        held: is a command held over the interval that follows it, rather than measured at its instant?
+    """
     dt, slices = log.dt, tuple(log.segments())
     for effect in reversed(effects):
         undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))  # noqa: E731
@@ -104,7 +112,8 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
 
 
 @lru_cache(maxsize=16)
-def _design(band: float, dt: float) -> np.ndarray:
+def _design(band: float, dt: float) -> Any:
+    """H's second-order sections."""
     return signal.butter(4, band, fs=1.0 / dt, output="sos")
 
 
@@ -122,7 +131,10 @@ def derivative(x: np.ndarray, dt: float) -> np.ndarray:
 
 
 def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
-    """Standard deviation (J,) of white noise on positions: what is left above 0.6 of the Nyquist frequency, where nothing moves."""
+    """Standard deviation (J,) [m or rad] of white noise on positions.
+
+    It is what is left above 0.6 of the Nyquist frequency, where nothing moves.
+    """
     sections = signal.butter(6, 0.6, "highpass", output="sos")
     high = np.concatenate([signal.sosfiltfilt(sections, q[s], axis=0)[20:-20] for s in slices])
     return np.sqrt(np.mean(high**2, axis=0) / 0.39)
@@ -145,11 +157,14 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
 
 
 def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs their ends. A rest shorter than the filter is a reversal, which counts as motion."""
+    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs their ends.
+
+    A rest shorter than the filter, which reaches ``half`` instants, is a reversal, which counts as motion.
+    """
     slow = np.abs(qd) < rest_speed
-    long = ndimage.binary_opening(slow, np.ones((3 * half + 1, 1)))
+    long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
     resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
-    moving = ~ndimage.binary_dilation(long, np.ones((2 * half + 1, 1)))
+    moving = ~np.asarray(ndimage.binary_dilation(long, np.ones((2 * half + 1, 1))), bool)
     return moving, resting, long
 
 
@@ -158,7 +173,8 @@ def withstood(rests: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
 
     A rest ends when its torque exceeds what holds it; filtered, the peak would be cut off.
     """
-    label, count = ndimage.label(rests)
+    labelled: Any = ndimage.label(rests)
+    label, count = labelled
     found = []
     for part in ndimage.find_objects(label):
         if part[0].start > edge and part[0].stop < len(rests) - edge:
@@ -172,5 +188,6 @@ def _typical_inertia(log: Log, body: Any) -> np.ndarray:
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
 
 
-def _by_run(x: np.ndarray, slices: tuple[slice, ...], f: Any) -> np.ndarray:
+def _by_run(x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """``f`` applied to each run of ``x`` (T, ...)."""
     return np.concatenate([f(x[s]) for s in slices])

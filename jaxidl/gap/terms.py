@@ -1,7 +1,7 @@
 """What one effect contributes along a log, and the derivative of that by its parameters.
 
-The log drives the effect: it sees measured motion and logged commands, so a hidden state is simulated under the measured motion, and
-every effect is an explicit function of its own parameters. Each class is compiled once for all joints.
+The log drives the effect: it sees measured motion and logged commands, so a hidden state is simulated under the measured motion,
+and every effect is an explicit function of its own parameters. Each class is compiled once for all joints.
 """
 
 from collections.abc import Mapping
@@ -77,14 +77,14 @@ def alone(effect: Effect) -> bool:
 def contribution(
     effect: Effect, joint: int | None, free: Free, signals: Signals, tau: np.ndarray, everywhere: bool = False
 ) -> tuple[Contribution, Contribution, np.ndarray]:
-    """Value, derivatives by the ``free`` parameters, and the delivered torque (T, J), given what arrives at the effect, ``tau`` (T, J).
+    """Value, derivatives by the ``free`` parameters, and the delivered torque (T, J) [N or Nm].
 
     Args:
         effect: of a one-joint mechanism if ``joint`` is a number, else of the whole one.
         joint: its joint, or None.
         free: the parameters to differentiate by.
         signals: the log.
-        tau: commands after the effects before this one.
+        tau: what arrives at the effect (T, J) [N or Nm]: commands after the effects before this one.
         everywhere: compute on all joints even if the effect looks as if it concerned one only.
     """
     joints = signals.q.shape[1]
@@ -94,9 +94,7 @@ def contribution(
     else:
         wrapped = effect
     columns = slice(joint, joint + 1) if own and joint is not None else slice(None)
-    drive = Drive(*(x[:, columns] for x in signals[3:6]), tau[:, columns], _sliced(signals.tables, columns))
-    starts = np.zeros(len(tau), bool)
-    starts[[s.start for s in signals.slices]] = True
+    drive, starts = _driven(signals, tau, columns)
     value, slopes = _terms(wrapped, free, drive, starts, signals.dt)
     value, slopes = jax.tree.map(np.asarray, (value, slopes))
     delivered = tau.copy()
@@ -106,28 +104,41 @@ def contribution(
 
 
 def trial_changes(effects: list[Effect], joint: int, signals: Signals, tau: np.ndarray) -> np.ndarray:
-    """Changes (N, G) of one joint's balance by each of G one-joint effects of one class: many starting values, simulated side by side."""
+    """Changes (N, G) [N or Nm] of one joint's balance by each of G one-joint effects of one class.
+
+    Many starting values are so simulated side by side; ``tau`` (T, J) arrives at them.
+    """
     columns = slice(joint, joint + 1)
-    drive = Drive(*(x[:, columns] for x in signals[3:6]), tau[:, columns], _sliced(signals.tables, columns))
-    starts = np.zeros(len(tau), bool)
-    starts[[s.start for s in signals.slices]] = True
+    drive, starts = _driven(signals, tau, columns)
     stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
     delivered, inertia = jax.tree.map(np.asarray, _many(stacked, drive, starts, signals.dt))
     return signals.command(delivered - drive.tau)[signals.rows] - inertia[signals.rows]
 
 
+def _driven(signals: Signals, tau: np.ndarray, columns: slice) -> tuple[Drive, np.ndarray]:
+    """What an effect on some joints sees under the commands ``tau`` (T, J), and at which instants (T,) a run begins."""
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
+    q, qd, qdd = (x[:, columns] for x in (signals.q, signals.qd, signals.qdd))
+    return Drive(q, qd, qdd, tau[:, columns], _sliced(signals.tables, columns)), starts
+
+
 @partial(jax.jit, static_argnames=("dt",))
 def _many(effects: Any, drive: Drive, starts: Any, dt: float) -> Any:
+    """Delivered torque and torque of added inertia, (T, G) each, of G effects on one joint."""
     terms = jax.vmap(lambda effect: _along(effect, drive, starts, dt), out_axes=1)(effects)
     return terms.delivered[..., 0], terms.inertia[..., 0]
 
 
 def _sliced(table: Tables, columns: slice) -> Tables:
+    """The tables of some joints, as if the others did not move."""
     return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns, columns] for x in table))
 
 
 @partial(jax.jit, static_argnames=("free", "dt"))
 def _terms(effect: Any, free: Free, drive: Drive, starts: Any, dt: float) -> tuple[Terms, Terms]:
+    """Terms of an effect along a log, and their derivatives by its free parameters."""
+
     def of(values: Any) -> Terms:
         if isinstance(effect, OnJoint):
             return _along(effect.replace(effect=with_parameters(effect.effect, free, values)), drive, starts, dt)
@@ -143,6 +154,7 @@ def _terms(effect: Any, free: Free, drive: Drive, starts: Any, dt: float) -> tup
 
 
 def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    """Terms of an effect along a log."""
     inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
     delivered = drive.tau if inner.actuate is Effect.actuate else _delivered(effect, drive, starts, dt)
 
@@ -152,8 +164,8 @@ def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
         levels = effect.dry(q, qd, tau, qd), effect.dry(q, rest, tau, one), effect.dry(q, rest, tau, -one)
         return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
 
-    parts = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, delivered, drive.table)
-    return Terms(delivered, *parts, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
+    torque, level, up, down, inertia = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, delivered, drive.table)
+    return Terms(delivered, torque, level, up, down, inertia, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
 
 
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:

@@ -1,5 +1,8 @@
 """What MuJoCo has for the effects: numbers of joints and bodies, and a motor for each joint."""
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -4,6 +4,9 @@ MuJoCo writes the user's file anew, with six digits and, where frames are nested
 then written over in full and put into its order again.
 """
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import json
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence

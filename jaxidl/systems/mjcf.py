@@ -1,5 +1,8 @@
 """MJCF and URDF files: a rigid body, and the effects that the file has beside it."""
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import contextlib
 import warnings
 from collections.abc import Iterator

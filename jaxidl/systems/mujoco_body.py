@@ -4,6 +4,9 @@ Only smooth rigid-body dynamics is asked of MJX, M(q)·qdd + bias(q, qd) = tau: 
 pass, no passive forces and no actuators. Those are effects of the plant (:mod:`jaxidl.systems.mjcf` reads them).
 """
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import contextlib
 import io
 from typing import Any

@@ -63,11 +63,11 @@ class Plant(struct.PyTreeNode):
         return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
-        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state, so that a corrected model can command as a body does.
+        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state: a corrected model can command as a body does.
 
-        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the encoders do to a command over time
-        (lag, delay, hidden states) has no inverse at one instant and is left out; friction that depends on the torque is that of
-        the torque without it.
+        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the encoders do to a command over
+        time (lag, delay, hidden states) has no inverse at one instant and is left out; friction that depends on the torque is
+        that of the torque without it.
         """
         body, torque = self.body, jnp.zeros_like(qd)
         for effect in self.effects:

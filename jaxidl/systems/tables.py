@@ -1,5 +1,8 @@
 """What a rigid body contributes along a log, and how that changes with everything that may be wrong about it."""
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import copy
 from typing import Any, NamedTuple
 
@@ -12,7 +15,9 @@ from scipy.interpolate import interp1d
 
 from jaxidl.systems.mujoco_body import LOAD
 from jaxidl.systems.point_mass import PointMass
-from jaxidl.types import History, Joints, Scalar
+from jaxidl.types import Joints, Scalar
+
+Rows = Float[np.ndarray, "T J"]
 
 _POINTS = np.array(
     [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 0], [0, 1, 1], [1, 0, 1]], float
@@ -31,17 +36,20 @@ _FROM_POINTS = np.linalg.inv(
 
 
 class Tables(NamedTuple):
-    """One row per instant (T rows, or none inside a ``vmap``). Inverse dynamics is linear in everything but the state."""
+    """One row per instant (T rows, or none inside a ``vmap``). Inverse dynamics is linear in everything but the state.
 
-    torque: Float[Array, "*T J"]  # inverse dynamics [N or Nm]
-    inertia: Float[Array, "*T J J"]  # its derivative by acceleration: the inertia matrix
-    by_q: Float[Array, "*T J J"]  # ... by position
-    by_qd: Float[Array, "*T J J"]  # ... by velocity
-    by_mass: Float[Array, "*T J J"]  # ... by the mass of each joint's body
-    by_load: Float[Array, "*T J 10"]  # ... by a load times the monomials of its place
+    Arrays are NumPy's along a log, and JAX's in what is compiled.
+    """
+
+    torque: Float[Any, "*T J"]  # inverse dynamics [N or Nm]
+    inertia: Float[Any, "*T J J"]  # its derivative by acceleration: the inertia matrix
+    by_q: Float[Any, "*T J J"]  # ... by position
+    by_qd: Float[Any, "*T J J"]  # ... by velocity
+    by_mass: Float[Any, "*T J J"]  # ... by the mass of each joint's body
+    by_load: Float[Any, "*T J 10"]  # ... by a load times the monomials of its place
 
 
-def tables(body: Any, q: History, qd: History, qdd: History, stride: int = 1) -> Tables:
+def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     """Tables of ``body`` along a log (T, J), in float64 NumPy.
 
     ``torque`` is exact at every instant; the others are computed at every ``stride``-th and interpolated.
@@ -59,8 +67,8 @@ def tables(body: Any, q: History, qd: History, qdd: History, stride: int = 1) ->
     return Tables(torque, *parts)
 
 
-def inverse_dynamics(body: Any, q: History, qd: History, qdd: History) -> np.ndarray:
-    """Inverse dynamics (T, J) of ``body`` along a log, in float64 NumPy."""
+def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
+    """Inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):
         return np.asarray(body.mass, float) * qdd
     return _Inverse(body.source)(q, qd, qdd)
@@ -84,8 +92,7 @@ def _derivatives(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> l
 
     def central(which: int, step: float) -> np.ndarray:
         def moved(column: np.ndarray) -> np.ndarray:
-            state = [q, qd]
-            return model(*(x + step * column if n == which else x for n, x in enumerate(state)), qdd)
+            return model(q + step * column, qd, qdd) if which == 0 else model(q, qd + step * column, qdd)
 
         return np.stack([(moved(c) - moved(-c)) / (2.0 * step) for c in columns], -1)
 

@@ -50,8 +50,8 @@ def run_benchmark(
 ) -> dict[str, Any]:
     """Run what has no report yet, each case in its own process, and return the score, which is in ``out/benchmark.json``, too.
 
-    The truth lies in ``out/truth.json``, which no diagnosis reads; ``out/cases/ID`` holds log and model, ``out/reports/ID.json`` the
-    report. A case that fails counts as wrong, and its error is in its report's place.
+    The truth lies in ``out/truth.json``, which no diagnosis reads; ``out/cases/ID`` holds log and model, ``out/reports/ID.json``
+    the report. A case that fails counts as wrong, and its error is in its report's place.
     """
     cases = chosen(families, severities, every)
     if overwrite:
@@ -86,6 +86,7 @@ def judge_case(case: Case, out: Path) -> None:
     if not (folder / "model.xml").is_file():
         write_case(case, folder)
     begun = time.perf_counter()
+    found: dict[str, Any]
     try:
         found = diagnose(folder / case.log, folder / "model.xml", rollouts=False).to_dict()
     except JaxidlError as error:

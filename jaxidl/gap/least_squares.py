@@ -1,0 +1,158 @@
+"""Bounded least squares on the linearised torque balance, with one solution beside for each block that is left out."""
+
+from dataclasses import KW_ONLY, dataclass
+
+import numpy as np
+
+from jaxidl.gap.data import Data, used
+
+SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
+RIDGE = 1e-9  # of each parameter's own information
+TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
+
+
+@dataclass
+class Problem:
+    """The linearised balance about the members' parameters: ``net0 + net @ step`` and so on."""
+
+    data: Data
+    weight: np.ndarray  # (J,) or (N, J) [1/N or 1/Nm]
+    theta0: np.ndarray  # (P,) where it is linearised
+    net0: np.ndarray  # (N, J) balance there
+    slide0: np.ndarray  # (N, J) dry friction of moving joints
+    grip0: np.ndarray  # (N, J) ... and of resting ones
+    net: np.ndarray  # (P, N, J) derivatives of the three
+    slide: np.ndarray
+    grip: np.ndarray
+    _: KW_ONLY
+    shaped: list[tuple[int, int, float]]  # see ``_shaping`` of :mod:`jaxidl.gap.fit`
+
+    def __post_init__(self) -> None:
+        self.dry = np.any(self.slide0, 0) | np.any(self.grip0, 0) | np.any(self.slide, (0, 1)) | np.any(self.grip, (0, 1))
+        self.at_rest_only = np.any(self.grip, (1, 2)) & ~np.any(self.slide, (1, 2)) & ~np.any(self.net, (1, 2))
+
+    def _balance(self, step: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Balance, sliding friction and hold at ``rows`` (n,); ``step`` (P,), or (n, P) with one of its own for each row."""
+
+        def at(zero: np.ndarray, slope: np.ndarray) -> np.ndarray:
+            if not slope.any():
+                return zero[rows]
+            if step.ndim == 1:
+                return zero[rows] + np.tensordot(step, slope[:, rows], 1)
+            return zero[rows] + sum(step[:, p, None] * slope[p, rows] for p in range(len(slope)))
+
+        return at(self.net0, self.net), at(self.slide0, self.slide), np.maximum(at(self.grip0, self.grip), 0.0)
+
+    def residual(self, step: np.ndarray, rows: np.ndarray, size: np.ndarray) -> np.ndarray:
+        """What is left (n, J) at ``rows``; at rest nothing is thought to be known to better than ``size`` (J,)."""
+        net, slide, grip = self._balance(step, rows)
+        moving = net - slide
+        resting = self.data.resting[rows] & self.dry
+        if not resting.any():
+            return moving
+        beyond = np.maximum(np.abs(net) - grip, 0.0)
+        held = np.sign(net) * np.maximum(beyond, np.minimum(np.abs(net), size))
+        return np.where(resting, held, moving)
+
+    def typical(self, step: np.ndarray) -> np.ndarray:
+        """Error in motion (J,), which friction is not believed to undo at rest; never below three times the noise."""
+        rows = np.flatnonzero(self.data.block >= 0)[::4]
+        net, slide, _ = self._balance(step, rows)
+        moving = self.data.moving[rows]
+        rms = np.sqrt(np.sum((net - slide) ** 2 * moving, 0) / np.maximum(moving.sum(0), 1))
+        return SHARE_AT_REST * np.maximum(rms, 3.0 * self.data.floor)
+
+    def solve(self, lower: np.ndarray, upper: np.ndarray, neighbours: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Step (P,) from all blocks, and (B, P) from all but one each; ``neighbours`` (n, 2) are held together a little."""
+        blocks = self.data.block.max() + 1
+        step = np.clip(np.zeros(len(lower)), lower, upper)
+        if not len(lower):
+            return step, np.tile(step, (blocks, 1))
+        pinned = self.at_rest_only.copy()
+        gram, right = np.zeros(0), np.zeros(0)
+        sticking = bool((self.data.resting & self.dry).any())
+        for _ in range(3 if sticking else 1):
+            gram, right = self._normal(step)
+            gram += _together(gram, neighbours)
+            self._quieten(gram, right)
+            for _ in range(4):
+                step[~pinned] = _solve(gram.sum(0), right.sum(0), step, ~pinned)
+                wrong = ~pinned & ((step < lower) | (step > upper))
+                step = np.clip(step, lower, upper)
+                if not wrong.any():
+                    break
+                pinned |= wrong
+            self._cover(step, np.ones(len(self.data.base), bool), lower)
+        steps = np.tile(step, (blocks, 1))
+        steps[:, ~pinned] = _solve(gram.sum(0) - gram, right.sum(0) - right, step, ~pinned)
+        if self.at_rest_only.any():
+            for b in range(blocks):
+                self._cover(steps[b], self.data.block != b, lower)
+        return step, steps
+
+    def _normal(self, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Normal equations (B, P, P) and (B, P) of each training block."""
+        rows = np.flatnonzero(self.data.block >= 0)
+        counted = used(self.data)[rows].astype(float)
+        columns, target = self.net[:, rows] - self.slide[:, rows], self.net0[rows] - self.slide0[rows]
+        resting = self.data.resting[rows] & self.dry
+        if resting.any():
+            net, _, grip = self._balance(step, rows)
+            loose = np.abs(net) > grip + self.typical(step)
+            columns = np.where(resting, self.net[:, rows] - np.sign(net) * self.grip[:, rows], columns)
+            target = np.where(resting, self.net0[rows] - np.sign(net) * self.grip0[rows], target)
+            counted = np.where(resting & ~loose, 0.0, counted)
+        weight = self.weight[rows] if self.weight.ndim == 2 else self.weight
+        both = np.concatenate([columns, target[None]]) * (counted * weight)
+        edges = np.flatnonzero(np.diff(self.data.block[rows], prepend=-1))
+        parts = [part.reshape(len(both), -1) for part in np.split(both, edges[1:], axis=1)]
+        product = np.stack([part @ part.T for part in parts])
+        return product[:, :-1, :-1], -product[:, :-1, -1]
+
+    def _quieten(self, gram: np.ndarray, right: np.ndarray) -> None:
+        """The noise that motor inertia takes away, as one more residual √n·floor·√(1 − (1 − share)²) spread over the blocks."""
+        for place, joint, inertia in self.shaped:
+            share = np.clip(self.theta0[place] / inertia, 1e-3, 1.0 - 1e-3)
+            weight = self.weight[..., joint].mean() * self.data.floor[joint]
+            size = weight * np.sqrt(np.sum(self.data.block >= 0) / len(gram))
+            value = np.sqrt(1.0 - (1.0 - share) ** 2)
+            slope = size * (1.0 - share) / (value * inertia)
+            gram[:, place, place] += slope**2
+            right[:, place] -= slope * size * value
+
+    def _cover(self, step: np.ndarray, among: np.ndarray, lower: np.ndarray) -> None:
+        """Levels that act at rest only: what rests typically withstood before they ended, beyond what other friction holds."""
+        for p in np.flatnonzero(self.at_rest_only):
+            step[p] = lower[p]
+            (j,) = np.flatnonzero(np.any(self.grip[p], 0))[:1]
+            rows = np.flatnonzero((self.data.block >= 0) & among & self.data.resting[:, j])
+            peaks = self.data.peaks[j]
+            peaks = peaks[among[peaks[:, 0].astype(int)]]
+            if len(rows) and len(peaks):
+                _, _, grip = self._balance(step, rows)
+                step[p] = max(lower[p] + np.median(peaks[:, 1]) - np.median(grip[:, j]), lower[p])
+
+
+def _together(gram: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """Penalty (P, P), spread over the blocks, on differences of neighbours: what no data shows is as beside it."""
+    out = np.zeros(gram.shape[1:])
+    size = np.diagonal(gram.sum(0))
+    for a, b in neighbours:
+        strength = TOGETHER * np.mean(size[neighbours])
+        out[[a, b], [a, b]] += strength
+        out[[a, b], [b, a]] -= strength
+    return out / len(gram)
+
+
+def _solve(gram: np.ndarray, right: np.ndarray, step: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The free part of the solution (..., F), the rest of ``step`` being given.
+
+    Scaled, and slightly damped so that what the data does not show stays where it is.
+    """
+    if not free.any():
+        return np.zeros((*gram.shape[:-2], 0))
+    a = gram[..., free, :][..., :, free]
+    y = right[..., free] - gram[..., free, :][..., :, ~free] @ step[~free]
+    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 1e-300))
+    a = a / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(a.shape[-1])
+    return np.linalg.solve(a, (y / scale)[..., None])[..., 0] / scale
