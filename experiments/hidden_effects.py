@@ -1,4 +1,4 @@
-"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose last body carries a tool, unknown to the model.
+"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose motor is late, unknown to the model.
 
 ``python experiments/hidden_effects.py FOLDER`` writes ``log.csv`` and ``model.xml``. The data come from the benchmark's engine:
 plain MuJoCo at a step ten times finer than the log's, with encoder noise and quantisation.
@@ -14,8 +14,8 @@ from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 
 HIDDEN = [
-    make("stribeck_friction", 0, {"sliding": 0.25, "excess": 0.3, "speed": 0.15}),
-    make("payload", None, {"mass": 0.25, "com": [0.0, 0.0, -0.45]}),
+    make("coulomb_friction", 0, {"level": 0.3}),
+    make("actuator_delay", 0, {"delay": 0.016}),
 ]
 
 

@@ -120,8 +120,6 @@ def main(folder: Path) -> None:
     found = gap.diagnose(measured(), folder / "point_mass.xml")
     found.save(folder / "report")
     print(found.summary)
-    if len(sys.argv) > 2:
-        return
     curves = learning(found.plant, PaperStudy(), (1, 2, 3))
     (folder / "learning.json").write_text(json.dumps(curves, indent=1))
     draw(curves, folder)

@@ -66,7 +66,9 @@ def test_inertia_and_motor_constant_of_a_slider_are_told_to_be_ambiguous(tmp_pat
 
 
 def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
-    log, model = hidden(tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}), ("spring", 0, {"stiffness": 0.8, "rest": 0.2}))
+    log, model = hidden(
+        tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}), ("spring", 0, {"stiffness": 0.8, "rest": 0.2})
+    )
     found = gap.diagnose(log, model)
     assert set(named(found)) == {("coulomb_friction", 0), ("spring", 0)}
     found.save(tmp_path / "report")

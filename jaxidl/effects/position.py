@@ -55,5 +55,5 @@ class TorqueRipple(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         width = max(scale.upper - scale.lower, 1e-9)
         least = max(width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))  # passed slowly enough to be seen
-        waves = np.arange(1.0, max(width / least, 1.5), 0.4)
+        waves = np.arange(1.5, max(width / least, 2.0), 0.4)
         return [{"sine": 0.0, "cosine": 0.0, "period": width / n} for n in waves]

@@ -19,12 +19,14 @@ from jaxidl.effects import (
     Scale,
     Stiction,
     StribeckFriction,
+    TorqueRipple,
     TorqueSaturation,
     TorqueScale,
 )
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Free, as_effect
 
+LEAST_WAVES = 1.3  # of a ripple, within the range of positions
 SOFTEST = 3.0  # of a transmission: frequency of the motor against a link held still [Hz]
 KNOTS = (6, 12, 24)  # of tables over position
 
@@ -155,6 +157,8 @@ def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: flo
         inertia = float(guess["motor_inertia"])
         soft = (2.0 * np.pi * SOFTEST) ** 2 * inertia
         return {"motor_inertia": (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia)), "stiffness": (soft, np.inf)}
+    if cls is TorqueRipple:  # of a single wave along the way nobody knows that it is one
+        return {"period": (0.0, (scale.upper - scale.lower) / LEAST_WAVES)}
     if cls is TorqueScale:
         return {"scale": (0.4, 2.5)}
     if cls is TorqueSaturation:

@@ -173,7 +173,8 @@ class Ranking:
             return simplest[0]
         if best.gain.value < WORTH:
             return best
-        ends = [self.attempt(t.candidate, polish=True) for t in trials[:STARTS]]
+        starts = 1 if len(best.joints) > 2 else STARTS  # what touches the whole mechanism takes its time
+        ends = [self.attempt(t.candidate, polish=True) for t in trials[:starts]]
         return min((t for t in (*ends, best) if t is not None and t.fit.feasible), key=Trial.order)
 
     def _over(self, one: Trial, other: Trial) -> Gain:

@@ -13,7 +13,7 @@ from jaxidl.gap.rank import Ranking, Trial
 
 MOST = 24  # effects at most
 REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
-EXCHANGE = 2.0  # times the least gain: an effect is exchanged for another one only if that is much better
+EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
 UNSURE = 0.1  # ... and never if it loses more than this share, however unsure
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
@@ -77,6 +77,8 @@ def _tidy(ranking: Ranking) -> None:
     newest = ranking.members[-1]
     _prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
     for m in ranking.members[:-1]:
+        if not set(m.joints) & set(ranking.members[-1].joints):
+            continue
         better = (t for t in _instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
         others = [t for t in better if not _flexible(t.candidate, m.candidate)]
         if others:
