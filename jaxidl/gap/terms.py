@@ -49,6 +49,7 @@ class Contribution(NamedTuple):
 
 
 Free = tuple[str, ...]
+Columns = slice | list[int]  # joints
 
 
 def parameters_of(effect: Effect, free: Free) -> Float[np.ndarray, " P"]:
@@ -93,7 +94,9 @@ def contribution(
         wrapped: Effect = OnJoint(effect, joint, joints)
     else:
         wrapped = effect
-    columns = slice(joint, joint + 1) if own and joint is not None else slice(None)
+    columns: Columns = slice(joint, joint + 1) if own and joint is not None else slice(None)
+    if isinstance(effect, CoupledFriction):  # its two joints as a mechanism of their own: one program for all pairs
+        columns, wrapped = [effect.joint, effect.other], effect.replace(joint=0, other=1)
     drive, starts = _driven(signals, tau, columns)
     value, slopes = _terms(wrapped, free, drive, starts, signals.dt)
     value, slopes = jax.tree.map(np.asarray, (value, slopes))
@@ -115,7 +118,7 @@ def trial_changes(effects: list[Effect], joint: int, signals: Signals, tau: np.n
     return signals.command(delivered - drive.tau)[signals.rows] - inertia[signals.rows]
 
 
-def _driven(signals: Signals, tau: np.ndarray, columns: slice) -> tuple[Drive, np.ndarray]:
+def _driven(signals: Signals, tau: np.ndarray, columns: Columns) -> tuple[Drive, np.ndarray]:
     """What an effect on some joints sees under the commands ``tau`` (T, J), and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
@@ -130,9 +133,9 @@ def _many(effects: Any, drive: Drive, starts: Any, dt: float) -> Any:
     return terms.delivered[..., 0], terms.inertia[..., 0]
 
 
-def _sliced(table: Tables, columns: slice) -> Tables:
+def _sliced(table: Tables, columns: Columns) -> Tables:
     """The tables of some joints, as if the others did not move."""
-    return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns, columns] for x in table))
+    return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns][:, :, columns] for x in table))
 
 
 @partial(jax.jit, static_argnames=("free", "dt"))
@@ -180,7 +183,7 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
     return jax.lax.scan(step, effect.start(drive.q[0]), (drive.q, drive.qd, drive.tau, starts))[1]
 
 
-def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
+def _rows(terms: Terms, signals: Signals, columns: Columns) -> Contribution:
     """Filter, thin out, put into all joints' columns. ``terms`` are changes, with any leading axes."""
     lead = terms.torque.shape[:-2]
     joints = signals.q.shape[1]
@@ -202,7 +205,7 @@ def _rows(terms: Terms, signals: Signals, columns: slice) -> Contribution:
     return Contribution(*out)
 
 
-def _moved(shift: np.ndarray, signals: Signals, columns: slice) -> np.ndarray:
+def _moved(shift: np.ndarray, signals: Signals, columns: Columns) -> np.ndarray:
     """Change (..., N, J) of the inverse dynamics if true positions are ``shift`` (..., T, J) beside the measured ones.
 
     Exact for a shift, linear for derivatives, which have an axis more.
@@ -216,7 +219,7 @@ def _moved(shift: np.ndarray, signals: Signals, columns: slice) -> np.ndarray:
         there = (signals.q + along, signals.qd + speed, signals.qdd + signals.differentiate(speed))
         return inverse_dynamics(signals.body, *(x[rows] for x in there)) - table.torque[rows]
     parts = zip((table.by_q, table.by_qd, table.inertia), (along, speed, signals.differentiate(speed)), strict=True)
-    total = sum(np.einsum("nij,n...j->n...i", t[rows][:, columns, columns], x[rows]) for t, x in parts)
+    total = sum(np.einsum("nij,n...j->n...i", t[rows][:, columns][:, :, columns], x[rows]) for t, x in parts)
     return np.moveaxis(np.asarray(total), 0, -2)
 
 
