@@ -15,8 +15,7 @@ jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as the programs run it
 
-with install_import_hook("jaxidl", "beartype.beartype"):
-    pass
+install_import_hook("jaxidl", "beartype.beartype")  # in force for as long as the suite runs
 
 REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
 

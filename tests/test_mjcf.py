@@ -10,7 +10,7 @@ from jaxidl.effects import Payload
 from jaxidl.errors import EffectError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
 from jaxidl.systems.mjcf import read_model
-from jaxidl.systems.mujoco_body import LOADS, batched_inverse_dynamics
+from jaxidl.systems.mujoco_body import LOADS
 from jaxidl.systems.tables import inverse_dynamics, tables
 
 LINK = (
@@ -91,7 +91,7 @@ def test_a_batch_is_its_instants(tmp_path):
     body = read_model(stored(tmp_path, PENDULUM)).plant.body
     log = jnp.asarray(np.random.default_rng(0).normal(size=(3, 7, 1)))
     one = jax.jit(body.inverse_dynamics)
-    many = jax.jit(lambda *log: batched_inverse_dynamics(body, *log))(*log)
+    many = jax.jit(jax.vmap(body.inverse_dynamics))(*log)
     np.testing.assert_allclose(many, [one(*instant) for instant in zip(*log, strict=True)], rtol=1e-12)
     np.testing.assert_allclose(many, inverse_dynamics(body, *log), rtol=1e-10)
 

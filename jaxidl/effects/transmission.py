@@ -5,7 +5,7 @@ command and the transmission's torque in ``SUBSTEPS`` small ones, the link's vel
 transmission's mean torque.
 """
 
-from collections.abc import Callable
+from abc import abstractmethod
 from typing import Any, ClassVar
 
 import jax
@@ -20,22 +20,37 @@ SUBSTEPS = 4
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 
 
-def drive(
-    transmitted: Callable[[Joints, Joints], Joints], inertia: Joints, memory: Any, qd: Joints, tau: Joints, dt: float
-) -> tuple[Joints, Any]:
-    """Mean transmitted torque (J,) over a step and the new motor state: twist (J,) and motor speed (J,)."""
+class Transmission(Effect):
+    """What all transmissions share: the motor's inertia taken off the link, and its twist and speed as hidden state."""
 
-    def small(state: Any, _: None) -> tuple[Any, Joints]:
-        twist, speed = state
-        torque = transmitted(twist, speed - qd)
-        speed = speed + dt / SUBSTEPS * (tau - torque) / inertia
-        return (twist + dt / SUBSTEPS * (speed - qd), speed), torque
+    @abstractmethod
+    def transmitted(self, twist: Joints, rate: Joints) -> Joints:
+        """Torque (J,) that passes at a ``twist`` (J,) of motor against link that changes at ``rate`` (J,)."""
 
-    memory, torques = jax.lax.scan(small, memory, None, length=SUBSTEPS, unroll=True)
-    return jnp.mean(torques, axis=0), memory
+    def alter(self, body: Any) -> Any:
+        return body.add_inertia(-self._inertia)
+
+    def start(self, q: Joints) -> Any:
+        return jnp.zeros_like(q), jnp.zeros_like(q)
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        """Mean transmitted torque (J,) over a step, and the new twist (J,) and motor speed (J,)."""
+
+        def small(state: Any, _: None) -> tuple[Any, Joints]:
+            twist, speed = state
+            torque = self.transmitted(twist, speed - qd)
+            speed = speed + dt / SUBSTEPS * (tau - torque) / self._inertia
+            return (twist + dt / SUBSTEPS * (speed - qd), speed), torque
+
+        memory, torques = jax.lax.scan(small, memory, None, length=SUBSTEPS, unroll=True)
+        return jnp.mean(torques, axis=0), memory
+
+    @property
+    def _inertia(self) -> Joints:
+        return getattr(self, "motor_inertia")  # noqa: B009 - a field of the subclasses, behind their others
 
 
-class JointElasticity(Effect):
+class JointElasticity(Transmission):
     """Motor and link are joined by a spring and a damper: k·twist + d·(twist's rate)."""
 
     stiffness: Joints  # (J,) k [N/m or Nm/rad]
@@ -50,15 +65,8 @@ class JointElasticity(Effect):
         "motor_inertia": _MOTOR,
     }
 
-    def alter(self, body: Any) -> Any:
-        return body.add_inertia(-self.motor_inertia)
-
-    def start(self, q: Joints) -> Any:
-        return jnp.zeros_like(q), jnp.zeros_like(q)
-
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
-        transmitted = lambda twist, rate: self.stiffness * twist + self.damping * rate  # noqa: E731
-        return drive(transmitted, self.motor_inertia, memory, qd, tau, dt)
+    def transmitted(self, twist: Joints, rate: Joints) -> Joints:
+        return self.stiffness * twist + self.damping * rate
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -71,7 +79,7 @@ class JointElasticity(Effect):
         return [guess(share, f, ratio) for share in (0.05, 0.1, 0.2, 0.4, 0.65) for f in tones for ratio in (0.05, 0.25)]
 
 
-class Backlash(Effect):
+class Backlash(Transmission):
     """A dead zone of width ``gap`` between motor and link; beyond it a stiff contact with a damper."""
 
     gap: Joints  # (J,) total play [m or rad]
@@ -88,18 +96,9 @@ class Backlash(Effect):
         "motor_inertia": _MOTOR,
     }
 
-    def alter(self, body: Any) -> Any:
-        return body.add_inertia(-self.motor_inertia)
-
-    def start(self, q: Joints) -> Any:
-        return jnp.zeros_like(q), jnp.zeros_like(q)
-
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
-        def transmitted(twist: Joints, rate: Joints) -> Joints:
-            pressed = twist - jnp.clip(twist, -self.gap / 2, self.gap / 2)
-            return self.stiffness * pressed + jnp.where(pressed == 0.0, 0.0, self.damping * rate)
-
-        return drive(transmitted, self.motor_inertia, memory, qd, tau, dt)
+    def transmitted(self, twist: Joints, rate: Joints) -> Joints:
+        pressed = twist - jnp.clip(twist, -self.gap / 2, self.gap / 2)
+        return self.stiffness * pressed + jnp.where(pressed == 0.0, 0.0, self.damping * rate)
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:

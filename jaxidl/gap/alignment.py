@@ -30,21 +30,14 @@ class Alignment(Effect):
     linear: ClassVar[bool] = True
 
 
-class _Bounded(Candidate):
-    reach: tuple[float, float] = (0.0, 0.0)
-
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([self.reach[0]]), np.array([self.reach[1]])
-
-
 def alignments(data: Data) -> tuple[Member, ...]:
     """One member for each joint, at no shift."""
     signals, (_, joints) = data.signals, data.base.shape
     slope = signals.differentiate(signals.command(signals.tau))[signals.rows]
+    reach = {"shift": (REACH[0] * signals.dt, REACH[1] * signals.dt)}
     found = []
     for j in range(joints):
-        candidate = _Bounded(ALIGNMENT, j, "", Alignment(jnp.zeros(1)), ("shift",), at_bounds=True)
-        object.__setattr__(candidate, "reach", (REACH[0] * signals.dt, REACH[1] * signals.dt))
+        candidate = Candidate(ALIGNMENT, j, "", Alignment(jnp.zeros(1)), ("shift",), within=reach, at_bounds=True)
         nothing = np.zeros_like(data.base)
         net = np.zeros((1, *data.base.shape))
         net[0, :, j] = -slope[:, j]

@@ -14,6 +14,7 @@ from jaxidl.effects import (
     CoupledFriction,
     Effect,
     InertiaError,
+    LoadDependentFriction,
     Payload,
     PositionDependentFriction,
     Scale,
@@ -28,6 +29,7 @@ from jaxidl.gap.terms import Free, as_effect
 
 LEAST_WAVES = 1.3  # of a ripple, within the range of positions
 SOFTEST = 3.0  # of a transmission: frequency of the motor against a link held still [Hz]
+MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
 KNOTS = (6, 12, 24)  # of tables over position
 
 ATOMS = ("viscous_friction", "coulomb_friction", "constant_offset", "quadratic_drag", "inertia_error", "torque_scale")
@@ -161,6 +163,8 @@ def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: flo
         return {"period": (0.0, (scale.upper - scale.lower) / LEAST_WAVES)}
     if cls is TorqueScale:
         return {"scale": (0.4, 2.5)}
+    if cls is LoadDependentFriction:
+        return {"coefficient": (0.0, MOST_OF_LOAD)}
     if cls is TorqueSaturation:
         return {"limit": (0.1 * scale.torque, np.inf)}
     return {"speed": (3.0 * rest, np.inf)} if cls is StribeckFriction else {}

@@ -1,11 +1,13 @@
 """Which of the ranked effects to add: the clearest, unless a simpler one, several simple ones or a pair explain as much."""
 
+from collections.abc import Iterator
 from itertools import combinations
 
 import numpy as np
 
 from jaxidl.gap.candidates import ATOMS, CONTAINS, INSEPARABLE, Candidate
 from jaxidl.gap.gains import Errors, errors_of, gain
+from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
 
 SAME = 1.0  # standard errors within which two are equally good
@@ -17,17 +19,17 @@ LEAST_SIDE = 0.05  # of one direction's dry friction that the other has at least
 RATIO = 1.5  # directions whose dry friction differs less are Coulomb friction and an offset
 
 
-def winner(ranking: Ranking, trials: list[Trial]) -> tuple[Trial | None, list[Trial]]:
-    """The effect to add, if any, and the trials that are as good."""
+def winner(ranking: Ranking, trials: list[Trial]) -> Trial | None:
+    """The effect to add, if any."""
     clear = [t for t in trials if matters(ranking, t)]
     if not clear:
-        return _pair(ranking, trials), []
+        return _pair(ranking, trials)
     best = clear[0]
     equal = [t for t in clear if _same(ranking, best, t)]
     chosen = min(equal, key=lambda t: (t.candidate.cost, ranking.merit(t)))
     if chosen.candidate.name in CONTAINS and (atoms := _imitation(ranking, chosen)) is not None:
-        return atoms, [chosen]
-    return chosen, [t for t in equal if t is not chosen]
+        return atoms
+    return chosen
 
 
 def _pair(ranking: Ranking, trials: list[Trial]) -> Trial | None:
@@ -79,12 +81,22 @@ def _errors(ranking: Ranking, trial: Trial) -> Errors:
 
 
 def _imitation(ranking: Ranking, compound: Trial) -> Trial | None:
-    """The first of up to three simple effects that together do nearly what one complex effect does, if there are such.
+    """The first of several simple effects that together do nearly what one complex effect does, if there are such."""
+    _, beside = ranking.closure(compound.joints)
+    for group in imitators(ranking, compound, beside):
+        singles = [t for t in map(ranking.attempt, group) if t is not None and matters(ranking, t)]
+        if singles:
+            return min(singles, key=Trial.order)
+    return _half(ranking, compound) if compound.candidate.variant == "both" else None
+
+
+def imitators(ranking: Ranking, compound: Trial, beside: tuple[Member, ...]) -> Iterator[tuple[Candidate, ...]]:
+    """Groups of up to three simple effects that with those ``beside`` do nearly what one complex effect does with them.
 
     One complex cause in the place of several simple ones must leave less than ``REPLACES`` of what they leave.
     """
     joint = compound.candidate.joint
-    taken = {(m.candidate.name, m.candidate.joint) for m in ranking.members}
+    taken = {(m.candidate.name, m.candidate.joint) for m in beside}
     atoms = [c for c in ranking.pool if c.name in ATOMS and c.joint == joint and (c.name, joint) not in taken]
     atoms = [c for c in atoms if set(ranking.column(c).joints) <= set(compound.joints)]
     left = _excess(ranking, compound)
@@ -93,19 +105,15 @@ def _imitation(ranking: Ranking, compound: Trial) -> Trial | None:
         for group in combinations(atoms, size):
             if len({c.name for c in group}) < size:
                 continue
-            _, beside = ranking.closure(compound.joints)
             together = ranking.fitted((*beside, *map(ranking.column, group)), compound.joints)
-            trial = Trial(compound.candidate, together, compound.joints, compound.gain)
-            if together.feasible and (best is None or _excess(ranking, trial) < best[0]):
-                best = _excess(ranking, trial), group
+            excess = _excess(ranking, compound._replace(fit=together))
+            if together.feasible and (best is None or excess < best[0]):
+                best = excess, group
         if best is None or left < REPLACES * best[0]:
             continue
         if compound.candidate.name == "asymmetric_friction" and size > 1 and _directional(compound):
-            break
-        singles = [t for t in map(ranking.attempt, best[1]) if t is not None and matters(ranking, t)]
-        if singles:
-            return min(singles, key=Trial.order)
-    return _half(ranking, compound) if compound.candidate.variant == "both" else None
+            return
+        yield best[1]
 
 
 def _half(ranking: Ranking, both: Trial) -> Trial | None:

@@ -31,7 +31,7 @@ class Data(NamedTuple):
     signals: Signals
 
 
-def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3, blocks: int = BLOCKS) -> Data:
+def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3) -> Data:
     """Rows of a log and what the model, a rigid body with ``effects``, makes of them; a share ``held_out`` is kept aside."""
     rows, tau = signals.rows, signals.tau
     base, slide = signals.balance, np.zeros((len(rows), signals.q.shape[1]))
@@ -41,7 +41,7 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
         base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
     train = kept_rows(signals, held_out)
     block = np.full(len(rows), -1)
-    block[train] = np.arange(train.sum()) * blocks // max(train.sum(), 1)
+    block[train] = np.arange(train.sum()) * BLOCKS // max(train.sum(), 1)
     spread = np.std(signals.tau[rows], axis=0)
     return Data(
         base,

@@ -38,12 +38,6 @@ class Fit(NamedTuple):
         """Held-out root mean square error over the training blocks of one joint."""
         return float(np.sqrt(self.error[:, joint].sum() / max(self.counts[:, joint].sum(), 1)))
 
-    def stderr(self, which: int) -> np.ndarray:
-        """Standard errors (P,) of one member's parameters: block jackknife."""
-        samples = self.samples[which]
-        b = len(samples)
-        return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
-
 
 def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Fit:
     """Least squares over the training rows, weighted by ``weight`` (J,) or (N, J) [1/N or 1/Nm]; ``joints`` alone if given."""

@@ -18,7 +18,7 @@ class Gain(NamedTuple):
 
     value: float
     stderr: float
-    few: bool = False  # is it made at few moments, perhaps, but at several, and hardly any lost at others?
+    few: bool = False  # is it made at several moments, if few, and hardly any lost at others?
 
     def clear(self, least: float) -> bool:
         """Two standard errors and the least gain; where an effect seldom acts, several times that gain and no loss elsewhere."""
@@ -80,12 +80,17 @@ def gain(before: Errors, after: Errors) -> Gain:
     """
     value = 1.0 - np.sqrt(after.total() / max(before.total(), 1e-300))
     parts = 1.0 - np.sqrt(after.without_each() / np.maximum(before.without_each(), 1e-300))
-    n = len(parts)
-    stderr = float(np.sqrt((n - 1) / n * np.sum((parts - parts.mean()) ** 2)))
+    stderr = float(jackknife(parts))
     plain = 1.0 - np.sqrt(after.square() / max(before.square(), 1e-300))
     if plain > 0.0 and _seldom(before.moments, after.moments):
         return Gain(float(max(value, plain)), stderr, True)
     return Gain(float(value), stderr)
+
+
+def jackknife(samples: np.ndarray) -> np.ndarray:
+    """Standard error (...) from what comes out without one block each, ``samples`` (B, ...)."""
+    b = len(samples)
+    return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
 
 
 def _seldom(before: np.ndarray, after: np.ndarray) -> bool:

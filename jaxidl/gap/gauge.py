@@ -8,6 +8,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.data import Data
 from jaxidl.gap.fit import fit as fit_members
 from jaxidl.gap.fit import polished
+from jaxidl.gap.gains import jackknife
 from jaxidl.gap.search import Outcome
 from jaxidl.gap.terms import with_parameters
 
@@ -46,8 +47,7 @@ def settled(outcome: Outcome, whole: Data) -> list[tuple[Effect, Told]]:
 def _told(m: Any, theta: np.ndarray, samples: np.ndarray) -> tuple[Effect, Told]:
     low, high = m.candidate.bounds()
     effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))
-    b = len(samples)
-    errors = np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
+    errors = jackknife(samples)
     told: Told = {}
     at = 0
     for name in m.candidate.free:

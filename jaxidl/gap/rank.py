@@ -53,6 +53,9 @@ class Ranking:
     def __init__(self, data: Data, pool: Iterable[Candidate], min_gain: float):
         self.data, self.min_gain, self.margin = data, min_gain, NOISE_MARGIN
         self.pool = list(pool)
+        self.groups: dict[tuple[str, int | None], list[Candidate]] = {}  # starting values and variants of one effect on one joint
+        for candidate in self.pool:
+            self.groups.setdefault((candidate.name, candidate.joint), []).append(candidate)
         self.members: tuple[Member, ...] = ()
         self.alignments = alignments(data)
         self.weight = np.ones(data.base.shape[1])
@@ -129,11 +132,8 @@ class Ranking:
 
     def rank(self, step: Callable[[], None] = lambda: None) -> list[Trial]:
         """The best trial of every effect on every joint, best first."""
-        groups: dict[tuple[str, int | None], list[Candidate]] = {}
-        for candidate in self.pool:
-            groups.setdefault((candidate.name, candidate.joint), []).append(candidate)
         taken = {(m.candidate.name, m.candidate.joint) for m in self.members}
-        for key, group in groups.items():
+        for key, group in self.groups.items():
             if key not in taken and key not in self.trials:
                 trials = [t for t in map(self.attempt, self.promising(group)) if t is not None and t.fit.feasible]
                 if trials:
@@ -143,11 +143,8 @@ class Ranking:
 
     def shortlist(self) -> list[Candidate]:
         """The pool, with few starting values of each hidden state: those that were promising last."""
-        groups: dict[tuple[str, int | None], list[Candidate]] = {}
-        for candidate in self.pool:
-            groups.setdefault((candidate.name, candidate.joint), []).append(candidate)
         short = lambda group: [c for c in group if c in self.columns][-PROMISING:]  # noqa: E731
-        return [c for group in groups.values() for c in (short(group) if self._many(group) else group)]
+        return [c for group in self.groups.values() for c in (short(group) if self._many(group) else group)]
 
     def _many(self, group: list[Candidate]) -> bool:
         first = group[0]

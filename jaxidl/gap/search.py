@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from jaxidl.gap.candidates import ATOMS, CONTAINS, INSEPARABLE, Candidate
-from jaxidl.gap.choose import SAME, winner
+from jaxidl.gap.choose import SAME, imitators, winner
 from jaxidl.gap.gains import Gain, errors_of, gain
 from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
@@ -46,13 +46,13 @@ Watch = Callable[[str, float], None]  # what is being done, and the share of the
 def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome:
     """Add effects while one is clearly missing."""
     outcome = Outcome(ranking, ranking.fit.residual)
-    keys = len({(c.name, c.joint) for c in ranking.pool})
+    keys = len(ranking.groups)
     seen: set[frozenset[tuple[str, int | None]]] = set()
     for number in range(MOST):
         tried = iter(range(1, keys + 1))
         trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
         outcome.rounds.append(trials)
-        best, _ = winner(ranking, trials)
+        best = winner(ranking, trials)
         if best is None:
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
@@ -83,8 +83,9 @@ def _tidy(ranking: Ranking) -> None:
         others = [t for t in better if not _flexible(t.candidate, m.candidate)]
         if others:
             best = max(others, key=lambda t: t.gain.value)
-            start = next(x for x in best.fit.members if x.candidate is best.candidate)
-            ranking.replace((m,), (start,))
+            _, beside = ranking.closure(best.joints)
+            simple = imitators(ranking, best, tuple(x for x in beside if x is not m)) if best.candidate.name in CONTAINS else ()
+            ranking.replace((m,), tuple(map(ranking.column, next(iter(simple), (best.candidate,)))))
             return
 
 

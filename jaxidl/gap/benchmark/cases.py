@@ -1,6 +1,5 @@
 """The cases of the benchmark: every effect alone at three severities, pairs, nothing, and effects outside the catalogue."""
 
-import json
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -121,12 +120,6 @@ def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
         }
         for case in cases
     }
-
-
-def write_truth(cases: Iterable[Case], path: Path) -> None:
-    """Write :func:`truth` as JSON; to be kept away from where the workflow reads."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(truth(cases), indent=1))
 
 
 def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str, int]]]]:
