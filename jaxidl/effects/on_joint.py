@@ -4,10 +4,13 @@ from typing import Any
 
 import jax.numpy as jnp
 from flax import struct
+from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
 from jaxidl.errors import EffectError
 from jaxidl.types import History, JointMask, Joints
+
+Own = Float[Array, "1"]  # of the one joint
 
 
 class _Part:
@@ -16,13 +19,13 @@ class _Part:
     def __init__(self, body: Any, joint: int, like: Joints):
         self.body, self.joint, self.like = body, joint, like
 
-    def _spread(self, extra: Joints | float) -> Joints:
+    def _spread(self, extra: Own | float) -> Joints:
         return jnp.zeros_like(self.like).at[self.joint].set(jnp.reshape(jnp.asarray(extra), ()))
 
-    def add_inertia(self, extra: Joints | float) -> "_Part":
+    def add_inertia(self, extra: Own | float) -> "_Part":
         return _Part(self.body.add_inertia(self._spread(extra)), self.joint, self.like)
 
-    def add_mass(self, extra: Joints | float) -> "_Part":
+    def add_mass(self, extra: Own | float) -> "_Part":
         return _Part(self.body.add_mass(self._spread(extra)), self.joint, self.like)
 
 
@@ -33,10 +36,10 @@ class OnJoint(Effect):
     joint: int = struct.field(pytree_node=False)
     joints: int = struct.field(pytree_node=False)
 
-    def _of(self, values: Joints) -> Joints:
+    def _of(self, values: Joints) -> Own:
         return values[self.joint : self.joint + 1]
 
-    def _put(self, values: Joints, own: Joints) -> Joints:
+    def _put(self, values: Array, own: Array) -> Array:
         return values.at[self.joint].set(own[0])
 
     def alter(self, body: Any) -> Any:

@@ -14,7 +14,7 @@ from jaxidl.types import History, Joints, Scalar
 class SensingNoise(Effect):
     """Encoder noise clip(σ·N(0, 1), −σ, σ), drawn anew at every instant."""
 
-    scale: Scalar  # σ, also the largest error [m]
+    scale: Joints | Scalar  # σ, also the largest error [m]
 
     name: ClassVar[str] = "sensing_noise"
     sentence: ClassVar[str] = "the encoders read the position with bounded random error"

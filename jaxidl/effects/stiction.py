@@ -20,8 +20,8 @@ class Stiction(Effect):
     """
 
     breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
-    speed: Joints | float  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
-    below: Joints | float  # (J,) or (): positions from here on do not stick [m]
+    speed: Joints | Scalar  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
+    below: Joints | Scalar  # (J,) or (): positions from here on do not stick [m]
     signed: bool = struct.field(pytree_node=False, default=False)
 
     name: ClassVar[str] = "stiction"

@@ -27,7 +27,7 @@ from jaxidl.effects import (
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import Free, as_effect
 
-LEAST_WAVES = 1.3  # of a ripple, within the range of positions
+LEAST_WAVES = 2.0  # of a ripple, within the range of positions
 SOFTEST = 3.0  # of a transmission: frequency of the motor against a link held still [Hz]
 MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
 KNOTS = (6, 12, 24)  # of tables over position

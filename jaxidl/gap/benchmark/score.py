@@ -48,7 +48,7 @@ def share(credits: Iterable[float]) -> dict[str, float]:
     return {"share": p, "n": n, "low": max(0.0, centre - half), "high": min(1.0, centre + half)}
 
 
-def quartiles(values: Iterable[float]) -> dict[str, float]:
+def quartiles(values: Iterable[float]) -> dict[str, float | int]:
     """``n``, ``q25``, ``median`` and ``q75`` of the values; NaN without any."""
     array = np.array(list(values), float)
     low, middle, high = np.quantile(array, [0.25, 0.5, 0.75]) if len(array) else [math.nan] * 3
