@@ -51,15 +51,15 @@ class Errors(NamedTuple):
         """The plain sum of squares, not less than the noise's."""
         return float(np.maximum(self.error.sum(0), self.noise.sum(0)).sum())
 
-    def without_each(self) -> np.ndarray | np.floating:
+    def without_each(self) -> np.ndarray:
         """Totals (B,) without one block each."""
         error, noise, counts = (x.sum(0) - x for x in (*(np.sqrt(x * self.counts) for x in self[:2]), self.counts))
         return _total(error, noise, counts)
 
 
-def _total(error: np.ndarray, noise: np.ndarray, count: np.ndarray) -> np.ndarray | np.floating:
+def _total(error: np.ndarray, noise: np.ndarray, count: np.ndarray) -> np.ndarray:
     """Totals (...) over joints of weighted block sums (..., J), none below the noise's."""
-    return np.sum(np.maximum(error, noise) ** 2 / np.maximum(count, 1.0), axis=-1)
+    return np.asarray(np.sum(np.maximum(error, noise) ** 2 / np.maximum(count, 1.0), axis=-1))
 
 
 def errors_of(
@@ -87,10 +87,10 @@ def gain(before: Errors, after: Errors) -> Gain:
     return Gain(float(value), stderr)
 
 
-def jackknife(samples: np.ndarray) -> np.ndarray | np.floating:
+def jackknife(samples: np.ndarray) -> np.ndarray:
     """Standard error (...) from what comes out without one block each, ``samples`` (B, ...)."""
     b = len(samples)
-    return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
+    return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))
 
 
 def _seldom(before: np.ndarray, after: np.ndarray) -> bool:

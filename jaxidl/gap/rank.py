@@ -115,18 +115,20 @@ class Ranking:
         after = errors_of(found, self.data, self.weight, joints, self.margin).of([joints.index(j) for j in own])
         return Trial(candidate, found, joints, gain(self.present(own), after))
 
-    def attempt(self, candidate: Candidate, polish: bool = False, without: Member | None = None) -> Trial | None:
-        """The candidate beside the members (but one)."""
-        start = self.column(candidate)
-        own = start.joints
+    def attempt(
+        self, candidate: Candidate, polish: bool = False, without: tuple[Member, ...] = (), also: tuple[Candidate, ...] = ()
+    ) -> Trial | None:
+        """The candidate, and perhaps others, beside the members but those ``without``."""
+        starts = [self.column(c) for c in (candidate, *also)]
+        own = tuple(sorted({j for start in starts for j in start.joints}))
         if not own:
             return None
-        joints, beside = self.closure(own if without is None else {*own, *without.joints})
-        beside = tuple(m for m in beside if m is not without)
-        found = self.fitted((*beside, start), joints)
-        if polish and not start.effect.linear:
+        joints, beside = self.closure({*own, *(j for m in without for j in m.joints)})
+        beside = tuple(m for m in beside if m not in without)
+        found = self.fitted((*beside, *starts), joints)
+        if polish and not all(start.effect.linear for start in starts):
             found = polished(self.data, found, self.rows, joints)
-        return self.judge(candidate, found, joints, joints if without is not None else own)
+        return self.judge(candidate, found, joints, joints if without else own)
 
     # one round
 

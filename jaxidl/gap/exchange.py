@@ -1,0 +1,110 @@
+"""Members in each other's place: out with what is idle, one for another one, two for one or two."""
+
+from itertools import combinations
+
+from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
+from jaxidl.gap.choose import QUIET, imitators
+from jaxidl.gap.gains import Gain, errors_of, gain
+from jaxidl.gap.members import Member
+from jaxidl.gap.rank import Ranking, Trial
+
+REDUNDANT = 0.7  # an effect that is worth less than this share of the least gain is taken out again
+EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
+OTHERS = 3  # effects in the place of each of two members that are tried together
+LOUD = (1.1, 6.0)  # noise floors: with less left there is no reason to exchange two, with more no hope to explain all
+DEARER = 1.0  # than two members together: the complexity that one effect in the place of both may have
+
+
+def tidy(ranking: Ranking) -> None:
+    """Take out what has become superfluous; exchange what another effect does clearly better."""
+    newest = ranking.members[-1]
+    prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
+    for m in ranking.members[:-1]:
+        if not set(m.joints) & set(ranking.members[-1].joints):
+            continue
+        better = (t for t in instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
+        others = [t for t in better if not _flexible(t.candidate, m.candidate)]
+        if others:
+            best = max(others, key=lambda t: t.gain.value)
+            _, beside = ranking.closure(best.joints)
+            simple = imitators(ranking, best, tuple(x for x in beside if x is not m)) if best.candidate.name in CONTAINS else ()
+            ranking.replace((m,), tuple(map(ranking.column, next(iter(simple), (best.candidate,)))))
+            return
+
+
+def _flexible(one: Candidate, other: Candidate) -> bool:
+    """Does the first imitate the second by being more flexible?"""
+    return one.name != "payload" and other.name in CONTAINS.get(one.name, ())
+
+
+def prune(ranking: Ranking, suspects: tuple[Member, ...]) -> None:
+    """Take out what is worth nothing beside the others; a simple effect is not given up for a complex one that can imitate it."""
+    for key in [m.candidate.key for m in suspects]:
+        m = next((m for m in ranking.members if m.candidate.key == key), None)
+        if m is None:
+            continue
+        later = ranking.members[ranking.members.index(m) + 1 :]
+        beside = [x.candidate.name for x in later if x.candidate.joint == m.candidate.joint]
+        imitable = any(m.candidate.name in CONTAINS.get(name, ()) for name in beside)
+        if not (imitable and m.candidate.name in ATOMS) and _idle(ranking, m):
+            ranking.replace((m,), ())
+
+
+def _idle(ranking: Ranking, m: Member) -> bool:
+    value, stderr, _ = worth(ranking, m)
+    return value < REDUNDANT * ranking.min_gain or value < stderr
+
+
+def worth(ranking: Ranking, m: Member) -> Gain:
+    """How much a member improves the error beside all others."""
+    joints, beside = ranking.closure(m.joints)
+    without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
+    return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
+
+
+def exchange_two(ranking: Ranking) -> bool:
+    """Put one or two effects in the place of two members, if that leaves hardly more than noise; say whether.
+
+    Two wrong effects may support each other: the one looks right as long as the other is there. Where much is left that nobody
+    understands, as on most machines, something or other will always look better in pairs; there nothing is exchanged.
+    """
+    left = [ranking.fit.rms(j) / ranking.data.floor[j] for j in range(len(ranking.weight))]
+    loud = {j for j, rms in enumerate(left) if LOUD[0] < rms < LOUD[1]}
+    suspects = [m for m in ranking.members if loud & set(m.joints)]
+    options = {m: [t.candidate for t in sorted(instead(ranking, m), key=Trial.order)[:OTHERS]] for m in suspects}
+    best: tuple[float, tuple[Member, ...], tuple[Candidate, ...]] | None = None
+    margin, ranking.margin = ranking.margin, 1.0  # what is left between one and ``NOISE_MARGIN`` noise floors counts here
+    for a, b in combinations(suspects, 2):
+        if not set(a.joints) & set(b.joints):
+            continue
+        most = a.candidate.cost + b.candidate.cost + DEARER
+        one = [((c,), 1.0) for c in dict.fromkeys((*options[a], *options[b])) if c.cost <= most]
+        two = [((c, d), EXCHANGE) for c in options[a] for d in options[b] if (c.name, c.joint) != (d.name, d.joint)]
+        for (first, *rest), factor in (*one, *two):
+            trial = ranking.attempt(first, polish=True, without=(a, b), also=tuple(rest))
+            if trial is None or not trial.fit.feasible or not trial.gain.clear(factor * ranking.min_gain):
+                continue
+            if any(trial.fit.rms(k) > QUIET * ranking.data.floor[j] for k, j in enumerate(trial.joints)):
+                continue
+            if best is None or trial.gain.value > best[0]:
+                best = trial.gain.value, (a, b), (first, *rest)
+    ranking.margin = margin
+    if best is None:
+        return False
+    ranking.replace(best[1], tuple(map(ranking.column, best[2])))
+    return True
+
+
+def instead(ranking: Ranking, m: Member) -> list[Trial]:
+    """Every other effect in the place of a member, on any of its joints; the best start of each."""
+    taken = {(x.candidate.name, x.candidate.joint) for x in ranking.members}
+    best: dict[tuple[str, int | None], Trial] = {}
+    for candidate in ranking.shortlist():
+        key = candidate.name, candidate.joint
+        near = candidate.joint is None or candidate.joint in m.joints
+        if key in taken or not near or (m.candidate.joint is not None and candidate.joint not in (None, m.candidate.joint)):
+            continue
+        trial = ranking.attempt(candidate, without=(m,))
+        if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):
+            best[key] = trial
+    return list(best.values())
