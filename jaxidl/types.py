@@ -7,14 +7,13 @@ No signature below the sweep has an axis for configurations: that one comes from
 
 from typing import NamedTuple
 
-import numpy as np
 from flax import struct
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
 History = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
-Scalar = Float[Array, ""] | Float[np.ndarray, ""] | float  # float: a constant of the program
+Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 
 

@@ -109,7 +109,8 @@ def test_round_trip_through_a_dictionary(effect):
     assert again.check() is again
     assert again.to_dict() == effect.to_dict()
     assert jax.tree.structure(again) == jax.tree.structure(effect)  # classes and static fields
-    assert jax.tree.all(jax.tree.map(lambda a, b: a.shape == b.shape and bool((a == b).all()), again, effect))
+    pairs = zip(jax.tree.leaves(again), jax.tree.leaves(effect), strict=True)
+    assert all(a.shape == b.shape and (a == b).all() for a, b in pairs)
 
 
 def test_jit_can_tell_effects_apart():

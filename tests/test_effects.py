@@ -112,7 +112,7 @@ def test_parameters_out_of_bounds_are_named(bad):
 
 @pytest.mark.parametrize("q", [(0.1, 0.1), (0.1, 0.3), (0.3, 0.8), (0.5, 1.5)])
 def test_derivatives_forward_reverse_and_numeric_agree_in_every_region_of_the_paper_friction(q):
-    torque = lambda level, *motion: PaperFriction(level).torque(*motion)  # noqa: E731
+    torque = lambda level, *motion: PaperFriction(jnp.asarray(level)).torque(*map(jnp.asarray, motion))  # noqa: E731
     motion = jnp.array(q), jnp.array([0.7, -0.4]), jnp.array([3.0, 4.0])
     check_grads(torque, (jnp.array(5.0), *motion), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5)
 

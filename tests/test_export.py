@@ -31,10 +31,13 @@ WRITTEN: dict[str, tuple[list[Effect], str]] = {
     "coulomb": ([ON(fx.CoulombFriction(ONE(0.3)), 0), fx.CoulombFriction(PAIR(0.1, 0.7))], "joint/frictionloss"),
     "spring": ([ON(fx.Spring(ONE(2.0), ONE(0.7)), j) for j in (0, 1)], "joint/stiffness, joint/springref"),
     "rotor": ([ON(fx.InertiaError(ONE(0.1)), 0), fx.InertiaError(PAIR(0.1, -0.02))], "joint/armature"),
-    "body": ([ON(fx.InertiaError(ONE(0.0), jnp.array(-0.3)), 1), fx.InertiaError(PAIR(0, 0), PAIR(0.2, 0.1))], "body/inertial"),
+    "body": (
+        [ON(fx.InertiaError(ONE(0.0), jnp.array(-0.3)), 1), fx.InertiaError(PAIR(0.0, 0.0), PAIR(0.2, 0.1))],
+        "body/inertial",
+    ),
     "both": ([fx.InertiaError(PAIR(0.1, 0.2), PAIR(0.2, -0.1))], "joint/armature, body/inertial"),
     "payload": ([LOAD], "body/inertial"),
-    "payloads": ([LOAD, FAR, ON(fx.InertiaError(ONE(0), ONE(0.5)), 1)], "body/inertial"),
+    "payloads": ([LOAD, FAR, ON(fx.InertiaError(ONE(0.0), ONE(0.5)), 1)], "body/inertial"),
 }
 equation = jax.jit(lambda body, q, qd: body.equation_of_motion(q, qd))
 

@@ -93,7 +93,7 @@ def test_a_batch_is_its_instants(tmp_path):
     one = jax.jit(body.inverse_dynamics)
     many = jax.jit(jax.vmap(body.inverse_dynamics))(*log)
     np.testing.assert_allclose(many, [one(*instant) for instant in zip(*log, strict=True)], rtol=1e-12)
-    np.testing.assert_allclose(many, inverse_dynamics(body, *log), rtol=1e-10)
+    np.testing.assert_allclose(many, inverse_dynamics(body, *map(np.asarray, log)), rtol=1e-10)
 
 
 def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):

@@ -16,7 +16,7 @@ class InertiaError(Effect):
     """
 
     extra: Joints  # (J,) of the rotor [kg or kg m^2]
-    mass: Joints | float = 0.0  # (J,) of the body [kg]
+    mass: Joints | Scalar = 0.0  # (J,) or (): of the body [kg]
 
     name: ClassVar[str] = "inertia_error"
     sentence: ClassVar[str] = "a joint carries another inertia than the model says"

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
 from jaxidl.errors import EffectError
-from jaxidl.types import History, JointMask, Joints
+from jaxidl.types import History, JointMask, Joints, Scalar
 
 Own = Float[Array, "1"]  # of the one joint
 
@@ -19,13 +19,13 @@ class _Part:
     def __init__(self, body: Any, joint: int, like: Joints):
         self.body, self.joint, self.like = body, joint, like
 
-    def _spread(self, extra: Own | float) -> Joints:
+    def _spread(self, extra: Own | Scalar) -> Joints:
         return jnp.zeros_like(self.like).at[self.joint].set(jnp.reshape(jnp.asarray(extra), ()))
 
-    def add_inertia(self, extra: Own | float) -> "_Part":
+    def add_inertia(self, extra: Own) -> "_Part":
         return _Part(self.body.add_inertia(self._spread(extra)), self.joint, self.like)
 
-    def add_mass(self, extra: Own | float) -> "_Part":
+    def add_mass(self, extra: Own | Scalar) -> "_Part":
         return _Part(self.body.add_mass(self._spread(extra)), self.joint, self.like)
 
 

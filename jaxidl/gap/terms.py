@@ -62,7 +62,7 @@ def with_parameters(effect: Any, free: Free, values: Any) -> Any:
     out, at = {}, 0
     for name in free:
         old = jnp.asarray(getattr(effect, name))
-        out[name] = jnp.reshape(values[at : at + old.size], old.shape)
+        out[name] = jnp.asarray(values[at : at + old.size].reshape(old.shape))
         at += old.size
     return effect.replace(**out)
 

@@ -86,7 +86,7 @@ class MujocoBody(struct.PyTreeNode):
         """The body with rotor inertia ``extra`` (J,) more on its joints [kg or kg m^2]."""
         return self.replace(armature=self.armature + extra)
 
-    def add_mass(self, extra: Joints | float) -> "MujocoBody":
+    def add_mass(self, extra: Joints | Scalar) -> "MujocoBody":
         """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in proportion."""
         heavier = self.mass.at[jnp.asarray(self.bodies)].add(extra)
         weighty = self.mass > 0.0
@@ -115,8 +115,16 @@ def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
     bare = skeleton(model)
     kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type)
     _constants(bare)  # MuJoCo complains here if at all
-    numbers = (bare.body_mass, bare.body_inertia, bare.body_ipos, bare.dof_armature)
-    return MujocoBody(*map(jnp.asarray, numbers), bare, joint_names(model), kinds, tuple(int(b) for b in bare.jnt_bodyid))
+    return MujocoBody(
+        mass=jnp.asarray(bare.body_mass),
+        inertia=jnp.asarray(bare.body_inertia),
+        centre=jnp.asarray(bare.body_ipos),
+        armature=jnp.asarray(bare.dof_armature),
+        source=bare,
+        names=joint_names(model),
+        kinds=kinds,
+        bodies=tuple(int(b) for b in bare.jnt_bodyid),
+    )
 
 
 def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:

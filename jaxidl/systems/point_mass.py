@@ -28,7 +28,7 @@ class PointMass(struct.PyTreeNode):
         """The body with ``extra`` (J,) [kg] on its axes."""
         return PointMass(self.mass + extra)
 
-    def add_mass(self, extra: Joints | float) -> "PointMass":
+    def add_mass(self, extra: Joints | Scalar) -> "PointMass":
         """A point's mass and an axis' inertia are the same thing."""
         return PointMass(self.mass + extra)
 

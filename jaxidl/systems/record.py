@@ -10,7 +10,7 @@ import jax.numpy as jnp
 
 from jaxidl.effects import Effect, OnJoint, from_dict
 from jaxidl.errors import EffectError, ModelError
-from jaxidl.types import Joints
+from jaxidl.types import Joints, Scalar
 
 EFFECTS = "effects.json"
 MOST_STEPS = 10_000  # of a line of dead time: what a damaged file may make us remember
@@ -72,7 +72,7 @@ class _Probe:
     def __init__(self, joints: int):
         self.joints = joints
 
-    def add_inertia(self, extra: Joints | float) -> "_Probe":
+    def add_inertia(self, extra: Joints | Scalar) -> "_Probe":
         jnp.broadcast_to(jnp.asarray(extra), (self.joints,))
         return self
 

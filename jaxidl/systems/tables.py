@@ -137,10 +137,10 @@ class TabledBody(struct.PyTreeNode):
     qdd: Joints
     extra: Joints  # (J,) [N or Nm] what the alterations add
 
-    def add_inertia(self, extra: Joints | float) -> "TabledBody":
+    def add_inertia(self, extra: Joints) -> "TabledBody":
         return self.replace(extra=self.extra + extra * self.qdd)
 
-    def add_mass(self, extra: Joints | float) -> "TabledBody":
+    def add_mass(self, extra: Joints | Scalar) -> "TabledBody":
         return self.replace(extra=self.extra + self.table.by_mass @ (extra + jnp.zeros_like(self.qdd)))
 
     def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "TabledBody":
