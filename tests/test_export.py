@@ -271,7 +271,7 @@ def rollout_in_c(path, start, torque, hard):
 def test_plain_mujoco_moves_the_exported_model_as_our_plant_moves(mechanism, tmp_path):
     """One second at 0.1 ms. Both schemes are of first order, hence 3e-3 rad on 1 rad of motion.
 
-    MuJoCo's dry friction gives way, by default with a time constant of 20 ms; the harder it is made, the nearer it is to ours.
+    MuJoCo's dry friction gives way: with the hardness that is written, for steps of 2 ms, a little; harder still, less.
     """
     model = read_model(stored(tmp_path, MECHANISMS[mechanism]))
     joints = len(model.names)
@@ -285,4 +285,4 @@ def test_plain_mujoco_moves_the_exported_model_as_our_plant_moves(mechanism, tmp
         np.testing.assert_allclose(theirs, ours, atol=3e-3, err_msg=name)
         assert np.abs(ours - free).max() > 0.05, name  # it makes a difference
         if "coulomb" in values:
-            np.testing.assert_allclose(rollout_in_c(path, start, torque, hard=False), ours, atol=0.06)
+            np.testing.assert_allclose(rollout_in_c(path, start, torque, hard=False), ours, atol=0.012)

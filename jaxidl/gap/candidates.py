@@ -54,6 +54,7 @@ ABSORBS = {
     ("position_dependent_friction", "coefficient"): "viscous_friction",
     ("coupled_friction", "level"): "coulomb_friction",
     ("coupled_friction", "coefficient"): "viscous_friction",
+    ("backlash", "stiffness"): "joint_elasticity",
 }
 """What an effect with a certain free parameter makes superfluous on its joint, because it has it as a part."""
 
@@ -79,6 +80,10 @@ class Candidate:
     @property
     def key(self) -> tuple[str, int | None, str]:
         return self.name, self.joint, self.variant
+
+    def parts(self) -> set[tuple[str, int | None]]:
+        """What it makes superfluous: names and joints."""
+        return {(part, self.joint) for name in self.free if (part := ABSORBS.get((self.name, name)))}
 
     @property
     def cost(self) -> float:

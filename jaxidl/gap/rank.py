@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.alignment import ALIGNMENT, alignments
-from jaxidl.gap.candidates import ABSORBS, TIMING, Candidate
+from jaxidl.gap.candidates import TIMING, Candidate
 from jaxidl.gap.data import Data, used
 from jaxidl.gap.fit import Fit, fit, polished, updated
 from jaxidl.gap.gains import NOISE_MARGIN, Errors, Gain, errors_of, gain
@@ -135,6 +135,7 @@ class Ranking:
     def rank(self, step: Callable[[], None] = lambda: None) -> list[Trial]:
         """The best trial of every effect on every joint, best first."""
         taken = {(m.candidate.name, m.candidate.joint) for m in self.members}
+        taken |= {part for m in self.members for part in m.candidate.parts()}
         for key, group in self.groups.items():
             if key not in taken and key not in self.trials:
                 trials = [t for t in map(self.attempt, self.promising(group)) if t is not None and t.fit.feasible]
@@ -192,9 +193,8 @@ class Ranking:
         """Add the trial's candidate; fit everything on its joints anew."""
         _, beside = self.closure(self.column(trial.candidate).joints)
         kept = tuple(m for m in trial.fit.members if m.candidate.name != ALIGNMENT)
-        parts = {ABSORBS.get((trial.candidate.name, name)) for name in trial.candidate.free}
-        merged = lambda m: m.candidate.joint == trial.candidate.joint and m.candidate.name in parts  # noqa: E731
-        self.replace(beside, tuple(m for m in kept if not merged(m)))
+        parts = trial.candidate.parts()
+        self.replace(beside, tuple(m for m in kept if (m.candidate.name, m.candidate.joint) not in parts))
 
     def replace(self, old: tuple[Member, ...], new: tuple[Member, ...]) -> None:
         """Put ``new`` members in the place of ``old`` ones, and fit them."""

@@ -181,6 +181,9 @@ def _write_inertial(body: ET.Element, model: mujoco.MjModel, numbers: Numbers, b
     return 1
 
 
+HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps, ours does not
+
+
 def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: int) -> None:
     """Write a joint's numbers, those too that are zero but by default or before are not."""
     was = Numbers(model)
@@ -188,6 +191,9 @@ def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: 
         value = getattr(numbers, key)[j]
         if key in joint.attrib or value != 0.0 or getattr(was, key)[j] != 0.0:
             joint.set(key, _text(value))
+    if numbers.frictionloss[j] > was.frictionloss[j] and "solreffriction" not in joint.attrib:
+        joint.set("solreffriction", _text([2.0 * model.opt.timestep, 1.0]))  # the hardest that MuJoCo takes
+        joint.set("solimpfriction", HARD)
     for key, value, neutral in (("pos", model.jnt_pos[j], 0.0), ("axis", model.jnt_axis[j], None), ("ref", model.qpos0[j], 0.0)):
         if key in joint.attrib or np.any(value != neutral):
             joint.set(key, _text(value))
