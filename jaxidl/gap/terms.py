@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jaxidl.effects import CoupledFriction, Effect, OnJoint
 from jaxidl.gap.signals import Signals
@@ -113,8 +113,8 @@ def trial_changes(effects: list[Effect], joint: int, signals: Signals, tau: np.n
     """
     columns = slice(joint, joint + 1)
     drive, starts = _driven(signals, tau, columns)
-    stacked = jax.tree.map(lambda *leaves: jnp.stack(leaves), *effects)
-    delivered, inertia = jax.tree.map(np.asarray, _many(stacked, drive, starts, signals.dt))
+    values = [jnp.stack(leaves) for leaves in zip(*map(jax.tree.leaves, effects), strict=True)]
+    delivered, inertia = jax.tree.map(np.asarray, _many(jax.tree.structure(effects[0]), values, drive, starts, signals.dt))
     return signals.command(delivered - drive.tau)[signals.rows] - inertia[signals.rows]
 
 
@@ -126,10 +126,10 @@ def _driven(signals: Signals, tau: np.ndarray, columns: Columns) -> tuple[Drive,
     return Drive(q, qd, qdd, tau[:, columns], _sliced(signals.tables, columns)), starts
 
 
-@partial(jax.jit, static_argnames=("dt",))
-def _many(effects: Any, drive: Drive, starts: Any, dt: float) -> Any:
-    """Delivered torque and torque of added inertia, (T, G) each, of G effects on one joint."""
-    terms = jax.vmap(lambda effect: _along(effect, drive, starts, dt), out_axes=1)(effects)
+@partial(jax.jit, static_argnames=("structure", "dt"))
+def _many(structure: Any, values: list[Array], drive: Drive, starts: Any, dt: float) -> Any:
+    """Delivered torque and torque of added inertia, (T, G) each, of G effects on one joint: one structure, G values a leaf."""
+    terms = jax.vmap(lambda leaves: _along(jax.tree.unflatten(structure, leaves), drive, starts, dt), out_axes=1)(values)
     return terms.delivered[..., 0], terms.inertia[..., 0]
 
 

@@ -57,9 +57,10 @@ class Grid:
     iterations: int = 20  # executions of each run; not an axis of configurations but of the results
 
     def __post_init__(self) -> None:
-        for name, values in self.axes().items():
-            object.__setattr__(self, name, tuple(_plain(name, value) for value in values))  # lists, ranges, arrays are welcome
-        object.__setattr__(self, "iterations", _plain("iterations", self.iterations))
+        for name in (f.name for f in fields(self)):
+            given: Any = getattr(self, name)  # lists, ranges, arrays are welcome
+            plain = _plain(name, given) if name == "iterations" else tuple(_plain(name, value) for value in given)
+            object.__setattr__(self, name, plain)
         for name, values in self.axes().items():
             if len(values) == 0:
                 raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
