@@ -66,7 +66,7 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     feasible = all(map(inside, members, np.split(theta0 + step, np.cumsum(sizes)[:-1]))) if members else True
     cuts = np.cumsum(sizes)[:-1]
     size = problem.typical(step)
-    residual = problem.residual(np.broadcast_to(step, (len(data.base), len(step))), np.arange(len(data.base)), size)
+    residual = problem.residual(step, np.arange(len(data.base)), size)
     train = np.flatnonzero(data.block >= 0)
     kept_out = problem.residual(steps[data.block[train]], train, size)
     counted = used(data)[train]

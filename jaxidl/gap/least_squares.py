@@ -29,19 +29,26 @@ class Problem:
 
     def __post_init__(self) -> None:
         self.dry = np.any(self.slide0, 0) | np.any(self.grip0, 0) | np.any(self.slide, (0, 1)) | np.any(self.grip, (0, 1))
-        self.at_rest_only = np.any(self.grip, (1, 2)) & ~np.any(self.slide, (1, 2)) & ~np.any(self.net, (1, 2))
+        parts = ("net", "slide", "grip")  # and the parameters that have a say in each:
+        self.which = {part: np.flatnonzero(np.any(getattr(self, part), (1, 2))) for part in parts}
+        self.slopes = {part: getattr(self, part)[which] for part, which in self.which.items()}
+        silent = np.setdiff1d(np.arange(len(self.net)), [*self.which["net"], *self.which["slide"]])
+        self.at_rest_only = np.isin(np.arange(len(self.net)), np.intersect1d(silent, self.which["grip"]))
+
+    def _part(self, part: str, step: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """One part of the balance (n, J) at ``rows`` (n,); ``step`` is (P,), or (n, P) with one of its own for each row."""
+        zero, slope, which = getattr(self, f"{part}0"), self.slopes[part], self.which[part]
+        if not len(which):
+            return zero[rows]
+        if step.ndim == 1:
+            return (zero + np.tensordot(step[which], slope, 1))[rows]
+        own = slope if len(rows) == len(zero) else slope[:, rows]
+        return zero[rows] + np.einsum("np,pnj->nj", step[:, which], own)
 
     def _balance(self, step: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Balance, sliding friction and hold at ``rows`` (n,); ``step`` (P,), or (n, P) with one of its own for each row."""
-
-        def at(zero: np.ndarray, slope: np.ndarray) -> np.ndarray:
-            if not slope.any():
-                return zero[rows]
-            if step.ndim == 1:
-                return zero[rows] + np.tensordot(step, slope[:, rows], 1)
-            return zero[rows] + sum(step[:, p, None] * slope[p, rows] for p in range(len(slope)))
-
-        return at(self.net0, self.net), at(self.slide0, self.slide), np.maximum(at(self.grip0, self.grip), 0.0)
+        net, slide, grip = (self._part(part, step, rows) for part in ("net", "slide", "grip"))
+        return net, slide, np.maximum(grip, 0.0)
 
     def residual(self, step: np.ndarray, rows: np.ndarray, size: np.ndarray) -> np.ndarray:
         """What is left (n, J) at ``rows``; at rest nothing is thought to be known to better than ``size`` (J,)."""
@@ -94,13 +101,16 @@ class Problem:
         """Normal equations (B, P, P) and (B, P) of each training block."""
         rows = np.flatnonzero(self.data.block >= 0)
         counted = used(self.data)[rows].astype(float)
-        columns, target = self.net[:, rows] - self.slide[:, rows], self.net0[rows] - self.slide0[rows]
+        columns, target = self.net[:, rows], self.net0[rows] - self.slide0[rows]
+        columns[self.which["slide"]] -= self.slopes["slide"][:, rows]
         resting = self.data.resting[rows] & self.dry
         if resting.any():
             net, _, grip = self._balance(step, rows)
             loose = np.abs(net) > grip + self.typical(step)
-            columns = np.where(resting, self.net[:, rows] - np.sign(net) * self.grip[:, rows], columns)
-            target = np.where(resting, self.net0[rows] - np.sign(net) * self.grip0[rows], target)
+            at, j = np.nonzero(resting)
+            sign = np.sign(net[at, j])
+            columns[:, at, j] = self.net[:, rows[at], j] - sign * self.grip[:, rows[at], j]
+            target[at, j] = self.net0[rows[at], j] - sign * self.grip0[rows[at], j]
             counted = np.where(resting & ~loose, 0.0, counted)
         weight = self.weight[rows] if self.weight.ndim == 2 else self.weight
         both = np.concatenate([columns, target[None]]) * (counted * weight)
@@ -129,8 +139,8 @@ class Problem:
             peaks = self.data.peaks[j]
             peaks = peaks[among[peaks[:, 0].astype(int)]]
             if len(rows) and len(peaks):
-                _, _, grip = self._balance(step, rows)
-                step[p] = max(lower[p] + np.median(peaks[:, 1]) - np.median(grip[:, j]), lower[p])
+                grip = np.maximum(self._part("grip", step, rows)[:, j], 0.0)
+                step[p] = max(lower[p] + np.median(peaks[:, 1]) - np.median(grip), lower[p])
 
 
 def _together(gram: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
