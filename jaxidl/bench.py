@@ -7,7 +7,7 @@ from pathlib import Path
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
 
 FOLDER = Path(__file__).resolve().parents[1] / "experiments" / "bench"
-BENCHMARKS = ("training_step", "control_step", "configuration", "cores", "growth", "compilation", "reliability")
+BENCHMARKS = ("training_step", "control_step", "configuration", "cores", "growth", "compilation", "gap", "reliability")
 
 
 class BenchmarkError(JaxidlError):

@@ -170,10 +170,10 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
 def bench(
     names: Annotated[Names, tyro.conf.Positional, arg(metavar="NAME ...")] = (), /, *, out: Path = Path("out/bench")
 ) -> None:
-    """Measure this machine: training step, control step, cores, growth, compilation, reliability.
+    """Measure this machine: training step, control step, cores, growth, compilation, gap finding, reliability.
 
     Args:
-        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation,
+        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation, gap,
             reliability.
         out: folder for one JSON file of each.
     """

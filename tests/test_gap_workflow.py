@@ -65,6 +65,32 @@ def test_inertia_and_motor_constant_of_a_slider_are_told_to_be_ambiguous(tmp_pat
     assert "known mass" in found.ambiguous[0].experiment
 
 
+def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
+    """Found first are a wrong inertia and Coulomb friction, each of which looks right as long as the other is there."""
+    bearing = ("stribeck_friction", 0, {"sliding": 0.2, "excess": 0.25, "speed": 0.3})
+    tool = ("payload", 0, {"mass": 0.2, "com": [0.1, 0.0, -0.3]})
+    found = gap.diagnose(*hidden(tmp_path, "pendulum", bearing, tool, seed=7), rollouts=False)
+    assert set(named(found)) == {("stribeck_friction", 0), ("payload", None)}
+    told = {f.name: f.parameters for f in found.findings}
+    assert told["payload"]["mass"].value == pytest.approx(0.2, rel=0.03)
+    assert told["stribeck_friction"]["excess"].value == pytest.approx(0.25, rel=0.1)
+
+
+def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load(tmp_path):
+    """A joint that hardly has inertia: its command is its friction, of which any share "explains" the rest."""
+    t = np.arange(8000) * 0.002
+    tones = [(0.4, 0.25, 0.0), (0.25, 0.43, 1.0), (0.15, 0.71, 2.0)]
+    q = sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in tones)
+    qd = sum(2 * np.pi * f * a * np.cos(2 * np.pi * f * t + phase) for a, f, phase in tones)
+    rng = np.random.default_rng(0)
+    tau = 0.02 * np.gradient(qd, 0.002) + 1.2 * qd + 0.6 * np.tanh(qd / 1e-3)
+    (tmp_path / "model.xml").write_text(SLIDER.format(mass=0.02))
+    found = gap.diagnose(
+        gap.from_arrays(t, (q + rng.normal(0.0, 2e-5, len(t)))[:, None], tau[:, None]), tmp_path / "model.xml", rollouts=False
+    )
+    assert set(named(found)) == {("viscous_friction", 0), ("coulomb_friction", 0)}
+
+
 def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
     log, model = hidden(
         tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}), ("spring", 0, {"stiffness": 0.8, "rest": 0.2})

@@ -144,4 +144,4 @@ def _directional(trial: Trial) -> bool:
     """Does dry friction differ so much between directions that an offset is not the likelier reason?"""
     theta = dict(zip(trial.candidate.free, trial.theta, strict=False))
     low, high = sorted((theta.get("positive", 0.0), theta.get("negative", 0.0)))
-    return low > LEAST_SIDE * high and high > RATIO * low
+    return bool(low > LEAST_SIDE * high and high > RATIO * low)
