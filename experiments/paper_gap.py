@@ -40,7 +40,7 @@ MODEL = """<mujoco model="point mass">
 </mujoco>
 """
 FRICTION, STICTION, ENCODER = 5.0, 5.0, 2e-6  # levels, and the encoder's noise [m]
-STAY, MOVES = 1000, 40  # steps at each place, places
+STAY, MOVES = 1500, 33  # steps at each place: shorter stays do not come to rest; places
 
 
 class Tour(struct.PyTreeNode):
@@ -53,28 +53,26 @@ class Tour(struct.PyTreeNode):
 
 
 def places() -> np.ndarray:
-    """(M, 2) targets: one axis at a time and both, over all regions, with many rests where the mass sticks.
+    """(M, 2) targets: three low ones, each a little higher, where the mass sticks; two where axis 0 is high and axis 1 is not, so
+    that it shows which of the two positions brakes axis 0; and four where both are. The border at 0.2 m is passed slowly.
 
-    Where axis 0 is below 0.2 m, axis 1 stays below 0.4 m, as on the way of the paper's own task: beyond, the paper's rules let
-    the coupling overwrite the friction of axis 0, which is no sum of two effects.
+    A resting mass leaves a low place upwards only: the paper's stiction holds against every negative torque. On the way up axis 0
+    passes 0.2 m before axis 1 passes 0.4 m, as in the paper's own task: otherwise its rules let the coupling overwrite the friction
+    of axis 0, which is no sum of two effects.
     """
     rng = np.random.default_rng(1)
-    out = [np.zeros(2)]
-    for k in range(MOVES - 1):
-        low = k % 3 == 0
-        first = rng.uniform(-0.15, 0.15) if low else rng.uniform(0.25, 1.1)
-        second = rng.uniform(-0.3, 0.15) if low or k % 3 == 1 else rng.uniform(0.1, 1.2)
-        out.append(np.array([first, second]))
-    return np.array(out)
+    first = [(-0.3, -0.2), (-0.1, 0.0), (0.05, 0.15), (0.3, 0.35), (0.9, 1.1), (0.4, 0.6), (0.9, 1.1), (0.3, 0.35)]
+    second = [(-0.3, -0.2), (-0.1, 0.0), (0.05, 0.15), (0.16, 0.17), (0.18, 0.19), (0.8, 1.1), (0.6, 0.9), (0.8, 1.1)]
+    bands = np.stack([first, second])[:, np.arange(MOVES) % len(first)]  # (2, M, 2)
+    return rng.uniform(bands[..., 0], bands[..., 1]).T
 
 
 def measured() -> gap.Log:
     """The log that one would have recorded."""
     plant = Plant(point_mass(5.0), (PaperFriction(FRICTION), paper_stiction(STICTION), SensingNoise(ENCODER)))
     gains = PidGains(20000.0, 600.0, 0.0)
-    rest = State(jnp.zeros(2), jnp.zeros(2))
-    steps = STAY * MOVES
-    task = Task(rest, Tour(jnp.asarray(places())), jnp.asarray(5000.0), steps=steps)
+    tour, steps = jnp.asarray(places()), STAY * MOVES
+    task = Task(State(tour[0], jnp.zeros(2)), Tour(tour), jnp.asarray(5000.0), steps=steps)
     noise = np.random.default_rng(2).standard_normal((steps, 2))
     run = jax.jit(execute)(plant, point_mass(5.0), Pid(gains, gains, 0.1), task, noise)
     return gap.from_arrays(np.arange(steps) * task.dt, np.asarray(run.q_sensing), np.asarray(run.tau))

@@ -30,6 +30,7 @@ from jaxidl.gap.terms import Free, as_effect
 LEAST_WAVES = 2.0  # of a ripple, within the range of positions
 SOFTEST = 3.0  # of a transmission: frequency of the motor against a link held still [Hz]
 MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
+BORDERS = (0.25, 0.5, 0.75)  # of the range of positions: below one of them alone a joint may stick
 KNOTS = (6, 12, 24)  # of tables over position
 
 ATOMS = ("viscous_friction", "coulomb_friction", "constant_offset", "quadratic_drag", "inertia_error", "torque_scale")
@@ -76,6 +77,7 @@ class Candidate:
     loose: bool = False  # may one linear step go as far as it likes?
     within: Mapping[str, tuple[float, float]] = field(default_factory=dict)  # bounds narrower than the catalogue's
     at_bounds: bool = False  # is it as good as any other if a parameter lies at a bound?
+    tried: Mapping[str, float] = field(default_factory=dict)  # parameters of which a few values are tried: standard errors
 
     @property
     def key(self) -> tuple[str, int | None, str]:
@@ -89,7 +91,12 @@ class Candidate:
     def cost(self) -> float:
         """Complexity: of two equally good explanations the one of lower cost is the simpler."""
         values = sum(np.size(getattr(self.guess, name)) for name in self.free)
-        return min(values, 6) + (0.0 if CATALOGUE.get(self.name, Effect).linear else 0.5) + (self.name in TIMING) * 0.5
+        return (
+            min(values, 6)
+            + len(self.tried)
+            + (0.0 if CATALOGUE.get(self.name, Effect).linear else 0.5)
+            + (self.name in TIMING) * 0.5
+        )
 
     @property
     def spread(self) -> bool:
@@ -143,7 +150,7 @@ def _of_joint(cls: type[Effect], joint: int, joints: int, scale: Scale, signals:
         kinds["both"] = (*kinds["dry"], *kinds["viscous"])
         return [Candidate(cls.name, joint, kind, as_effect(cls, {}), free) for kind, free in kinds.items()]
     if cls is Stiction:
-        return [Candidate(cls.name, joint, "", as_effect(cls, cls.guesses(scale)[0]), ("breakaway",))]
+        return _stictions(joint, scale)
     found = []
     for number, guess in enumerate(cls.guesses(scale)):
         free, loose = tuple(cls.parameters), cls.name == "spring"
@@ -178,6 +185,17 @@ def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: flo
 def _options(cls: type[Effect], signals: Signals) -> dict[str, Any]:
     """Lines of dead time are long enough for 80 ms, and no longer: they cost time."""
     return {"steps": max(4, int(0.08 / signals.dt))} if "steps" in cls.__dataclass_fields__ else {}
+
+
+def _stictions(joint: int, scale: Scale) -> list[Candidate]:
+    """Everywhere, and below one of a few positions only."""
+    guess, width = Stiction.guesses(scale)[0], scale.upper - scale.lower
+    found = [Candidate(Stiction.name, joint, "", as_effect(Stiction, guess), ("breakaway",))]
+    for share in BORDERS:
+        start = as_effect(Stiction, {**guess, "below": scale.lower + share * width})
+        tried = {"below": width / (len(BORDERS) + 1) / np.sqrt(12.0)}
+        found.append(Candidate(Stiction.name, joint, f"below {share}", start, ("breakaway",), tried=tried))
+    return found
 
 
 def _inertia(joint: int, signals: Signals) -> list[Candidate]:

@@ -55,4 +55,5 @@ def _told(m: Any, theta: np.ndarray, samples: np.ndarray) -> tuple[Effect, Told]
         values, spread = np.asarray(getattr(effect, name), float).ravel(), errors[at : at + size]
         told[name] = (float(values[0]), float(spread[0])) if size == 1 else (values.tolist(), spread.tolist())
         at += size
+    told |= {name: (float(getattr(effect, name)[0]), stderr) for name, stderr in m.candidate.tried.items()}
     return effect, told

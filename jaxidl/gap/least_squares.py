@@ -135,9 +135,12 @@ class Problem:
         for p in np.flatnonzero(self.at_rest_only):
             step[p] = lower[p]
             (j,) = np.flatnonzero(np.any(self.grip[p], 0))[:1]
-            rows = np.flatnonzero((self.data.block >= 0) & among & self.data.resting[:, j])
+            acts = self.data.resting[:, j] & (self.grip[p][:, j] != 0.0)
+            rows = np.flatnonzero((self.data.block >= 0) & among & acts)
             peaks = self.data.peaks[j]
-            peaks = peaks[among[peaks[:, 0].astype(int)]]
+            at = peaks[:, 0].astype(int)
+            last = np.maximum.accumulate(np.where(self.data.resting[:, j], np.arange(len(acts)), 0))  # instant of rest so far
+            peaks = peaks[among[at] & acts[last[at]]]
             if len(rows) and len(peaks):
                 grip = np.maximum(self._part("grip", step, rows)[:, j], 0.0)
                 step[p] = max(lower[p] + np.median(peaks[:, 1]) - np.median(grip), lower[p])

@@ -168,7 +168,7 @@ class Ranking:
     def _refined(self, trials: list[Trial]) -> Trial:
         """Effects with shape parameters: the most promising starts are fitted to the end."""
         best = trials[0]
-        if best.candidate.guess.linear:
+        if best.candidate.guess.linear or best.candidate.tried or trials[-1].candidate.tried:
             simplest = sorted((t for t in trials if not self._over(best, t).clear(0.02)), key=lambda t: t.candidate.cost)
             return simplest[0]
         if best.gain.value < WORTH:

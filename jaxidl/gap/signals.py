@@ -6,6 +6,7 @@ the comparison lose the same frequencies. Its band is where the encoder's noise,
 reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -23,7 +24,8 @@ from jaxidl.systems.tables import Tables, inverse_dynamics, tables
 NOISE_SHARE = 0.02  # of the command's spread: where the band ends
 BAND = (4.0, 100.0)  # least and largest [Hz]
 HIGHEST_BAND = 0.2  # of the sampling rate
-ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band
+ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band,
+MOST_ROWS = 8000  # and of a long log altogether: time, for which neighbours, much alike, give little in return
 REST_EDGE = 0.6  # on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
 TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
@@ -95,7 +97,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     rest_speed = np.maximum(4.0 * speed_noise, 0.003 * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
     static = inverse_dynamics(body, q, 0.0 * qd, 0.0 * qdd)
-    step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)))
+    step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
     edge = round(TRIM / dt)
     rows = [
         np.arange(s.start + min(edge, (s.stop - s.start) // 5), s.stop - min(edge, (s.stop - s.start) // 5), step) for s in slices
