@@ -8,6 +8,7 @@ from jaxidl.gap.data import Data, used
 
 SHARE_AT_REST = 1.0  # an error at rest counts up to this share of the error in motion, however much friction could hold
 RIDGE = 1e-9  # of each parameter's own information
+NOTHING = 1e-250  # information below which a parameter has none
 TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
 
 
@@ -166,6 +167,8 @@ def _solve(gram: np.ndarray, right: np.ndarray, step: np.ndarray, free: np.ndarr
         return np.zeros((*gram.shape[:-2], 0))
     a = gram[..., free, :][..., :, free]
     y = right[..., free] - gram[..., free, :][..., :, ~free] @ step[~free]
-    scale = np.sqrt(np.maximum(np.diagonal(a, axis1=-2, axis2=-1), 1e-300))
-    a = a / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(a.shape[-1])
-    return np.linalg.solve(a, (y / scale)[..., None])[..., 0] / scale
+    size = np.diagonal(a, axis1=-2, axis2=-1)
+    scale = np.where(size > NOTHING, np.sqrt(np.maximum(size, NOTHING)), np.inf)  # what no row shows stays where it is
+    with np.errstate(over="ignore", invalid="ignore"):  # a hidden state that ran away: its fit is refused afterwards
+        a = a / (scale[..., :, None] * scale[..., None, :]) + RIDGE * np.eye(a.shape[-1])
+        return np.linalg.solve(a, (y / scale)[..., None])[..., 0] / scale
