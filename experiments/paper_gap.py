@@ -56,9 +56,9 @@ def places() -> np.ndarray:
     """(M, 2) targets: three low ones, each a little higher, where the mass sticks; two where axis 0 is high and axis 1 is not, so
     that it shows which of the two positions brakes axis 0; and four where both are. The border at 0.2 m is passed slowly.
 
-    A resting mass leaves a low place upwards only: the paper's stiction holds against every negative torque. On the way up axis 0
-    passes 0.2 m before axis 1 passes 0.4 m, as in the paper's own task: otherwise its rules let the coupling overwrite the friction
-    of axis 0, which is no sum of two effects.
+    A resting mass leaves a low place upwards only: the paper's stiction holds against every negative torque. On the way up axis
+    0 passes 0.2 m before axis 1 passes 0.4 m, as in the paper's own task: otherwise its rules let the coupling overwrite the
+    friction of axis 0, which is no sum of two effects.
     """
     rng = np.random.default_rng(1)
     first = [(-0.3, -0.2), (-0.1, 0.0), (0.05, 0.15), (0.3, 0.35), (0.9, 1.1), (0.4, 0.6), (0.9, 1.1), (0.3, 0.35)]
@@ -107,8 +107,9 @@ def draw(curves: dict[str, dict[str, list]], folder: Path) -> None:
             axes.set_title(f"model: {name}")
             axes.set_xlabel("learning iteration")
             axes.set_yscale("log")
+            axes.set_xticks(range(0, values.shape[1], 5))
         panels[0].set_ylabel("mean tracking error [m]")
-        panels[0].legend(title="data source")
+        panels[-1].legend(title="data source", loc="upper right")
         save(figure, folder, "learning")
 
 

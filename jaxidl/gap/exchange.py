@@ -62,6 +62,28 @@ def worth(ranking: Ranking, m: Member) -> Gain:
     return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
 
 
+def revise(ranking: Ranking) -> bool:
+    """Put another variant in a member's place (a border, a table's knots), if that is better; say whether.
+
+    What it was chosen beside may have hidden the difference.
+    """
+    best: Trial | None = None
+    old: Member | None = None
+    for m in ranking.members:
+        own = m.candidate.name, m.candidate.joint
+        for candidate in ranking.shortlist():
+            if (candidate.name, candidate.joint) != own or candidate is m.candidate:
+                continue
+            trial = ranking.attempt(candidate, without=(m,))
+            better = trial is not None and trial.fit.feasible and trial.gain.clear(ranking.min_gain)
+            if trial is not None and better and (best is None or trial.gain.value > best.gain.value):
+                best, old = trial, m
+    if best is None or old is None:
+        return False
+    ranking.replace((old,), (ranking.column(best.candidate),))
+    return True
+
+
 def exchange_two(ranking: Ranking) -> bool:
     """Put one or two effects in the place of two members, if that leaves hardly more than noise; say whether.
 

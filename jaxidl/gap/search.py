@@ -7,7 +7,7 @@ import numpy as np
 
 from jaxidl.gap.candidates import CONTAINS, INSEPARABLE, Candidate
 from jaxidl.gap.choose import SAME, winner
-from jaxidl.gap.exchange import exchange_two, instead, prune, tidy, worth
+from jaxidl.gap.exchange import exchange_two, instead, prune, revise, tidy, worth
 from jaxidl.gap.gains import Gain, errors_of, gain
 from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
@@ -46,7 +46,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
     """Add effects while one is clearly missing."""
     outcome = Outcome(ranking, ranking.fit.residual)
     keys = len(ranking.groups)
-    seen: set[frozenset[tuple[str, int | None]]] = set()
+    seen: set[frozenset[tuple[str, int | None, str]]] = set()
     for number in range(MOST):
         tried = iter(range(1, keys + 1))
         trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
@@ -54,8 +54,8 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         best = winner(ranking, trials)
         if best is None:
             outcome.chosen.append(None)
-            watch(f"round {number + 1}: exchanging two effects", 1.0)
-            if number + 1 < MOST and exchange_two(ranking) and _news(ranking, seen):
+            watch(f"round {number + 1}: exchanging effects", 1.0)
+            if number + 1 < MOST and (revise(ranking) or exchange_two(ranking)) and _news(ranking, seen):
                 continue
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
@@ -73,9 +73,9 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
     return outcome
 
 
-def _news(ranking: Ranking, seen: set[frozenset[tuple[str, int | None]]]) -> bool:
+def _news(ranking: Ranking, seen: set[frozenset[tuple[str, int | None, str]]]) -> bool:
     """Is this set of members new? It is remembered."""
-    state = frozenset((m.candidate.name, m.candidate.joint) for m in ranking.members)
+    state = frozenset(m.candidate.key for m in ranking.members)
     known = state in seen
     seen.add(state)
     return not known
