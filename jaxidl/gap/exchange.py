@@ -118,13 +118,13 @@ def exchange_two(ranking: Ranking) -> bool:
 
 
 def instead(ranking: Ranking, m: Member) -> list[Trial]:
-    """Every other effect and variant in the place of a member, on any of its joints; the best start of each."""
-    taken = {(x.candidate.name, x.candidate.joint) for x in ranking.members if x is not m}
+    """Every other effect in the place of a member, on any of its joints; the best start of each."""
+    taken = {(x.candidate.name, x.candidate.joint) for x in ranking.members}
     best: dict[tuple[str, int | None], Trial] = {}
     for candidate in ranking.shortlist():
         key = candidate.name, candidate.joint
         there = candidate.joint in m.joints and m.candidate.joint in (None, candidate.joint)
-        if key in taken or candidate is m.candidate or not (candidate.joint is None or there):
+        if key in taken or not (candidate.joint is None or there):
             continue
         trial = ranking.attempt(candidate, without=(m,))
         if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):

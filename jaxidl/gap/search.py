@@ -103,8 +103,6 @@ def _equals(ranking: Ranking, m: Member) -> list[Candidate]:
     found = [m.candidate]
     for trial in instead(ranking, m):
         other = trial.candidate
-        if (other.name, other.joint) == (m.candidate.name, m.candidate.joint):
-            continue
         if not {m.candidate.name, other.name} <= INSEPARABLE and (
             m.candidate.name in CONTAINS.get(other.name, ()) or other.cost > m.candidate.cost + 1.0
         ):
