@@ -13,7 +13,7 @@ from jaxidl.gap.rank import Ranking, Trial
 SAME = 1.0  # standard errors within which two are equally good
 TRIFLE = 0.02  # of the command's spread: an effect smaller than this must remove five times as much of what is left
 QUIET = 3.0  # noise floors: where no more than this is left, small effects stand out from what is not understood
-REPLACES = 0.5  # see ``_imitation``
+REPLACES = 0.5  # see ``imitators``
 LOOKAHEAD = 10  # effects of which pairs are tried if none is clear alone
 LEAST_SIDE = 0.05  # of one direction's dry friction that the other has at least: else it is an offset as large as the friction
 RATIO = 1.5  # directions whose dry friction differs less are Coulomb friction and an offset
