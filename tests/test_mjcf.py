@@ -142,6 +142,24 @@ def test_tables_between_their_instants(tmp_path):
         np.testing.assert_allclose(b, a, atol=2e-3 * np.abs(a).max(), err_msg=name)  # chords of 7 ms
 
 
+def test_a_body_may_be_a_programs_argument(tmp_path):
+    """Compiled once for all masses, and what does not change is a constant of the program."""
+    body, traces = read_model(stored(tmp_path, URDF, "chain.urdf")).plant.body, []
+
+    @jax.jit
+    def fall(body, q, qd, tau):
+        traces.append(1)
+        return body.forward_dynamics(q, qd, tau)
+
+    q, qd, tau = jnp.asarray(np.random.default_rng(4).normal(size=(3, 4)))
+    for load in (0.0, 0.4):
+        heavier = body.add_mass(jnp.full(4, load)).add_inertia(jnp.array([load, 0.0, 0.0, 0.1]))
+        inertia, bias = heavier.equation_of_motion(q, qd)
+        np.testing.assert_allclose(fall(heavier, q, qd, tau), np.linalg.solve(inertia, tau - bias), rtol=1e-9)
+    assert len(traces) == 1
+    assert len(jax.tree.leaves(body)) == 4
+
+
 def test_payloads_add_up_each_at_its_place(tmp_path):
     body = read_model(stored(tmp_path, TWO_LINK)).plant.body
     loads = [Payload(jnp.array(m), jnp.array(c)) for m, c in ((0.5, [0.1, 0.2, -0.3]), (0.2, [-0.2, 0.0, 0.1]))]
