@@ -9,6 +9,7 @@ import pytest
 from jaxidl.effects import Payload
 from jaxidl.errors import EffectError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
+from jaxidl.systems.kinematics import place
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.mujoco_body import LOADS
 from jaxidl.systems.tables import inverse_dynamics, tables
@@ -85,6 +86,18 @@ def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
         np.testing.assert_allclose(q, data.qpos, atol=1e-9)  # the same scheme: rounding, grown over a second
         mujoco.mj_step(model, data)
     assert np.ptp(history[0], axis=0).max() > 0.5 or name == "slider"
+
+
+@pytest.mark.parametrize("text", [RICH, URDF, TWO_LINK], ids=["rich", "chain", "two_link"])
+def test_frames_are_where_mujoco_in_c_has_them(text, tmp_path):
+    body = read_model(stored(tmp_path, text, "model.urdf" if text is URDF else "model.xml")).plant.body
+    data = mujoco.MjData(body.source)
+    for q in np.random.default_rng(5).normal(size=(3, body.source.nq)):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(body.source, data)
+        for name, value in jax.jit(lambda q: place(body.source, body.centre, q))(q).items():
+            expected = getattr(data, name).reshape(value.shape)
+            np.testing.assert_allclose(value, expected, atol=1e-13, err_msg=name)
 
 
 def test_a_batch_is_its_instants(tmp_path):
