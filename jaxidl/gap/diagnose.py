@@ -15,7 +15,7 @@ from jaxidl.gap.data import Data, data_of, used
 from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Estimate, Finding, Gap, Row, Side, Traces, sentence_of
 from jaxidl.gap.experiments import experiment
 from jaxidl.gap.gains import NOISE_MARGIN
-from jaxidl.gap.gauge import settled
+from jaxidl.gap.gauge import Told, settled
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
@@ -30,6 +30,7 @@ from jaxidl.systems.mjcf import Model, read_model
 MIN_GAIN = 0.05
 LARGE = 0.04  # of the command's spread: a residual of this size is worth a word even if nothing predicts it,
 MUCH = 0.5  # if it is this share of what was there before
+NARROWER = 0.7  # share of the band in which parameters are fitted once more, for their standard errors
 SHOWN = 12  # rows of each round's ranking that are kept
 
 Watch = Callable[[str, float], None]
@@ -79,7 +80,9 @@ def diagnose(
         before = outcome.before
         watch("looking for what no effect explains", 0.0)
         network = check(data, outcome.ranking.fit.residual)
-        findings = _findings(outcome, data_of(signals, known.plant.effects, 0.0), known)
+        narrow = prepare(measured, known.plant.body, known.plant.effects, narrower=NARROWER) if outcome.named else signals
+        wholes = [data_of(s, known.plant.effects, 0.0) for s in (signals, narrow)]
+        findings = _findings(settled(outcome, *wholes), outcome, known)
         patched = Plant(known.plant.body, (*known.plant.effects, *(f.effect for f in findings)))
         watch("replaying the log", 0.0)
         gap = _gap(data, before, outcome.ranking.fit.residual, known, patched, findings, rollouts)
@@ -125,9 +128,9 @@ def _rms(residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(residual**2 * counted, 0) / np.maximum(counted.sum(0), 1))
 
 
-def _findings(outcome: Outcome, whole: Data, model: Model) -> tuple[Finding, ...]:
+def _findings(parameters_of: Sequence[tuple[Effect, Told]], outcome: Outcome, model: Model) -> tuple[Finding, ...]:
     found = []
-    for named, (effect, estimates) in zip(outcome.named, settled(outcome, whole), strict=True):
+    for named, (effect, estimates) in zip(outcome.named, parameters_of, strict=True):
         candidate = named.member.candidate
         joint = candidate.joint
         single = joint is not None and candidate.name != "coupled_friction"

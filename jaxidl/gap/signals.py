@@ -69,7 +69,7 @@ class Signals(NamedTuple):
         return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
 
 
-def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True) -> Signals:
+def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True, narrower: float = 1.0) -> Signals:
     """Signals of a log and its modelled rigid body.
 
     Args:
@@ -77,6 +77,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
         body: the modelled rigid body.
         effects: the model's own, of which those on the encoders are undone.
         held: is a command held over the interval that follows it, rather than measured at its instant?
+        narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
     for effect in reversed(effects):
@@ -85,7 +86,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     sigma = encoder_noise(log.q, slices)
     inertia = _typical_inertia(log, body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
-    band = choose_band(reach, log.tau, dt)
+    band = narrower * choose_band(reach, log.tau, dt)
     q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
     smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))  # noqa: E731
     slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
