@@ -25,7 +25,8 @@ def settled(outcome: Outcome, whole: Data, narrow: Data) -> list[tuple[Effect, T
 
     What an effect is worth was shown on data kept aside; the model that is handed out need not do without these. Standard errors
     are the jackknife's over blocks and, beside them, the change when the log is filtered to a ``narrow`` band: what filters and
-    time steps do to a parameter is the same in all blocks.
+    time steps do to a parameter is the same in all blocks. No time is told better than to a sampling interval: where within it a
+    command acts and a reading is taken, a log does not say.
     """
     ranking = outcome.ranking
     joints = tuple(range(whole.base.shape[1]))
@@ -46,7 +47,7 @@ def settled(outcome: Outcome, whole: Data, narrow: Data) -> list[tuple[Effect, T
     out = []
     for named in outcome.named:
         i = place[(named.member.candidate.name, named.member.candidate.joint)]
-        out.append(_told(fit.members[i], thetas[i], np.hypot(jackknife(samples[i]), narrows[i] - thetas[i])))
+        out.append(_told(fit.members[i], thetas[i], np.hypot(jackknife(samples[i]), narrows[i] - thetas[i]), whole.signals.dt))
     return out
 
 
@@ -63,7 +64,7 @@ def _anew(found: Fit, data: Data) -> tuple[Member, ...]:
     return (*out, *(a for a in alignments(data) if a.candidate.joint in timing))
 
 
-def _told(m: Member, theta: np.ndarray, errors: np.ndarray) -> tuple[Effect, Told]:
+def _told(m: Member, theta: np.ndarray, errors: np.ndarray, dt: float) -> tuple[Effect, Told]:
     low, high = m.candidate.bounds()
     effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))
     told: Told = {}
@@ -71,6 +72,8 @@ def _told(m: Member, theta: np.ndarray, errors: np.ndarray) -> tuple[Effect, Tol
     for name in m.candidate.free:
         size = np.size(getattr(m.effect, name))
         values, spread = np.asarray(getattr(effect, name), float).ravel(), errors[at : at + size]
+        if m.effect.parameters[name].unit == "s":
+            spread = np.hypot(spread, dt / np.sqrt(12.0))
         told[name] = (float(values[0]), float(spread[0])) if size == 1 else (values.tolist(), spread.tolist())
         at += size
     told |= {name: (float(getattr(effect, name)[0]), stderr) for name, stderr in m.candidate.tried.items()}
