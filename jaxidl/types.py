@@ -1,8 +1,8 @@
 """Array aliases and the records that travel between floors.
 
 Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one execution, **K** learning
-iterations, **N** rows of a data set, **F** network inputs, **B** rows of a batch, **S** training steps of one iteration.
-No signature below the sweep has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
+iterations, **N** rows of a data set, **F** network inputs, **B** rows of a batch, **S** training steps of one iteration, **C**
+circumstances. No signature below the sweep has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
 """
 
 from typing import NamedTuple
@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
 History = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
+Circumstances = Float[Array, "*T C"]  # (T, C) what changes from outside; inside a scan one instant (C,)
 Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 
@@ -40,10 +41,11 @@ class Trajectory:
     tau_feedback: History  # (T, J) learning feedback: filtered, high gain, never applied [N]
     tau_feedback_applied: History  # (T, J) feedback that the plant receives [N]
     tau_feedforward: History  # (T, J) the error model's torque [N]
+    circumstances: Circumstances | None = None  # (T, C) what changed from outside, if anything did
 
 
 class Dataset(NamedTuple):
     """Rows that an error model is trained on."""
 
-    x: Float[Array, "N F"]  # (N, F = 3J) position, velocity, acceleration
+    x: Float[Array, "N F"]  # (N, F = 3J + C) position, velocity, acceleration, circumstances if there are any
     y: Float[Array, "N J"]  # (N, J) torque that the modelled rigid body lacks [N]

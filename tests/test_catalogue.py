@@ -51,6 +51,7 @@ EXAMPLES: dict[str, Effect] = {
         fx.SensorDelay(pair(0.0043, 0.0077), steps=12),
         fx.PaperFriction(jnp.array(3.0)),
         fx.SensingNoise(jnp.array(1e-3)),
+        fx.EncoderQuantisation(pair(1e-3, 2e-3)),
     )
 }
 MASS, DT = jnp.array([2.0, 2.5]), 1e-3
@@ -76,7 +77,7 @@ def of(table):
 
 def test_every_effect_of_the_catalogue_is_described_and_exemplified():
     assert EXAMPLES.keys() == CATALOGUE.keys()
-    assert set(fx.SEARCHED) == CATALOGUE.keys() - {"paper_friction", "sensing_noise"}
+    assert set(fx.SEARCHED) == CATALOGUE.keys() - {"paper_friction", "sensing_noise", "encoder_quantisation"}
     jargon = ("nonlinear", "stribeck", "coulomb", "backlash", "hysteresis", "stiction", "parameter", "qd", "_")
     for name, cls in CATALOGUE.items():
         assert cls.name == name

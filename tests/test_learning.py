@@ -50,8 +50,9 @@ def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
     one = [execute(setting.plant, setting.model, setting.law, setting.task, z) for z in noise]
     many = jax.vmap(lambda z: execute(setting.plant, setting.model, setting.law, setting.task, z))(noise)
     for k, run in enumerate(one):
-        for name, value in vars(run).items():
-            np.testing.assert_allclose(getattr(many, name)[k], value, rtol=1e-12, atol=1e-9, err_msg=name)
+        own = [leaf[k] for leaf in jax.tree.leaves(many)]
+        for a, b in zip(own, jax.tree.leaves(run), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-9)
     q, qd, tau, learning = python_execution(setting, noise[0])
     for got, wanted in ((one[0].q, q), (one[0].qd_sensing, qd), (one[0].tau, tau), (one[0].tau_feedback, learning)):
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-9)
@@ -71,7 +72,7 @@ def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study):
         if data is not None:
             batches = draw_batches(jax.random.fold_in(key, k), int(study.training.train_mask(len(data.x)).sum()), study.training)
             by_hand, _ = fit(study.error_model, study.training, by_hand, data, batches)
-            torque_of = lambda s, a, p=by_hand.params: study.error_model.torque(p, s, a)  # noqa: E731
+            torque_of = lambda s, a, now, p=by_hand.params: study.error_model.torque(p, s, a, now)  # noqa: E731
         run = execute(setting.plant, setting.model, setting.law, setting.task, noise[k], torque_of)
         data = joint(run)
         # float32 training amplifies the rounding of differently fused programs
@@ -132,7 +133,7 @@ def test_direct_targets_equal_the_closed_form():
     plant, model = PROBES["constant bias"]
     setting = probe(plant, model, STIFF)
     given = jnp.array([3.0, 4.0])
-    run = execute(plant, model, STIFF, setting.task, jnp.zeros((400, 2)), lambda s, a: given)
+    run = execute(plant, model, STIFF, setting.task, jnp.zeros((400, 2)), lambda s, a, now: given)
     wanted = desired_trajectory(setting.task)
     e, rate = wanted.q - run.q_sensing, wanted.qd - run.qd_sensing
     integral = jnp.cumsum(0.01 * e, axis=0) - 0.01 * e

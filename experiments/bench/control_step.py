@@ -4,6 +4,8 @@ from common import arguments, in_turns, machine, pin_to_one_core, report
 
 pin_to_one_core()
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,7 +26,7 @@ def executions(width: int, with_model: bool):
     params = jax.vmap(STUDY.error_model.init)(jax.random.split(jax.random.key(0), width))
 
     def one(draws, params):
-        model = (lambda state, qdd: STUDY.error_model.torque(params, state, qdd)) if with_model else None
+        model = partial(STUDY.error_model.torque, params) if with_model else None
         return execute(setting.plant, setting.model, setting.law, setting.task, draws, model).q[-1]
 
     program = jax.jit(jax.vmap(one), compiler_options=compiler_options())

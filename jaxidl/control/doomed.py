@@ -19,16 +19,18 @@ class DoomedState(NamedTuple):
 
 
 class Doomed(struct.PyTreeNode):
-    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ← o + g.
+    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ← o + g,
+    within ±``limit``.
 
     The learner sees o − learner_gain·e, filtered, as it stood *before* the step (entry 0 is 0). The desired trajectory is
     not used: DOOMED follows the policy itself.
     """
 
-    rate: Scalar  # learning rate of the applied offset [N s^2/m]
-    learner_gain: Scalar  # 0.5 [N s^2/m]
+    rate: Joints | Scalar  # learning rate of the applied offset [N s^2/m]
+    learner_gain: Joints | Scalar  # 0.5 [N s^2/m]
     smoothing: Scalar  # weight of a new sample in the learning feedback [-]
     gradient_smoothing: Scalar = 0.9  # weight of a new gradient [-]
+    limit: Joints | Scalar = jnp.inf  # bound of the offset [N]
 
     def init(self, q: Joints) -> DoomedState:
         return DoomedState(jnp.zeros_like(q), start_average(q), start_average(q))
@@ -40,4 +42,5 @@ class Doomed(struct.PyTreeNode):
         error = qdd_actual - qdd_desired
         filtered = update_average(memory.filtered, memory.offset - self.learner_gain * error, self.smoothing)
         gradient = update_average(memory.gradient, -self.rate * error, self.gradient_smoothing)
-        return DoomedState(memory.offset + gradient.value, gradient, filtered)
+        offset = jnp.clip(memory.offset + gradient.value, -self.limit, self.limit)
+        return DoomedState(offset, gradient, filtered)

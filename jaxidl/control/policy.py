@@ -39,6 +39,18 @@ class LqrPolicy(struct.PyTreeNode):
         return -(kp * (q - self.target) + kd * qd)
 
 
+class Sequence(struct.PyTreeNode):
+    """One goal after the other with the same gains: what a planner hands to an arm."""
+
+    targets: Float[Array, "G J"]  # (G, J) goals [m or rad]
+    begins: Int[Array, " G"]  # step from which each goal counts; the first is 0
+    gains: Float[Array, "H 2"]  # see :class:`LqrPolicy`
+
+    def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""] | int) -> Joints:
+        now = jnp.sum(t >= self.begins) - 1
+        return LqrPolicy(self.targets[now], self.gains)(q, qd, t - self.begins[now])
+
+
 def double_integrator(dt: float) -> tuple[np.ndarray, np.ndarray]:
     """A (2, 2) and B (2, 1) of one joint under the house's integrator with time step ``dt`` [s]."""
     return np.array([[1.0, dt], [0.0, 1.0]]), np.array([[0.5 * dt**2], [dt]])

@@ -13,7 +13,7 @@ from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFrictio
 from jaxidl.effects.inertia import InertiaError, Payload
 from jaxidl.effects.on_joint import OnJoint
 from jaxidl.effects.position import Spring, TorqueRipple
-from jaxidl.effects.sensing import PositionBias, SensingNoise, SensorDelay
+from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
 from jaxidl.effects.stiction import STICTION_LEVEL, Stiction, paper_stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
 from jaxidl.effects.varying import CoupledFriction, LoadDependentFriction, PositionDependentFriction
@@ -46,11 +46,14 @@ CATALOGUE: dict[str, type[Effect]] = {
         SensorDelay,
         PaperFriction,
         SensingNoise,
+        EncoderQuantisation,
     )
 }
 
-SEARCHED: tuple[str, ...] = tuple(name for name in CATALOGUE if name not in (PaperFriction.name, SensingNoise.name))
-"""Effects that the gap workflow looks for: the paper's friction is two of them in one, noise is no torque."""
+SEARCHED: tuple[str, ...] = tuple(
+    name for name in CATALOGUE if name not in (PaperFriction.name, SensingNoise.name, EncoderQuantisation.name)
+)
+"""Effects that the gap workflow looks for: the paper's friction is two of them in one, noise and counts are no torque."""
 
 
 def from_dict(record: dict[str, Any]) -> Effect:
@@ -88,6 +91,7 @@ __all__ = [
     "CoulombFriction",
     "CoupledFriction",
     "Effect",
+    "EncoderQuantisation",
     "Guess",
     "InertiaError",
     "JointElasticity",

@@ -24,6 +24,19 @@ class SensingNoise(Effect):
         return q + jnp.clip(self.scale * noise, -self.scale, self.scale)
 
 
+class EncoderQuantisation(Effect):
+    """The encoder reads the nearest whole count. Its derivative is zero almost everywhere: a reading that stands still."""
+
+    count: Joints | Scalar  # [m or rad]
+
+    name: ClassVar[str] = "encoder_quantisation"
+    sentence: ClassVar[str] = "the encoders read whole counts only, not what lies between"
+    parameters: ClassVar = {"count": Parameter("m", 1e-12, 1.0, "the size of a count")}
+
+    def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
+        return self.count * jnp.round(q / self.count)
+
+
 class PositionBias(Effect):
     """The encoder reads q + bias. Only where forces depend on position (gravity, coupling) does a log show it."""
 

@@ -7,25 +7,33 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxidl.control import FeedbackLaw
+from jaxidl.control import Estimator, FeedbackLaw, FiniteDifference
 from jaxidl.systems import Plant, RigidBody, integrate
-from jaxidl.types import History, Joints, Scalar, State, Trajectory
+from jaxidl.types import Circumstances, History, Joints, Scalar, State, Trajectory
 
 Policy = Callable[[Joints, Joints, Any], Joints]
-Feedforward = Callable[[State, Joints], Joints]  # (sensed state, desired acceleration) -> torque (J,) [N]
+Feedforward = Callable[[State, Joints, Circumstances | None], Joints]  # sensed, desired acceleration, … -> torque (J,)
 
 
 class Task(struct.PyTreeNode):
-    """What is to be done, whoever does it."""
+    """What is to be done, whoever does it, and under which circumstances."""
 
-    start: State  # exact initial state, sensed and true
+    start: State  # initial state as sensed; the true one, too, unless an execution is told another
     policy: Policy  # desired acceleration in a state
-    torque_limit: Scalar  # bound of each of feedback, feedforward and rigid-body torque [N]
+    torque_limit: Joints | Scalar  # bound of each of feedback, feedforward and rigid-body torque [N or Nm]
+    feedforward_limit: Joints | Scalar = jnp.inf  # bound of the error model's torque [N or Nm]
+    estimator: Estimator = FiniteDifference()
+    circumstances: Circumstances | None = None  # (T, C) what changes from outside: the load that is carried, for one
     dt: float = struct.field(pytree_node=False, default=0.001)  # control step [s]
     steps: int = struct.field(pytree_node=False, default=1000)  # T, control steps of one execution
+    world: Callable[[Plant, Circumstances], Plant] | None = struct.field(pytree_node=False, default=None)  # the plant under them
 
     def clip(self, tau: Joints) -> Joints:
         return jnp.clip(tau, -self.torque_limit, self.torque_limit)
+
+    def plant(self, plant: Plant, circumstances: Circumstances | None) -> Plant:
+        """The plant as it is under ``circumstances`` (C,)."""
+        return plant if self.world is None or circumstances is None else self.world(plant, circumstances)
 
 
 def desired_trajectory(task: Task) -> State:
@@ -39,7 +47,13 @@ def desired_trajectory(task: Task) -> State:
 
 
 def execute(
-    plant: Plant, model: RigidBody, law: FeedbackLaw, task: Task, noise: History, feedforward: Feedforward | None = None
+    plant: Plant,
+    model: RigidBody,
+    law: FeedbackLaw,
+    task: Task,
+    noise: History,
+    feedforward: Feedforward | None = None,
+    start: Joints | None = None,
 ) -> Trajectory:
     """Run the task once (Algorithm 1) as a scan over control steps.
 
@@ -50,39 +64,45 @@ def execute(
         task: start, policy, time step, bounds.
         noise: (T, J) standard-normal draws; row t makes the sensed state after step t.
         feedforward: the error model's torque at the sensed state and desired acceleration; None before any learning.
+        start: (J,) where the mechanism truly is at first, if not just where the task says.
     """
 
     def instant(carry, inputs):
-        true, hidden, sensed, memory = carry
-        t, desired, draw = inputs
+        true, hidden, sensed, memory, estimate = carry
+        t, desired, draw, now = inputs
         qdd_desired = task.policy(sensed.q, sensed.qd, t)
         tau_rbd = task.clip(model.inverse_dynamics(sensed.q, sensed.qd, qdd_desired))
         feedback, memory = law.act(memory, desired, sensed)
         applied = task.clip(feedback.applied)
-        tau_ff = task.clip(feedforward(sensed, qdd_desired)) if feedforward else jnp.zeros_like(tau_rbd)
+        tau_ff = jnp.zeros_like(tau_rbd)
+        if feedforward:
+            tau_ff = task.clip(jnp.clip(feedforward(sensed, qdd_desired, now), -task.feedforward_limit, task.feedforward_limit))
         tau = tau_rbd + applied + tau_ff
 
-        true_next, hidden = plant.step(true, hidden, tau, task.dt)
-        q_sensed = plant.sense(hidden, true_next.q, draw)
-        qd_sensed = (q_sensed - sensed.q) / task.dt
-        qdd_actual = (qd_sensed - sensed.qd) / task.dt
-        memory = law.observe(memory, qdd_desired, qdd_actual)
+        present = task.plant(plant, now)
+        true_next, hidden = present.step(true, hidden, tau, task.dt)
+        q_sensed = present.sense(hidden, true_next.q, draw)
+        motion, estimate = task.estimator.update(estimate, sensed, q_sensed, qdd_desired, task.dt)
+        memory = law.observe(memory, motion.qdd_desired, motion.qdd)
         record = Trajectory(
             q=true.q,
             qd=true.qd,
             q_sensing=sensed.q,
             qd_sensing=sensed.qd,
             qdd_desired=qdd_desired,
-            qdd_actual=qdd_actual,
+            qdd_actual=motion.qdd,
             tau=tau,
             tau_inverse_desired=tau_rbd,
-            tau_inverse_actual=task.clip(model.inverse_dynamics(sensed.q, sensed.qd, qdd_actual)),
+            tau_inverse_actual=task.clip(model.inverse_dynamics(sensed.q, sensed.qd, motion.qdd)),
             tau_feedback=task.clip(feedback.learning),
             tau_feedback_applied=applied,
             tau_feedforward=tau_ff,
+            circumstances=now,
         )
-        return (true_next, hidden, State(q_sensed, qd_sensed), memory), record
+        return (true_next, hidden, motion.sensed, memory, estimate), record
 
-    carry = (task.start, plant.start(task.start.q), task.start, law.init(task.start.q))
-    inputs = (jnp.arange(task.steps), desired_trajectory(task), noise)
+    sensed = task.start
+    true = sensed if start is None else State(start, sensed.qd)
+    carry = (true, plant.start(true.q), sensed, law.init(sensed.q), task.estimator.start(sensed))
+    inputs = (jnp.arange(task.steps), desired_trajectory(task), noise, task.circumstances)
     return jax.lax.scan(instant, carry, inputs)[1]

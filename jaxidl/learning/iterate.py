@@ -1,5 +1,7 @@
 """Task-specific learning: execute, train on what happened, execute again, as one scan over iterations."""
 
+from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -55,6 +57,8 @@ def learn(
     training: Training,
     train_on: str = "true_state",
     keep: bool = False,
+    starts: Float[Array, "K J"] | None = None,
+    refine: Callable[[Trajectory], Trajectory] = lambda run: run,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
     """K executions with K − 1 trainings between them.
 
@@ -64,28 +68,33 @@ def learn(
         key: root of the initial weights and of every iteration's batches; iteration k uses ``fold_in(key, k)``.
         source: "indirect", "direct" or "joint".
         keep: also return every execution.
+        starts: (K, J) where the mechanism truly is at the start of each execution, if not just where the task says.
+        refine: what is made of an execution before it is learned from: estimates that need its future, for one.
 
     Returns:
         Metrics with leaves (K,), the learner used in the last execution, and the trajectories (K, T, J) or None.
     """
     learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
 
-    def run_once(draws, feedforward=None):
-        run = execute(setting.plant, setting.model, setting.law, setting.task, draws, feedforward)
-        data = SOURCES[source](run, train_on)
+    def run_once(inputs, feedforward=None):
+        draws, begin = inputs
+        run = execute(setting.plant, setting.model, setting.law, setting.task, draws, feedforward, begin)
+        data = SOURCES[source](refine(run), train_on)
         return data, (measure(run, setting.reference), run if keep else None)
 
     def iteration(carry, inputs):
         learner, data = carry
-        k, draws = inputs
+        k, *now = inputs
         rows = int(training.train_mask(data.x.shape[0]).sum())
         batches = draw_batches(jax.random.fold_in(key, k), rows, training)
         learner, progress = fit(error_model, training, learner, data, batches)
-        data, (metrics, run) = run_once(draws, lambda state, qdd: error_model.torque(learner.params, state, qdd))
+        data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
         finite = metrics.finite & jnp.isfinite(progress.validation)  # a training that failed is a failed iteration
         return (learner, data), (metrics._replace(finite=finite), run)
 
-    data, first = run_once(noise[0])
-    (learner, _), later = jax.lax.scan(iteration, (learner, data), (jnp.arange(1, noise.shape[0]), noise[1:]))
+    everything = noise, starts
+    data, first = run_once(jax.tree.map(lambda x: x[0], everything))
+    rest = jax.tree.map(lambda x: x[1:], everything)
+    (learner, _), later = jax.lax.scan(iteration, (learner, data), (jnp.arange(1, noise.shape[0]), *rest))
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
     return metrics, learner, runs

@@ -12,11 +12,12 @@ TRAIN_ON = ("true_state", "sensed_state")
 
 
 def _inputs(run: Trajectory, qdd: History, train_on: str) -> Float[Array, "T F"]:
-    """(T, 3J) network inputs; the reference program trains on the true state, a robot has the sensed one."""
+    """(T, 3J + C) network inputs; the reference program trains on the true state, a robot has the sensed one."""
     if train_on not in TRAIN_ON:
         raise one_of("train_on", train_on, TRAIN_ON)
     state = (run.q, run.qd) if train_on == "true_state" else (run.q_sensing, run.qd_sensing)
-    return jnp.concatenate([*state, qdd], axis=1)
+    told = () if run.circumstances is None else (run.circumstances,)
+    return jnp.concatenate([*state, qdd, *told], axis=1)
 
 
 def indirect(run: Trajectory, train_on: str = "true_state") -> Dataset:

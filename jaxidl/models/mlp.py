@@ -11,10 +11,11 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Float
 
-from jaxidl.types import Joints, Key, State
+from jaxidl.types import Circumstances, Joints, Key, State
 
 Params = Any  # the pytree of all joints' networks, a leading axis J on every leaf
 
@@ -78,18 +79,24 @@ class ErrorModel:
     velocity_scale: float = 20.0  # [m/s]
     acceleration_scale: float = 800.0  # [m/s^2]
     torque_scale: float = 800.0  # [N]
+    circumstance_scales: tuple[float, ...] = ()  # of each circumstance (C) that is an input, too; of others nothing is told
     slope: float = 0.01  # initial PReLU slope [-]
 
     def init(self, key: Key) -> Params:
         """Fresh float32 parameters; every joint's network has its own draw."""
-        inputs = jnp.zeros((3 * self.joints, 1), jnp.float32)
+        inputs = jnp.zeros((len(self._scales()), 1), jnp.float32)
         network = Mlp(self.layers, self.slope)
         return jax.vmap(lambda k: network.init(k, inputs))(jax.random.split(key, self.joints))
 
-    def scale_inputs(self, x: Float[Array, "*N F"]) -> Float[Array, "*N F"]:
-        """Inputs (..., 3J), divided by the scales of position, velocity and acceleration."""
-        scales = jnp.array([self.position_scale, self.velocity_scale, self.acceleration_scale], x.dtype)
-        return x / jnp.broadcast_to(jnp.repeat(scales, self.joints), x.shape)
+    def _scales(self) -> np.ndarray:
+        motion = np.repeat([self.position_scale, self.velocity_scale, self.acceleration_scale], self.joints)
+        return np.concatenate([motion, self.circumstance_scales])
+
+    def scale_inputs(self, x: Float[Array, "*N X"]) -> Float[Array, "*N F"]:
+        """The inputs among ``x`` (..., X >= 3J), divided by the scales of position, velocity, acceleration and circumstances."""
+        scales = self._scales().astype(x.dtype)
+        x = x[..., : len(scales)]
+        return x / jnp.broadcast_to(scales, x.shape)
 
     def apply(self, params: Params, x: Float[Array, "F B"], *, in_training: bool = False) -> Float[Array, "J B"]:
         """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B).
@@ -100,8 +107,9 @@ class ErrorModel:
         outputs: Any = jax.vmap(network.apply, in_axes=(0, None))(params, x)
         return outputs[:, 0]
 
-    def torque(self, params: Params, state: State, qdd: Joints) -> Joints:
+    def torque(self, params: Params, state: State, qdd: Joints, circumstances: Circumstances | None = None) -> Joints:
         """Predicted modelling error (J,) [N] in ``state`` at acceleration ``qdd`` (J,) [m/s^2]."""
-        x = self.scale_inputs(jnp.concatenate([state.q, state.qd, qdd]))
+        told = () if circumstances is None else (circumstances,)
+        x = self.scale_inputs(jnp.concatenate([state.q, state.qd, qdd, *told]))
         dtype = jax.tree.leaves(params)[0].dtype
         return self.apply(params, x.astype(dtype)[:, None])[:, 0].astype(state.q.dtype) * self.torque_scale

@@ -93,11 +93,11 @@ def _execution(study: PaperStudy, label: Label, draws: Float[np.ndarray, "T J"])
     condition = Condition(GAINS.index(label.gain), label.noise, label.friction, label.stiction)
     setting = study.setting(label.controller, condition)
     run = jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
-    return {name: np.asarray(value) for name, value in vars(run).items()}
+    return {name: np.asarray(value) for name, value in vars(run).items() if value is not None}
 
 
 def _learning(study: PaperStudy, label: Label, draws: Float[np.ndarray, "K T J"]) -> dict[str, np.ndarray]:
     inputs = inputs_of([label], study, len(draws))
     inputs = jax.tree.map(lambda leaf: leaf[0], inputs)._replace(noise=draws)
     metrics, runs = trace(study, label, inputs)
-    return {name: np.asarray(value) for name, value in [*vars(runs).items(), *metrics._asdict().items()]}
+    return {name: np.asarray(value) for name, value in [*vars(runs).items(), *metrics._asdict().items()] if value is not None}

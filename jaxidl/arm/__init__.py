@@ -1,0 +1,1 @@
+"""The robot experiments: the arm study, pick and place, the limits of the method, real time, and the gap workflow on the arm."""

@@ -1,0 +1,32 @@
+"""Accelerations without lag: what is estimated after an execution may use its future."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+
+from jaxidl.control.estimate import share
+from jaxidl.learning.execute import Task
+from jaxidl.systems import RigidBody
+from jaxidl.types import History, Scalar, Trajectory
+
+
+def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.0) -> Trajectory:
+    """The execution (T, J) with accelerations by central differences and a low pass (cut-off ``band`` [Hz]) there and back."""
+    ends = jnp.concatenate([run.q_sensing[:1], run.q_sensing, run.q_sensing[-1:]])
+    qdd = low_pass_both_ways(jnp.diff(ends, 2, axis=0) / task.dt**2, share(band, task.dt))
+    tau = jax.vmap(lambda *now: task.clip(model.inverse_dynamics(*now)))(run.q_sensing, run.qd_sensing, qdd)
+    return replace(run, qdd_actual=qdd, tau_inverse_actual=tau)
+
+
+def low_pass_both_ways(x: History, weight: Scalar) -> History:
+    """First-order low pass of ``x`` (T, J), forwards and then backwards; ``weight`` is that of a new sample [-]."""
+
+    def along(x: History, reverse: bool) -> History:
+        def step(value, sample):
+            value = value + weight * (sample - value)
+            return value, value
+
+        return jax.lax.scan(step, jnp.zeros_like(x[0]), x, reverse=reverse)[1]
+
+    return along(along(x, False), True)
