@@ -156,7 +156,7 @@ def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], N
                 step()
 
 
-def assemble(grid: ArmGrid, parts: Parts) -> xr.Dataset:
+def assemble(study: ArmStudy, grid: ArmGrid, parts: Parts) -> xr.Dataset:
     """Labelled results of all runs: dims (acceleration, source, noise, seed, iteration), traces of the first seed only."""
     dims = ("acceleration", "source", "noise", "seed")
     shape = len(grid.accelerations), len(grid.sources), len(grid.noise), len(grid.seeds)
@@ -174,9 +174,10 @@ def assemble(grid: ArmGrid, parts: Parts) -> xr.Dataset:
         variables[name] = ((*dims[:3], *inner.split()), values, META[name])
     coords = {"acceleration": list(grid.accelerations), "source": list(grid.sources), "noise": list(grid.noise)}
     coords |= {"seed": list(grid.seeds), "iteration": np.arange(grid.iterations), "joint": np.arange(JOINTS) + 1}
-    coords |= {"execution": [0, grid.iterations - 1]}
+    coords |= {"execution": [0, grid.iterations - 1], "time": np.arange(0, study.steps, EVERY) * study.dt}
     data = xr.Dataset(variables, coords)
     data["noise"].attrs["units"] = "rad"
+    data["time"].attrs["units"] = "s"
     data.attrs["seconds"] = float(sum(run["seconds"] for run in runs))
     return data
 

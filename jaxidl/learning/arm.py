@@ -29,9 +29,10 @@ from jaxidl.learning.smoothing import zero_phase
 from jaxidl.models import ErrorModel, Learner, Training
 from jaxidl.systems import Plant
 from jaxidl.systems.arm import JOINTS, arm, inertia, torque_limits
-from jaxidl.types import Key, Scalar, State, Trajectory
+from jaxidl.types import Circumstances, Key, Scalar, State, Trajectory
 
 ACCELERATIONS = ("causal", "zero_phase")
+GRIP = 0.1  # [s]
 Values = tuple[float, ...]
 
 GOALS = (
@@ -51,8 +52,22 @@ class Hidden(NamedTuple):
     mass: Values = (0.0, 0.3, -0.2, 0.25, 0.2, -0.15, 0.1)  # of each link, missing in the model [kg]
     ripple: Values = (0.8, 0.8, 0.5, 0.5, 0.25, 0.15, 0.1)  # torque ripple [Nm]
     ripple_period: Values = (0.21, 0.23, 0.19, 0.22, 0.17, 0.2, 0.18)  # [rad]
-    payload: float = 1.0  # [kg]
+    payload: float = 0.5  # [kg]
     payload_com: tuple[float, float, float] = (0.02, 0.0, 0.1)  # in the last link's frame [m]
+
+
+class Load(NamedTuple):
+    """A load that is picked up and set down; it takes ``GRIP`` to bear all its weight."""
+
+    begin: float  # [s]
+    end: float  # [s]
+    mass: float  # [kg]
+
+
+def carrying(plant: Plant, circumstances: Circumstances) -> Plant:
+    """The arm with so much (1,) [kg] more on its flange."""
+    more = lambda effect: effect.replace(mass=effect.mass + circumstances[0]) if isinstance(effect, Payload) else effect  # noqa: E731
+    return plant.replace(effects=tuple(map(more, plant.effects)))
 
 
 @dataclass(frozen=True)
@@ -60,8 +75,10 @@ class ArmStudy:
     """What all runs on the arm share. Host-side and hashable: a static argument of jitted programs."""
 
     hidden: Hidden = field(default_factory=Hidden)
-    goals: tuple[Values, ...] = GOALS  # joint goals one after the other, the last one is the start, too [rad]
+    goals: tuple[Values, ...] = GOALS  # joint goals one after the other [rad]
+    home: Values = GOALS[-1]  # where it begins, at rest [rad]
     seconds_each: float = 0.8  # for each goal
+    carried: tuple[Load, ...] = ()  # loads beside the hidden payload
     effort: float = 0.0016  # LQR's cost of acceleration: gains of about 25 1/s^2 and 7 1/s
     rate: float = 60.0  # DOOMED: its offset grows by rate · M_jj · acceleration error a second [1/s]
     smoothing: float = 0.1  # of the learning feedback
@@ -113,17 +130,25 @@ class ArmStudy:
             EncoderQuantisation(v(self.count)),
         )
 
+    def carried_mass(self) -> Float[Array, "T 1"]:
+        """What is carried at each step (T, 1) [kg]."""
+        t = jnp.arange(self.steps)[:, None] * self.dt
+        shares = [m * jnp.clip((t - on) / GRIP, 0.0, 1.0) * jnp.clip((off - t) / GRIP, 0.0, 1.0) for on, off, m in self.carried]
+        return sum(shares, jnp.zeros_like(t))
+
     def task(self) -> Task:
-        """The goals as a sequence of kinematic LQR policies, from rest at the last one."""
+        """The goals as a sequence of kinematic LQR policies."""
         each = round(self.seconds_each / self.dt)
         goals = jnp.asarray(self.goals)
         gains = lqr(goals[0], self.dt, effort=self.effort).gains
         return Task(
-            start=State(goals[-1], jnp.zeros(JOINTS)),
+            start=State(jnp.asarray(self.home), jnp.zeros(JOINTS)),
             policy=Sequence(goals, jnp.arange(len(self.goals)) * each, gains),
             torque_limit=jnp.asarray(torque_limits()),
             feedforward_limit=self.feedforward_limit,
             estimator=Filtered(self.velocity_band, self.acceleration_band),
+            circumstances=self.carried_mass() if self.carried else None,
+            world=carrying if self.carried else None,
             dt=self.dt,
             steps=self.steps,
         )

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeVar
 
 import jax
 import xarray as xr
@@ -13,7 +14,6 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.errors import ConfigurationError
-from jaxidl.learning.iterate import Metrics
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep.chunks import Chunk, Layout, chunks, dispatch, layout, without_padding
 from jaxidl.sweep.cluster import Cluster
@@ -24,6 +24,7 @@ from jaxidl.sweep.results import Origin, read
 from jaxidl.sweep.run import Kind
 from jaxidl.sweep.store import Store
 
+T = TypeVar("T")
 STOP = threading.Event()  # set by a signal handler: a KeyboardInterrupt raised inside JAX's callbacks can get lost
 
 
@@ -78,7 +79,7 @@ def _here(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], pla
     code, where = revision(), device(plan.width)  # as they are now: the code on disk may change while this runs
     for chunk in chunks(missing, plan.devices, plan.per_device):
         began = time.monotonic()
-        metrics = _wait(dispatch(study, chunk, grid.iterations, plan.devices, plan.width))
+        metrics = wait(dispatch(study, chunk, grid.iterations, plan.devices, plan.width))
         store.add(chunk.labels, without_padding(metrics, chunk), Origin(code, where, time.monotonic() - began))
         yield chunk
 
@@ -128,13 +129,13 @@ def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
     return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
 
 
-def _wait(metrics: Metrics) -> Metrics:
-    """Wait for a dispatched program in a way that Ctrl-C can end."""
-    while not all(leaf.is_ready() for leaf in jax.tree.leaves(metrics)):
+def wait(arrays: T) -> T:
+    """Wait for what a dispatched program returns in a way that Ctrl-C can end."""
+    while not all(leaf.is_ready() for leaf in jax.tree.leaves(arrays)):
         if STOP.is_set():
             raise KeyboardInterrupt
         time.sleep(0.02)
-    return metrics
+    return arrays
 
 
 def _progress(quiet: bool) -> Progress:

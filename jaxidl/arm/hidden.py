@@ -1,0 +1,87 @@
+"""The gap workflow on the arm: a log of the true one, the modelled one, and what is found of what is hidden."""
+
+from dataclasses import dataclass
+from importlib.resources import as_file, files
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
+from jaxidl.learning.execute import execute
+from jaxidl.systems.arm import JOINTS, compiled
+
+FAMILIES = (
+    "viscous_friction",
+    "coulomb_friction",
+    "load_dependent_friction",
+    "torque_ripple",
+    "inertia_error",
+    "payload",
+    "actuator_delay",
+)
+
+
+@dataclass(frozen=True)
+class Logged:
+    """How the true arm is made to move for the log: from goal to goal, drawn about those of the study."""
+
+    goals: int = 36
+    seconds_each: float = 0.9
+    spread: float = 0.8  # of the goals [rad]
+    noise: float = 1e-5  # of the encoders [rad]
+    rate: float = 60.0  # of DOOMED [1/s]
+    seed: int = 1
+
+    def study(self) -> ArmStudy:
+        """The arm's study with these goals."""
+        rng = np.random.default_rng(self.seed)
+        low, high = 0.8 * compiled().jnt_range.T
+        middle = np.mean(GOALS, axis=0)
+        drawn = np.clip(middle + self.spread * rng.uniform(-1.0, 1.0, (self.goals, JOINTS)), low, high)
+        goals = tuple(tuple(float(x) for x in goal) for goal in drawn)
+        return ArmStudy(goals=goals, home=tuple(middle.tolist()), seconds_each=self.seconds_each, rate=self.rate)
+
+
+def record(logged: Logged) -> dict[str, np.ndarray]:
+    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands ``tau`` (T, 7) [Nm]."""
+    study = logged.study()
+    setting = study.setting(logged.noise)
+    draws = jax.random.normal(jax.random.key(logged.seed), (study.steps, JOINTS))
+    run: Any = jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
+    return {"time": np.arange(study.steps) * study.dt, "q": np.asarray(run.q_sensing), "tau": np.asarray(run.tau)}
+
+
+def truth(hidden: Hidden) -> dict[tuple[str, int | None], float]:
+    """What is to be found: effect and joint, and its size in the effect's unit."""
+    found: dict[tuple[str, int | None], float] = {}
+    for name, values in (
+        ("viscous_friction", hidden.viscous),
+        ("coulomb_friction", hidden.coulomb),
+        ("load_dependent_friction", hidden.load_friction),
+        ("torque_ripple", hidden.ripple),
+        ("inertia_error", hidden.mass),
+    ):
+        found |= {(name, j): value for j, value in enumerate(values) if value}
+    return found | {("payload", None): hidden.payload} | {("actuator_delay", j): 1e-3 for j in range(JOINTS)}
+
+
+def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) -> dict[str, Any]:
+    """Log the true arm, let the workflow compare it with the modelled one, and keep log, model and report in ``folder``.
+
+    Returns:
+        The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint and size.
+    """
+    from jaxidl.gap.diagnose import diagnose
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with jax.enable_x64(True):
+        columns = record(logged)
+    np.savez(folder / "log.npz", allow_pickle=False, **columns)
+    with as_file(files("jaxidl.systems") / "arm.xml") as model:
+        (folder / "model.xml").write_bytes(model.read_bytes())
+    found = diagnose(folder / "log.npz", folder / "model.xml", watch=watch)
+    found.save(folder / "report")
+    hidden = [{"effect": name, "joint": joint, "size": size} for (name, joint), size in truth(logged.study().hidden).items()]
+    return found.to_dict() | {"truth": hidden}

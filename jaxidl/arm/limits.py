@@ -1,0 +1,56 @@
+"""Where the method ends, as the paper discusses: the same motion with and without a load. And the remedy: telling the network."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.learning.arm import GOALS, ArmStudy, Load, learn_arm
+from jaxidl.sweep.parts import Arrays
+from jaxidl.sweep.run import MATMUL_PRECISION
+
+NOISE = 1e-5  # of the encoders [rad]
+
+
+@dataclass(frozen=True)
+class Ambiguity:
+    """Two laps through the same goals, the first one with a load."""
+
+    mass: float = 2.5  # [kg]
+    iterations: int = 6
+    seeds: tuple[int, ...] = (1, 2, 3)
+    source: str = "joint"
+
+    def study(self, told: bool) -> ArmStudy:
+        """The arm's study with this task; is the network ``told`` what is carried?"""
+        base = ArmStudy()
+        lap = len(GOALS) * base.seconds_each
+        model = replace(base.error_model, circumstance_scales=(self.mass,)) if told else base.error_model
+        return replace(base, goals=GOALS * 2, carried=(Load(0.0, lap, self.mass),), error_model=model, feedforward_limit=40.0)
+
+
+def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
+    """Learning on two laps, of one ``seed``.
+
+    Returns:
+        ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2]; ``feedback`` (2, T, J) applied in the last
+        execution, with the load and without it [Nm].
+    """
+    study = task.study(told)
+
+    @jax.jit
+    def run(seed: Any) -> Any:
+        with jax.default_matmul_precision(MATMUL_PRECISION):
+            _, runs = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            laps = runs.tau_feedback_applied.reshape(task.iterations, 2, -1, runs.q.shape[-1])
+            return jnp.mean(laps**2, (2, 3)), laps[-1, :, ::4]
+
+    mse, feedback = run(seed)
+    return {"feedback_mse": np.asarray(mse), "feedback": np.asarray(feedback)}
+
+
+def quick(task: Ambiguity) -> Ambiguity:
+    """The same in a minute."""
+    return replace(task, iterations=3, seeds=task.seeds[:1])

@@ -1,0 +1,115 @@
+"""Pick and place: the arm lifts a tool at one place and sets it down at another, as compliant as it can just be."""
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.backend import compiler_options
+from jaxidl.errors import ConfigurationError
+from jaxidl.learning.arm import ArmStudy, Hidden, Load, learn_arm
+from jaxidl.learning.execute import desired_trajectory, execute
+from jaxidl.sweep.parts import Arrays
+from jaxidl.sweep.run import MATMUL_PRECISION
+from jaxidl.systems.arm import JOINTS, flange, reach
+
+PICK, PLACE = np.array([0.50, -0.25, 0.12]), np.array([0.45, 0.30, 0.12])  # of the flange when the tool stands on the table [m]
+ABOVE = np.array([0.0, 0.0, 0.2])  # [m]
+NEAR = np.array([-0.4, 0.6, 0.0, 1.4, 0.0, -1.1, 0.0])  # a pose with the elbow up [rad]
+RATES = tuple(float(2.0 ** (k / 2)) for k in range(13))  # of DOOMED, 1 to 64 [1/s]
+LIFTED = 0.5  # of the way up: what counts as lifting
+NOISE = 1e-5  # of the encoders [rad]
+EVERY = 20  # steps between the stored instants
+
+
+@dataclass(frozen=True)
+class PickAndPlace:
+    """The task: down to the tool, up, over, down, up again."""
+
+    mass: float = 2.5  # of the tool [kg]
+    seconds_each: float = 1.0
+    iterations: int = 3
+    seeds: tuple[int, ...] = (1, 2, 3)
+    source: str = "joint"
+
+    def study(self, rate: float) -> ArmStudy:
+        """The arm's study with this task, and a DOOMED of this ``rate`` [1/s]."""
+        start, pick, over, place = map(_pose, poses())
+        held = Load(self.seconds_each, 4.0 * self.seconds_each, self.mass)
+        return ArmStudy(
+            hidden=Hidden(payload=0.0, payload_com=(0.0, 0.0, 0.12)),
+            goals=(pick, start, over, place, over),
+            home=start,
+            seconds_each=self.seconds_each,
+            carried=(held,),
+            rate=rate,
+        )
+
+
+@cache
+def poses() -> tuple[np.ndarray, ...]:
+    """Joint positions (7,) above the pick, at it, above the place, at it [rad]."""
+    start = reach(PICK + ABOVE, NEAR)
+    over = reach(PLACE + ABOVE, start)
+    return start, reach(PICK, start), over, reach(PLACE, over)
+
+
+def _pose(q: np.ndarray) -> tuple[float, ...]:
+    return tuple(float(x) for x in q)
+
+
+def lowest(found: Arrays) -> float:
+    """The lowest rate that lifts the tool, of what :func:`lifting_rates` found.
+
+    Raises:
+        ConfigurationError: if none does.
+    """
+    enough = found["rates"][found["lifted"] >= LIFTED]
+    if not len(enough):
+        most = f"{found['rates'].max():g}"
+        raise ConfigurationError(f"a tool that a rate of {most} lifts", "a heavier one", "take a lighter tool")
+    return float(enough.min())
+
+
+def lifting_rates(task: PickAndPlace) -> Arrays:
+    """How far up the way each of ``rates`` (R,) has ``lifted`` (R,) the tool at the end of the lift, without any learning [-]."""
+    study = task.study(1.0)
+    end = round(2 * task.seconds_each / study.dt)
+
+    def first(rate: Any) -> Any:
+        setting, whole = study.setting(NOISE), study.law()
+        law = whole.replace(rate=whole.rate * rate)
+        draws = jax.random.normal(jax.random.key(0), (study.steps, JOINTS))
+        return execute(setting.plant, setting.model, law, setting.task, draws).q
+
+    q = jax.jit(lambda rates: jax.lax.map(first, rates), compiler_options=compiler_options())(jnp.array(RATES))
+    heights = flange(np.asarray(q[:, end - 1]))[:, 2]
+    return {"rates": np.array(RATES), "lifted": (heights - PICK[2]) / ABOVE[2]}
+
+
+def pick_and_place(task: PickAndPlace, rate: float, seed: int) -> Arrays:
+    """Executions with ``task.iterations`` − 1 trainings between them, of one ``seed``.
+
+    Returns:
+        Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``, ``path_peak`` (K,) of the flange [m];
+        joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every ``EVERY``-th step [rad].
+    """
+    study = task.study(rate)
+
+    @jax.jit
+    def run(seed: Any) -> Any:
+        with jax.default_matmul_precision(MATMUL_PRECISION):
+            _, runs = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), desired_trajectory(study.task()).q[::EVERY]
+
+    q, mse, wanted = (np.asarray(x) for x in run(seed))
+    off = np.linalg.norm(flange(q) - flange(wanted), axis=-1)
+    return {"feedback_mse": mse, "path_error": off.mean(1), "path_peak": off.max(1), "q": q, "wanted": wanted}
+
+
+def quick(task: PickAndPlace) -> PickAndPlace:
+    """The same in a minute."""
+    return replace(task, iterations=2, seeds=task.seeds[:1])

@@ -1,0 +1,62 @@
+"""All figures of a run of ``jaxidl arm``, and its film."""
+
+import io
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
+from jaxidl.arm.pick import EVERY, PICK, PLACE
+from jaxidl.arm.run import ArmRun, headline_of
+from jaxidl.files import write_bytes
+from jaxidl.plot import arm, arm_tasks
+from jaxidl.plot.style import house_style, save
+from jaxidl.systems.render import NoRenderer, film
+
+PICTURES = 6  # of the strip
+SPEED = 0.8  # of the film
+
+
+def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
+    """Draw ``arm_*.png`` and ``.pdf`` into ``out``, and ``arm_pick.gif`` where MuJoCo can render."""
+    data = headline_of(result["data"])
+    paths: list[Path] = []
+    with house_style():
+        figures: dict[str, Figure] = {
+            "arm_feedback": arm.feedback_by_execution(result["data"]),
+            "arm_feedback_time": arm.feedback_over_time(data),
+            "arm_model_error": arm.model_error(data),
+            "arm_pick": arm_tasks.pick_and_place(result["pick"]),
+            "arm_limits": arm_tasks.with_and_without_load(result["limits"]),
+            "arm_gap": arm_tasks.gap_on_the_arm(result["gap"]),
+        }
+        for name, figure in figures.items():
+            paths += save(figure, out, name)
+        try:
+            paths += _films(run, result, out)
+        except NoRenderer as error:
+            print(f"jaxidl: no pictures of the arm: {error}", file=sys.stderr)
+    return paths
+
+
+def _films(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
+    """The first execution above the second one, as a strip and as a film side by side."""
+    study = run.task.study(1.0)
+    q = result["picked"][0]["q"]
+    carried = np.asarray(study.carried_mass())[::EVERY, 0] > 0.0
+    step = EVERY * study.dt
+    at = np.round(np.linspace(0.0, q.shape[1] - 1, PICTURES)).astype(int)
+    films = [film(poses[at], carried[at], PICK, PLACE) for poses in q[:2]]
+    titles = ["execution 1", "execution 2, after\none learning iteration"]
+    paths = save(arm_tasks.strip(films, (at * step).tolist(), titles), out, "arm_pick_strip")
+    each = 4  # stored instants a picture
+    sides = [film(poses[::each], carried[::each], PICK, PLACE, (280, 280)) for poses in q[:2]]
+    pictures = [Image.fromarray(np.concatenate(pair, axis=1)).quantize(64) for pair in zip(*sides, strict=True)]
+    buffer = io.BytesIO()
+    first, *rest = pictures
+    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=round(1e3 * each * step / SPEED), loop=0)
+    write_bytes(out / "arm_pick.gif", buffer.getvalue())
+    return [*paths, out / "arm_pick.gif"]

@@ -1,0 +1,131 @@
+"""Figures of the arm's tasks: pick and place, with and without a load, and what the gap workflow finds."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from jaxidl.arm.hidden import FAMILIES
+from jaxidl.arm.pick import LIFTED
+
+BEFORE, AFTER = "#D55E00", "#009E73"
+
+
+def pick_and_place(result: dict[str, Any]) -> Figure:
+    """How compliant the arm can be and still lift, and what one iteration of learning makes of that; one line a seed."""
+    figure = Figure(figsize=(8.6, 2.6), layout="constrained")
+    lift, path, feedback = figure.subplots(1, 3)
+    lift.semilogx(result["rates"], 100 * np.asarray(result["lifted"]), "o-", color="#0072B2", base=2)
+    lift.axhline(100 * LIFTED, color="0.4", linestyle=":", linewidth=0.9)
+    lift.axvline(result["rate"], color=BEFORE, linestyle="--", linewidth=0.9)
+    words = f"lowest that lifts: {result['rate']:.3g}"
+    lift.annotate(words, (result["rate"], 8), (4, 0), textcoords="offset points", color=BEFORE)
+    lift.set_xlabel("learning rate of DOOMED [1/s]")
+    lift.set_ylabel("way up, without learning [%]")
+    for panel, name, scale, label in (
+        (path, "path_error", 1e3, "mean path error of the flange [mm]"),
+        (feedback, "feedback_mse", 1.0, "mean squared feedback [Nm²]"),
+    ):
+        runs = scale * np.asarray(result[name])
+        for run in runs:
+            panel.plot(range(1, len(run) + 1), run, "o-", color=AFTER, alpha=0.7)
+        panel.set_ylim(0.0, 1.08 * runs.max())
+        panel.set_xlabel("execution")
+        panel.set_ylabel(label)
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    return figure
+
+
+def strip(films: list[np.ndarray], seconds: list[float], titles: list[str]) -> Figure:
+    """Rows of pictures (N, H, W, 3), one film a row, with the time above each."""
+    figure = Figure(figsize=(1.75 * len(seconds), 1.95 * len(films)), layout="constrained")
+    axes = figure.subplots(len(films), len(seconds), squeeze=False)
+    for row, film, title in zip(axes, films, titles, strict=True):
+        for panel, picture in zip(row, film, strict=True):
+            panel.imshow(picture)
+            panel.set_xticks([])
+            panel.set_yticks([])
+            panel.grid(False)
+            for side in panel.spines.values():
+                side.set_visible(False)
+        row[0].set_ylabel(title)
+    for panel, at in zip(axes[0], seconds, strict=True):
+        panel.set_title(f"{at:.1f} s")
+    return figure
+
+
+def with_and_without_load(result: dict[str, Any]) -> Figure:
+    """Feedback of each execution on the lap with the load and on the one without, for a network that is told the load and for one
+    that is not; medians over seeds and their range."""
+    figure = Figure(figsize=(6.4, 2.7), layout="constrained")
+    axes = figure.subplots(1, 2, sharey=True)
+    for panel, name, title in zip(axes, ("untold", "told"), ("inputs as in the paper", "load as one more input"), strict=True):
+        laps = np.asarray(result[name])
+        for lap, label, color, line in ((0, "with the load", BEFORE, "-"), (1, "without", AFTER, "--")):
+            executions = range(1, laps.shape[1] + 1)
+            panel.plot(executions, np.median(laps[:, :, lap], 0), "o", color=color, linestyle=line, label=label)
+            panel.fill_between(executions, laps[:, :, lap].min(0), laps[:, :, lap].max(0), color=color, alpha=0.15, linewidth=0)
+        panel.set_yscale("log")
+        panel.set_title(title)
+        panel.set_xlabel("execution")
+        panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes[0].set_ylabel("mean squared feedback [Nm²]")
+    axes[0].legend(frameon=False)
+    return figure
+
+
+STATES = ("nothing hidden, nothing named", "named", "among equal explanations", "missed", "named, but not hidden")
+COLORS = ("#f2f2f2", "#9fd8c0", "#f5dc8c", "#f0a58a", "#c9a3cc")
+
+
+def states(report: dict[str, Any], joints: int = 7) -> tuple[list[str], np.ndarray, list[list[str]]]:
+    """Rows (effects), their state on each joint and on the whole arm (R, J + 1), and what to write there."""
+    hidden = {(row["effect"], row["joint"]): row["size"] for row in report["truth"]}
+    named = {(e["effect"], e["joint"]): e for e in report["effects"]}
+    equal = {(c["effect"], c["joint"]) for a in report["ambiguous"] for c in a["candidates"]}
+    rows = [*FAMILIES, *sorted({name for name, _ in named if name not in FAMILIES})]
+    state, words = np.zeros((len(rows), joints + 1), int), [[""] * (joints + 1) for _ in rows]
+    for i, name in enumerate(rows):
+        for k, joint in enumerate([*range(joints), None]):
+            key = name, joint
+            if key in hidden:
+                state[i, k] = 1 if key in named else 2 if key in equal else 3
+                words[i][k] = f"{hidden[key]:g}"
+            elif key in named:
+                state[i, k] = 4
+            if key in named:
+                value = _size(named[key])
+                words[i][k] += ("\n" if words[i][k] else "") + f"→ {value:.3g}"
+    return rows, state, words
+
+
+SIZES = {"torque_ripple": ("sine", "cosine"), "inertia_error": ("mass", "extra")}
+
+
+def _size(effect: dict[str, Any]) -> float:
+    """One number for an effect: its first parameter, of a ripple the amplitude."""
+    values = {name: p["value"] for name, p in effect["parameters"].items()}
+    if effect["effect"] == "torque_ripple":
+        return float(np.hypot(values["sine"], values["cosine"]))
+    return float(np.ravel(next(iter(values.values())))[0])
+
+
+def gap_on_the_arm(report: dict[str, Any]) -> Figure:
+    """Which hidden effects the gap workflow names on which joint: hidden size → found size."""
+    rows, state, words = states(report)
+    figure = Figure(figsize=(8.6, 0.5 * len(rows) + 1.3), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(state, cmap=ListedColormap(COLORS), vmin=0, vmax=len(COLORS) - 1, aspect="auto")
+    for i, line in enumerate(words):
+        for k, text in enumerate(line):
+            axes.text(k, i, text, ha="center", va="center", fontsize=7)
+    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
+    axes.set_xticks(range(state.shape[1]), [*(f"joint {j + 1}" for j in range(state.shape[1] - 1)), "whole arm"])
+    axes.grid(False)
+    axes.tick_params(length=0)
+    pairs = zip(COLORS, STATES, strict=True)
+    patches = [axes.scatter([], [], marker="s", s=60, color=color, label=label) for color, label in pairs]
+    figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+    return figure
