@@ -107,7 +107,7 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory) -> Sum
     return Summary(
         feedback_mse(runs),
         jnp.mean(runs.tau_feedback_applied**2, axis=1),
-        jnp.abs(runs.q - desired_trajectory(setting.task).q).mean((1, 2)),
+        jnp.abs(runs.q - desired_trajectory(setting.task).q[None]).mean((1, 2)),
         jnp.abs(runs.tau_feedforward).max((1, 2)),
         rms(truth),
         rms(truth - every.tau_feedforward),

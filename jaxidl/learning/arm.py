@@ -182,7 +182,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
         training=study.training,
         train_on="sensed_state",
         keep=True,
-        starts=task.start.q + off,
+        starts=task.start.q[None] + off,
         refine=refine if study.acceleration == "zero_phase" else lambda run: run,
     )
     assert runs is not None

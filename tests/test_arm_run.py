@@ -1,0 +1,138 @@
+"""The arm's experiments as a job: pieces that are kept, tables, figures, and the command."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+import xarray as xr
+
+from jaxidl.arm import limits, pick
+from jaxidl.arm.hidden import truth
+from jaxidl.arm.study import META, ArmGrid, assemble, run_study
+from jaxidl.arm.table import as_text, falls, interval, ranking
+from jaxidl.cli import main
+from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.learning.arm import ArmStudy, Hidden, Load
+from jaxidl.models import Training
+from jaxidl.plot import arm, arm_tasks
+from jaxidl.sweep.parts import Parts
+
+GRID = ArmGrid(noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2)
+
+
+def small(study: ArmStudy) -> ArmStudy:
+    """The same code in seconds."""
+    model = replace(study.error_model, layers=(16, 1))
+    return replace(study, seconds_each=0.05, error_model=model, training=Training(epochs=1, batch=64))
+
+
+def test_pieces_are_kept_and_only_missing_or_damaged_ones_computed_again(tmp_path):
+    study, done = small(ArmStudy()), []
+    compute = lambda: run_study(study, GRID, parts, lambda: done.append(1), jax.block_until_ready)  # noqa: E731
+    with Parts(tmp_path, {"a": 1}) as parts:
+        compute()
+        first = assemble(study, GRID, parts)
+        assert len(done) == 3
+        files = sorted(tmp_path.glob("*.npz"))
+        before = [file.stat().st_mtime_ns for file in files]
+        content = bytearray(files[1].read_bytes())
+        content[len(content) // 2] ^= 1
+        files[1].write_bytes(content)
+        compute()
+        after = [file.stat().st_mtime_ns for file in files]
+        assert [a == b for a, b in zip(before, after, strict=True)] == [True, False, True]
+        again = assemble(study, GRID, parts)
+    xr.testing.assert_equal(first, again)  # the run that was lost shared its program's chunk with another one before
+    assert first["feedback_mse"].dims == ("acceleration", "source", "noise", "seed", "iteration")
+    assert np.isfinite(first["feedback_mse"]).all()
+    assert len(set(first["feedback_mse"].values.ravel().tolist())) == 6  # no two alike
+
+
+def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_folder(tmp_path):
+    with Parts(tmp_path, {"a": 1}) as parts:
+        parts.save("x", {"value": np.arange(3)})
+        with pytest.raises(StoreError, match="alone"), Parts(tmp_path, {"a": 1}):
+            pass
+    with Parts(tmp_path, {"a": 2}) as parts:
+        assert parts.load("x") is None
+    with Parts(tmp_path, {"a": 1}) as parts:
+        np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
+
+
+def conditions() -> xr.Dataset:
+    """Made-up results: direct data best by far, joint and indirect data a tie, one rise."""
+    rng = np.random.default_rng(0)
+    levels = {"indirect": 1.0, "direct": 0.3, "joint": 0.98}
+    mse = np.stack([np.exp(0.1 * rng.normal(size=(5, 6))) * level for level in levels.values()])
+    mse[..., 0] = 20.0
+    mse[0, :, 4] = 3.0
+    coords = {"acceleration": ["causal"], "source": list(levels), "noise": [1e-5], "seed": [1, 2, 3, 4, 5], "iteration": range(6)}
+    dims = ("acceleration", "source", "noise", "seed", "iteration")
+    return xr.Dataset({"feedback_mse": (dims, mse[None, :, None])}, coords)
+
+
+def test_ranking_and_falls_say_what_the_numbers_say():
+    rows = ranking(conditions())
+    assert rows[0]["source"] == "direct"
+    assert [row["apart"] for row in rows] == [False, True, True]
+    assert rows[1]["worse"][1] < rows[1]["worse"][0] < rows[1]["worse"][2]
+    assert "joint" in as_text(rows)
+    fall = {row["source"]: row for row in falls(conditions())}
+    assert all(row["fall"] > 0.9 for row in fall.values())
+    assert fall["indirect"]["rise"] > 2.0
+    assert fall["direct"]["rise"] < fall["direct"]["spread"]
+    middle, low, high = interval([1.0, 2.0, 4.0])
+    assert middle == pytest.approx(2.0)
+    assert low * high == pytest.approx(4.0)
+
+
+def test_load_is_carried_between_its_instants():
+    study = replace(ArmStudy(), carried=(Load(0.5, 1.0, 2.0),))
+    mass = np.asarray(study.carried_mass())[:, 0]
+    t = np.arange(study.steps) * study.dt
+    assert mass.max() == pytest.approx(2.0)
+    assert not mass[(t <= 0.5) | (t >= 1.0)].any()
+    assert study.task().circumstances is not None
+    assert ArmStudy().task().circumstances is None
+
+
+def test_lowest_rate_that_lifts():
+    found = {"rates": np.array([1.0, 2.0, 4.0]), "lifted": np.array([0.1, 0.6, 0.9])}
+    assert pick.lowest(found) == 2.0
+    with pytest.raises(ConfigurationError, match="lighter tool"):
+        pick.lowest(found | {"lifted": np.zeros(3)})
+    told, untold = (limits.Ambiguity().study(told).error_model for told in (True, False))
+    assert len(told.circumstance_scales) == len(untold.circumstance_scales) + 1
+
+
+def test_figures_of_made_up_results_can_be_drawn():
+    arm.feedback_by_execution(conditions()).canvas.draw()
+    arm_tasks.with_and_without_load({"told": np.ones((2, 3, 2)).tolist(), "untold": np.ones((2, 3, 2)).tolist()}).canvas.draw()
+    report = {
+        "truth": [{"effect": name, "joint": joint, "size": size} for (name, joint), size in truth(Hidden()).items()],
+        "effects": [
+            {"effect": "viscous_friction", "joint": 0, "parameters": {"coefficient": {"value": 4.1}}},
+            {"effect": "spring", "joint": 2, "parameters": {"stiffness": {"value": 1.0}}},
+        ],
+        "ambiguous": [{"candidates": [{"effect": "payload", "joint": None}, {"effect": "inertia_error", "joint": 6}]}],
+    }
+    rows, state, words = arm_tasks.states(report)
+    at = {name: k for k, name in enumerate(rows)}
+    assert state[at["viscous_friction"]].tolist() == [1, 3, 3, 3, 3, 3, 3, 0]
+    assert words[at["viscous_friction"]][0] == "4\n→ 4.1"
+    assert state[at["spring"], 2] == 4
+    assert state[at["payload"], 7] == state[at["inertia_error"], 6] == 2
+    arm_tasks.gap_on_the_arm(report).canvas.draw()
+
+
+@pytest.mark.parametrize("words", [["--noise", "-1"], ["--iterations", "1"], ["--seeds", "x"]], ids=lambda w: w[0])
+def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
+    assert main(["arm", "--out", str(tmp_path / "out"), *words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_every_stored_quantity_has_a_unit():
+    assert all(about["units"] and about["long_name"] for about in META.values())
