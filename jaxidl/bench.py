@@ -7,7 +7,18 @@ from pathlib import Path
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
 
 FOLDER = Path(__file__).resolve().parents[1] / "experiments" / "bench"
-BENCHMARKS = ("training_step", "control_step", "configuration", "cores", "growth", "compilation", "gap", "reliability")
+BENCHMARKS = (
+    "training_step",
+    "control_step",
+    "configuration",
+    "cores",
+    "growth",
+    "compilation",
+    "gap",
+    "arm",
+    "real_time",
+    "reliability",
+)
 
 
 class BenchmarkError(JaxidlError):

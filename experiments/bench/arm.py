@@ -16,7 +16,7 @@ import numpy as np
 from jaxidl.backend import compiler_options
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.execute import execute
-from jaxidl.systems.arm import JOINTS, compiled
+from jaxidl.systems.arm import JOINTS, arm
 
 jax.config.update("jax_enable_x64", True)
 STUDY, NOISE, BATCH = ArmStudy(), 1e-5, 32
@@ -40,7 +40,7 @@ def executions(count: int, side_by_side: bool, with_model: bool) -> Any:
 def in_c() -> Any:
     """The same loop in Python over MuJoCo in C: true arm with damping and dry friction, modelled arm, filters, DOOMED."""
     hidden, task, law = STUDY.hidden, STUDY.task(), STUDY.law()
-    model: Any = compiled()
+    model: Any = arm().plant.body.source
     true: Any = copy.copy(model)
     true.opt.timestep, true.dof_damping[:], true.dof_frictionloss[:] = STUDY.dt, hidden.viscous, hidden.coulomb
     goals, begins = np.asarray(task.policy.targets), np.asarray(task.policy.begins)
