@@ -16,7 +16,7 @@ import numpy as np
 from jaxidl.backend import compiler_options
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.execute import execute
-from jaxidl.systems.arm import JOINTS, arm
+from jaxidl.systems.arm import JOINTS, arm, inverse_dynamics_in_c
 
 jax.config.update("jax_enable_x64", True)
 STUDY, NOISE, BATCH = ArmStudy(), 1e-5, 32
@@ -40,8 +40,8 @@ def executions(count: int, side_by_side: bool, with_model: bool) -> Any:
 def in_c() -> Any:
     """The same loop in Python over MuJoCo in C: true arm with damping and dry friction, modelled arm, filters, DOOMED."""
     hidden, task, law = STUDY.hidden, STUDY.task(), STUDY.law()
-    model: Any = arm().plant.body.source
-    true: Any = copy.copy(model)
+    inverse = inverse_dynamics_in_c()
+    true: Any = copy.copy(arm().plant.body.source)
     true.opt.timestep, true.dof_damping[:], true.dof_frictionloss[:] = STUDY.dt, hidden.viscous, hidden.coulomb
     goals, begins = np.asarray(task.policy.targets), np.asarray(task.policy.begins)
     kp, kd = np.asarray(task.policy.gains)[0]
@@ -49,24 +49,19 @@ def in_c() -> Any:
     fast, slow = (1.0 - np.exp(-2.0 * np.pi * band * dt) for band in (STUDY.velocity_band, STUDY.acceleration_band))
     draws = np.random.default_rng(0).normal(size=(STUDY.steps, JOINTS)) * NOISE
 
-    def inverse(data: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        data.qpos, data.qvel, data.qacc = q, qd, qdd
-        mujoco.mj_inverse(model, data)  # pyright: ignore[reportAttributeAccessIssue]
-        return data.qfrc_inverse.copy()
-
     def run() -> np.ndarray:
-        data, own = mujoco.MjData(true), mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
+        data = mujoco.MjData(true)  # pyright: ignore[reportAttributeAccessIssue]
         data.qpos[:] = q = np.array(STUDY.home)
         qd = difference = qdd = late = wanted = offset = np.zeros(JOINTS)
         for t in range(STUDY.steps):
             desired = kp * (goals[np.sum(t >= begins) - 1] - q) - kd * qd
-            data.qfrc_applied[:] = inverse(own, q, qd, desired) + offset
+            data.qfrc_applied[:] = inverse(q, qd, desired) + offset
             mujoco.mj_step(true, data)  # pyright: ignore[reportAttributeAccessIssue]
             before, q, last = q, data.qpos + draws[t], difference
             difference = (q - before) / dt
             qd, qdd = qd + fast * (difference - qd), qdd + slow * ((difference - last) / dt - qdd)
             wanted, late = wanted + slow * (late - wanted), desired
-            inverse(own, q, qd, qdd)  # for the indirect data
+            inverse(q, qd, qdd)  # for the indirect data
             offset = offset - rate * (qdd - wanted)
         return data.qpos.copy()
 

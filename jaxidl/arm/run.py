@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.arm import hidden, limits, pick, study
+from jaxidl.arm.real_time import latency
 from jaxidl.arm.table import as_text, falls, ranking
 from jaxidl.errors import StoreError
 from jaxidl.files import write_bytes
@@ -22,6 +23,7 @@ from jaxidl.sweep.launch import wait
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
 
+FEEDFORWARD = "feedforward.jaxexport"
 HEADLINE = ("causal", 1e-5)  # what a robot has: accelerations without the future, and a good encoder
 
 
@@ -34,6 +36,7 @@ class ArmRun:
     task: pick.PickAndPlace = field(default_factory=pick.PickAndPlace)
     laps: limits.Ambiguity = field(default_factory=limits.Ambiguity)
     logged: hidden.Logged = field(default_factory=hidden.Logged)
+    rounds: int = 20_000  # of the loop at 1 kHz
 
     def identity(self) -> dict[str, Any]:
         """All that determines a result besides the labels of runs."""
@@ -45,7 +48,7 @@ def quick(run: ArmRun) -> ArmRun:
     """The same in minutes: two seeds, one noise level, four executions, less training, a shorter log."""
     arm = replace(run.arm, training=Training(epochs=12, batch=256))
     logged = replace(run.logged, goals=16)
-    return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged)
+    return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged, 3000)
 
 
 def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
@@ -57,7 +60,7 @@ def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
     """
     with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
         picks, laps = run.task.seeds, run.laps.seeds
-        total = sum(1 for _ in run.grid.labels()) + 1 + len(picks) + 2 * len(laps) + 1
+        total = sum(1 for _ in run.grid.labels()) + 1 + len(picks) + 2 * len(laps) + 3
         task = bar.add_task("arm", total=total)
         step = lambda: bar.advance(task)  # noqa: E731
 
@@ -83,6 +86,10 @@ def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
             told: [piece(f"laps-{told}-{s}", lambda s=s, t=told: limits.two_laps(run.laps, t, s)) for s in laps]
             for told in (False, True)
         }
+        bar.update(task, description="real time")
+        trained = piece("trained", lambda: study.trained(run.arm, run.grid))
+        write_bytes(out / FEEDFORWARD, study.deployed(run.arm, trained))
+        loop = piece("latency", lambda: {"rows": np.array(json.dumps(latency(out / FEEDFORWARD, run.rounds)))})
         bar.update(task, description="gap workflow")
         report = piece("gap", lambda: {"report": np.array(json.dumps(hidden.find(run.logged, out / "gap")))})
     result = {
@@ -91,6 +98,7 @@ def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
         "pick": {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist()}
         | {name: [p[name].tolist() for p in picked] for name in ("feedback_mse", "path_error", "path_peak")},
         "limits": {"told" if told else "untold": [x["feedback_mse"].tolist() for x in found] for told, found in lapped.items()},
+        "latency": json.loads(str(loop["rows"])),
         "gap": json.loads(str(report["report"])),
         "about": provenance() | {"revision": revision(), "title": "The robot experiments on a simulated arm"},
     }

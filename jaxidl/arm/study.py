@@ -17,11 +17,12 @@ from jaxtyping import Array, Float
 from jaxidl.backend import compiler_options
 from jaxidl.errors import ConfigurationError, StoreError, one_of
 from jaxidl.learning.arm import ACCELERATIONS, ArmStudy, feedback_mse, learn_arm
+from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.learning.sources import SOURCES
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.run import MATMUL_PRECISION
-from jaxidl.systems.arm import JOINTS
+from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import Trajectory
 
 EVERY = 4  # steps between the instants of stored traces
@@ -187,3 +188,17 @@ def _needed(parts: Parts, label: Label) -> Arrays:
     if found is None:
         raise StoreError(f"a finished run {label.name}", "none", "run it again")
     return found
+
+
+def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
+    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7, ...) each, by name."""
+    run = jax.jit(lambda key: learn_arm(study, "joint", jnp.asarray(min(grid.noise)), key, grid.iterations)[0].params)
+    leaves = jax.tree_util.tree_flatten_with_path(run(jax.random.key(grid.seeds[0])))[0]
+    return {jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in leaves}
+
+
+def deployed(study: ArmStudy, weights: Arrays) -> bytes:
+    """The feedforward with these weights as a file's content, see :mod:`jaxidl.learning.deploy`."""
+    like = study.error_model.init(jax.random.key(0))
+    params = jax.tree_util.tree_map_with_path(lambda path, leaf: jnp.asarray(weights[jax.tree_util.keystr(path)]), like)
+    return export_feedforward(study.task(), arm().plant.body, study.error_model, params)

@@ -3,6 +3,7 @@
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
 
+from collections.abc import Callable
 from functools import cache
 from importlib.resources import as_file, files
 
@@ -43,6 +44,19 @@ def inertia(q: Float[np.ndarray, "7"]) -> Float[np.ndarray, "7"]:
     mujoco.mj_forward(model, data)
     mujoco.mj_fullM(model, data, matrix)
     return np.diag(matrix).copy()
+
+
+def inverse_dynamics_in_c() -> Callable[..., Float[np.ndarray, "7"]]:
+    """The modelled torque (7,) [Nm] for positions, velocities and accelerations (7,) each, by MuJoCo in C: a yardstick."""
+    model = arm().plant.body.source
+    data = mujoco.MjData(model)
+
+    def torque(q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+        mujoco.mj_inverse(model, data)
+        return data.qfrc_inverse.copy()
+
+    return torque
 
 
 def flange(q: Float[np.ndarray, "*T 7"]) -> Float[np.ndarray, "*T 3"]:
