@@ -13,9 +13,10 @@ from jaxidl.types import History, Scalar, Trajectory
 
 def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.0) -> Trajectory:
     """The execution (T, J) with accelerations by central differences and a low pass (cut-off ``band`` [Hz]) there and back."""
-    ends = jnp.concatenate([run.q_sensing[:1], run.q_sensing, run.q_sensing[-1:]])
-    qdd = low_pass_both_ways(jnp.diff(ends, 2, axis=0) / task.dt**2, share(band, task.dt))
-    tau = jax.vmap(lambda *now: task.clip(model.inverse_dynamics(*now)))(run.q_sensing, run.qd_sensing, qdd)
+    q = run.q_sensing
+    longer = jnp.concatenate([2 * q[:1] - q[1:2], q, 2 * q[-1:] - q[-2:-1]])  # at both ends it goes on as it went
+    qdd = low_pass_both_ways(jnp.diff(longer, 2, axis=0) / task.dt**2, share(band, task.dt))
+    tau = jax.vmap(lambda *now: task.clip(model.inverse_dynamics(*now)))(q, run.qd_sensing, qdd)
     return replace(run, qdd_actual=qdd, tau_inverse_actual=tau)
 
 
@@ -27,6 +28,6 @@ def low_pass_both_ways(x: History, weight: Scalar) -> History:
             value = value + weight * (sample - value)
             return value, value
 
-        return jax.lax.scan(step, jnp.zeros_like(x[0]), x, reverse=reverse)[1]
+        return jax.lax.scan(step, x[-1] if reverse else x[0], x, reverse=reverse)[1]
 
     return along(along(x, False), True)

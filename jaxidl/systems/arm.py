@@ -79,7 +79,7 @@ def reach(place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: i
     Damped least squares on position, direction of the tool and, weakly, distance from ``near``.
 
     Raises:
-        ConfigurationError: if the flange does not get within a millimetre of the place.
+        ConfigurationError: if the flange does not get within a millimetre of the place and a degree of down.
     """
     model, data, q = compiled(), mujoco.MjData(compiled()), np.array(near, float)
     low, high = model.jnt_range.T
@@ -91,7 +91,8 @@ def reach(place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: i
         off = np.concatenate([place - at, np.cross(frame[:, 2], [0.0, 0.0, -1.0]), 1e-3 * (near - q)])
         slope = np.vstack([along, turn, 1e-3 * np.eye(JOINTS)])
         q = np.clip(q + np.linalg.solve(slope.T @ slope + 1e-4 * np.eye(JOINTS), slope.T @ off), low, high)
-    if np.linalg.norm(_flange(data, q)[0] - place) > 1e-3:
+    at, frame = _flange(data, q)
+    if np.linalg.norm(at - place) > 1e-3 or frame[2, 2] > -np.cos(np.deg2rad(1.0)):
         got = f"{np.round(place, 3).tolist()} m"
         raise ConfigurationError("a place that the arm reaches with its tool down", got, "choose one nearer to its base")
     return q
