@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxidl.arm.real_time import RealTimeError, latency
 from jaxidl.files import write_bytes
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.deploy import export_feedforward, feedforward
@@ -101,3 +102,13 @@ def test_networks_that_know_circumstances_are_told_them():
     told, untold = (np.asarray(exported.call(*state, np.full(1, load, np.float32))) for load in (1.5, 0.0))
     np.testing.assert_allclose(told, feedforward(*given)(*jnp.asarray(state, float), jnp.full(1, 1.5)), rtol=1e-5, atol=1e-4)
     assert np.abs(told - untold).min() > 1e-3
+
+
+def test_latency_is_measured_in_a_process_of_its_own(parts, tmp_path):
+    write_bytes(tmp_path / "good.jaxexport", export_feedforward(*parts))
+    rows = latency(tmp_path / "good.jaxexport", 30)
+    assert [row["of"] for row in rows] == [90, 30, 30, 30]
+    assert all(0.0 < row["median [us]"] <= row["99.9 %"] <= row["max"] for row in rows[1:])
+    (tmp_path / "bad.jaxexport").write_bytes(b"nothing")
+    with pytest.raises(RealTimeError, match="run it again"):
+        latency(tmp_path / "bad.jaxexport", 30)
