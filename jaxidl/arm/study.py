@@ -77,7 +77,9 @@ class Label(NamedTuple):
 
     @property
     def name(self) -> str:
-        return f"{self.acceleration}-{self.source}-{self.noise:g}-{self.seed}"
+        """Of its piece: direct data have no estimated accelerations, so their runs are the same for both kinds."""
+        acceleration = "any" if self.source == "direct" else self.acceleration
+        return f"{acceleration}-{self.source}-{self.noise:g}-{self.seed}"
 
 
 class Summary(NamedTuple):
@@ -140,12 +142,11 @@ def program(study: ArmStudy, source: str, iterations: int, devices: int) -> Any:
 def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None], wait: Callable[[Any], Any]) -> None:
     """Compute what ``parts`` has not yet; ``step`` is called after every run, ``wait`` with what a program returns."""
     devices = jax.device_count()
-    missing = [label for label in grid.labels() if parts.load(label.name) is None]
-    for _ in range(sum(1 for _ in grid.labels()) - len(missing)):
-        step()
-    for (acceleration, source), group in itertools.groupby(missing, lambda label: label[:2]):
-        run = program(replace(study, acceleration=acceleration), source, grid.iterations, devices)
-        runs = list(group)
+    for (acceleration, source), group in itertools.groupby(grid.labels(), lambda label: label[:2]):
+        run, group = program(replace(study, acceleration=acceleration), source, grid.iterations, devices), list(group)
+        runs = [label for label in group if parts.load(label.name) is None]
+        for _ in range(len(group) - len(runs)):
+            step()
         for chunk in (runs[at : at + devices] for at in range(0, len(runs), devices)):
             padded = [*chunk, *[chunk[-1]] * (devices - len(chunk))]
             began = time.monotonic()
