@@ -142,8 +142,9 @@ def program(study: ArmStudy, source: str, iterations: int, devices: int) -> Any:
 def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None], wait: Callable[[Any], Any]) -> None:
     """Compute what ``parts`` has not yet; ``step`` is called after every run, ``wait`` with what a program returns."""
     devices = jax.device_count()
-    for (acceleration, source), group in itertools.groupby(grid.labels(), lambda label: label[:2]):
-        run, group = program(replace(study, acceleration=acceleration), source, grid.iterations, devices), list(group)
+    for acceleration, source in itertools.product(grid.accelerations, grid.sources):
+        run = program(replace(study, acceleration=acceleration), source, grid.iterations, devices)
+        group = [label for label in grid.labels() if label[:2] == (acceleration, source)]
         runs = [label for label in group if parts.load(label.name) is None]
         for _ in range(len(group) - len(runs)):
             step()
