@@ -56,6 +56,9 @@ def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_fo
             pass
     with Parts(tmp_path, {"a": 2}) as parts:
         assert parts.load("x") is None
+        parts.of({"b": 1}).save("y", {"value": np.arange(4)})
+        assert parts.load("y") is None
+        np.testing.assert_array_equal((parts.of({"b": 1}).load("y") or {})["value"], np.arange(4))
     with Parts(tmp_path, {"a": 1}) as parts:
         np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
 
@@ -109,6 +112,9 @@ def test_lowest_rate_that_lifts():
 def test_figures_of_made_up_results_can_be_drawn():
     arm.feedback_by_execution(conditions()).canvas.draw()
     arm_tasks.with_and_without_load({"told": np.ones((2, 3, 2)).tolist(), "untold": np.ones((2, 3, 2)).tolist()}).canvas.draw()
+    lifts = {"rate": 2.0, "rates": [1.0, 2.0], "lifted": [0.2, 0.6]}
+    runs = {source: np.ones((2, 3)).tolist() for source in ("joint", "direct")}
+    arm_tasks.pick_and_place(lifts | {"path_error": runs, "feedback_mse": runs}).canvas.draw()
     report = {
         "truth": [{"effect": name, "joint": joint, "size": size} for (name, joint), size in truth(Hidden()).items()],
         "effects": [

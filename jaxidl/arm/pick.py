@@ -33,7 +33,6 @@ class PickAndPlace:
     seconds_each: float = 1.0
     iterations: int = 3
     seeds: tuple[int, ...] = (1, 2, 3)
-    source: str = "joint"
 
     def study(self, rate: float) -> ArmStudy:
         """The arm's study with this task, and a DOOMED of this ``rate`` [1/s]."""
@@ -90,8 +89,8 @@ def lifting_rates(task: PickAndPlace) -> Arrays:
     return {"rates": np.array(RATES), "lifted": (heights - PICK[2]) / ABOVE[2]}
 
 
-def pick_and_place(task: PickAndPlace, rate: float, seed: int) -> Arrays:
-    """Executions with ``task.iterations`` − 1 trainings between them, of one ``seed``.
+def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> Arrays:
+    """Executions with ``task.iterations`` − 1 trainings on data of one ``source`` between them, of one ``seed``.
 
     Returns:
         Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``, ``path_peak`` (K,) of the flange [m];
@@ -102,7 +101,7 @@ def pick_and_place(task: PickAndPlace, rate: float, seed: int) -> Arrays:
     @jax.jit
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            _, runs = learn_arm(study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
             return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), desired_trajectory(study.task()).q[::EVERY]
 
     q, mse, wanted = (np.asarray(x) for x in run(seed))

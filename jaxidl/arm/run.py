@@ -24,6 +24,7 @@ from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
 
 FEEDFORWARD = "feedforward.jaxexport"
+PICKED = ("joint", "direct")  # data that pick and place learns from: the paper's, and the ones that do best here
 HEADLINE = ("causal", 1e-5)  # what a robot has: accelerations without the future, and a good encoder
 
 
@@ -39,9 +40,8 @@ class ArmRun:
     rounds: int = 20_000  # of the loop at 1 kHz
 
     def identity(self) -> dict[str, Any]:
-        """All that determines a result besides the labels of runs."""
-        rest = {"pick": asdict(self.task), "limits": asdict(self.laps), "logged": asdict(self.logged)}
-        return {"arm": self.arm.to_dict(), "iterations": self.grid.iterations, "precision": PRECISION} | rest
+        """All that determines a result of the study besides the labels of runs."""
+        return {"arm": self.arm.to_dict(), "iterations": self.grid.iterations, "precision": PRECISION}
 
 
 def quick(run: ArmRun) -> ArmRun:
@@ -59,12 +59,15 @@ def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
         KeyboardInterrupt: finished pieces are saved; the same call continues.
     """
     with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
+        picking, lapping, finding = (
+            parts.of(asdict(what) | {"precision": PRECISION}) for what in (run.task, run.laps, run.logged)
+        )
         picks, laps = run.task.seeds, run.laps.seeds
-        total = sum(1 for _ in run.grid.labels()) + 1 + len(picks) + 2 * len(laps) + 3
+        total = sum(1 for _ in run.grid.labels()) + 1 + len(PICKED) * len(picks) + 2 * len(laps) + 3
         task = bar.add_task("arm", total=total)
         step = lambda: bar.advance(task)  # noqa: E731
 
-        def piece(name: str, make: Callable[[], Arrays]) -> Arrays:
+        def piece(parts: Parts, name: str, make: Callable[[], Arrays]) -> Arrays:
             found = parts.load(name)
             if found is None:
                 parts.save(name, make())
@@ -78,25 +81,31 @@ def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
         study.run_study(run.arm, run.grid, parts, step, wait)
         data = study.assemble(run.arm, run.grid, parts)
         bar.update(task, description="pick and place")
-        rates = piece("pick-rates", lambda: pick.lifting_rates(run.task))
+        rates = piece(picking, "pick-rates", lambda: pick.lifting_rates(run.task))
         rate = pick.lowest(rates)
-        picked = [piece(f"pick-{s}", lambda s=s: pick.pick_and_place(run.task, rate, s)) for s in picks]
+        picked = {
+            x: [piece(picking, f"pick-{x}-{s}", lambda x=x, s=s: pick.pick_and_place(run.task, rate, x, s)) for s in picks]
+            for x in PICKED
+        }
         bar.update(task, description="with and without a load")
         lapped = {
-            told: [piece(f"laps-{told}-{s}", lambda s=s, t=told: limits.two_laps(run.laps, t, s)) for s in laps]
+            told: [piece(lapping, f"laps-{told}-{s}", lambda s=s, t=told: limits.two_laps(run.laps, t, s)) for s in laps]
             for told in (False, True)
         }
         bar.update(task, description="real time")
-        trained = piece("trained", lambda: study.trained(run.arm, run.grid))
+        trained = piece(parts, "trained", lambda: study.trained(run.arm, run.grid))
         write_bytes(out / FEEDFORWARD, study.deployed(run.arm, trained))
-        loop = piece("latency", lambda: {"rows": np.array(json.dumps(latency(out / FEEDFORWARD, run.rounds)))})
+        loop = piece(parts, "latency", lambda: {"rows": np.array(json.dumps(latency(out / FEEDFORWARD, run.rounds)))})
         bar.update(task, description="gap workflow")
-        report = piece("gap", lambda: {"report": np.array(json.dumps(hidden.find(run.logged, out / "gap")))})
+        report = piece(finding, "gap", lambda: {"report": np.array(json.dumps(hidden.find(run.logged, out / "gap")))})
     result = {
         "ranking": ranking(data),
         "falls": falls(data),
         "pick": {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist()}
-        | {name: [p[name].tolist() for p in picked] for name in ("feedback_mse", "path_error", "path_peak")},
+        | {
+            name: {source: [p[name].tolist() for p in runs] for source, runs in picked.items()}
+            for name in ("feedback_mse", "path_error", "path_peak")
+        },
         "limits": {"told" if told else "untold": [x["feedback_mse"].tolist() for x in found] for told, found in lapped.items()},
         "latency": json.loads(str(loop["rows"])),
         "gap": json.loads(str(report["report"])),

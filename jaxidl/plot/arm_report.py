@@ -16,6 +16,7 @@ from jaxidl.plot import arm, arm_tasks
 from jaxidl.plot.style import house_style, save
 from jaxidl.systems.render import NoRenderer, film
 
+FILMED = "direct"  # data that is learned from in the pictures
 PICTURES = 6  # of the strip
 SPEED = 0.8  # of the film
 
@@ -45,12 +46,12 @@ def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Pa
 def _films(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
     """The first execution above the second one, as a strip and as a film side by side."""
     study = run.task.study(1.0)
-    q = result["picked"][0]["q"]
+    q = result["picked"][FILMED][0]["q"]
     carried = np.asarray(study.carried_mass())[::EVERY, 0] > 0.0
     step = EVERY * study.dt
     at = np.round(np.linspace(0.0, q.shape[1] - 1, PICTURES)).astype(int)
     films = [film(poses[at], carried[at], PICK, PLACE) for poses in q[:2]]
-    titles = ["execution 1", "execution 2, after\none learning iteration"]
+    titles = ["execution 1", "execution 2, after one\niteration on direct data"]
     paths = save(arm_tasks.strip(films, (at * step).tolist(), titles), out, "arm_pick_strip")
     each = 4  # stored instants a picture
     sides = [film(poses[::each], carried[::each], PICK, PLACE, (280, 280)) for poses in q[:2]]

@@ -9,12 +9,13 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxidl.arm.hidden import FAMILIES
 from jaxidl.arm.pick import LIFTED
+from jaxidl.plot.style import SOURCE_STYLE
 
 BEFORE, AFTER = "#D55E00", "#009E73"
 
 
 def pick_and_place(result: dict[str, Any]) -> Figure:
-    """How compliant the arm can be and still lift, and what one iteration of learning makes of that; one line a seed."""
+    """How compliant the arm can be and still lift, and what learning makes of that; medians over seeds and their range."""
     figure = Figure(figsize=(8.6, 2.6), layout="constrained")
     lift, path, feedback = figure.subplots(1, 3)
     lift.semilogx(result["rates"], 100 * np.asarray(result["lifted"]), "o-", color="#0072B2", base=2)
@@ -28,13 +29,19 @@ def pick_and_place(result: dict[str, Any]) -> Figure:
         (path, "path_error", 1e3, "mean path error of the flange [mm]"),
         (feedback, "feedback_mse", 1.0, "mean squared feedback [Nm²]"),
     ):
-        runs = scale * np.asarray(result[name])
-        for run in runs:
-            panel.plot(range(1, len(run) + 1), run, "o-", color=AFTER, alpha=0.7)
-        panel.set_ylim(0.0, 1.08 * runs.max())
+        most = 0.0
+        for source, runs in result[name].items():
+            values = scale * np.asarray(runs)
+            middle, style = np.median(values, 0), SOURCE_STYLE[source]
+            executions = range(1, len(middle) + 1)
+            panel.plot(executions, middle, label=f"{source} data", **style)
+            panel.fill_between(executions, values.min(0), values.max(0), color=style["color"], alpha=0.15, linewidth=0)
+            most = max(most, float(values.max()))
+        panel.set_ylim(0.0, 1.08 * most)
         panel.set_xlabel("execution")
         panel.set_ylabel(label)
         panel.xaxis.set_major_locator(MaxNLocator(integer=True))
+    feedback.legend(frameon=False)
     return figure
 
 

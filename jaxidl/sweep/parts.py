@@ -31,6 +31,10 @@ class Parts:
         self.folder, self.identity = folder, json.dumps(identity, sort_keys=True)
         self._lock = FileLock(folder / "lock", timeout=0)
 
+    def of(self, identity: Mapping[str, Any]) -> "Parts":
+        """Pieces of another identity in the same folder; this one's lock covers them."""
+        return Parts(self.folder, identity)
+
     def __enter__(self) -> "Parts":
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
