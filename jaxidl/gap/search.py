@@ -12,7 +12,8 @@ from jaxidl.gap.gains import Gain, errors_of, gain
 from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
 
-MOST = 24  # effects at most
+MOST = 24  # effects at most,
+PER_JOINT = 6  # or so many a joint
 UNSURE = 0.1  # ... and never if it loses more than this share, however unsure
 NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
 
@@ -47,7 +48,8 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
     outcome = Outcome(ranking, ranking.fit.residual)
     keys = len(ranking.groups)
     seen: set[frozenset[tuple[str, int | None, str]]] = set()
-    for number in range(MOST):
+    most = max(MOST, PER_JOINT * ranking.data.base.shape[1])
+    for number in range(most):
         tried = iter(range(1, keys + 1))
         trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
         outcome.rounds.append(trials)
@@ -55,7 +57,7 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         if best is None:
             outcome.chosen.append(None)
             watch(f"round {number + 1}: exchanging effects", 1.0)
-            if number + 1 < MOST and (revise(ranking) or exchange_two(ranking)) and _news(ranking, seen):
+            if number + 1 < most and (revise(ranking) or exchange_two(ranking)) and _news(ranking, seen):
                 continue
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
