@@ -14,6 +14,13 @@ def arm(
     seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
     noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
     iterations: int | None = None,
+    experiments: Annotated[tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")] = (
+        "study",
+        "pick",
+        "limits",
+        "latency",
+        "gap",
+    ),
 ) -> None:
     """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted run stopped.
 
@@ -23,6 +30,7 @@ def arm(
         seeds: run seeds of the study, 1 to 5 unless told.
         noise: encoder noise scales of the study [rad].
         iterations: executions of the study, 10 unless told.
+        experiments: which of them; the same folder takes the others later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text
@@ -31,7 +39,8 @@ def arm(
     run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
     told = {"seeds": seeds, "noise": noise, "iterations": iterations}
     run = replace(run, grid=replace(run.grid, **{name: value for name, value in told.items() if value is not None}))
-    result = arms.run_all(run, out)
+    result = arms.run_all(run, out, experiments)
     for path in write_arm_figures(run, result, out):
         print(f"wrote {path}")
-    print(as_text(result["ranking"]))
+    if "study" in result:
+        print(as_text(result["study"]["ranking"]))

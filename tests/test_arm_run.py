@@ -132,7 +132,9 @@ def test_figures_of_made_up_results_can_be_drawn():
     arm_tasks.gap_on_the_arm(report).canvas.draw()
 
 
-@pytest.mark.parametrize("words", [["--noise", "-1"], ["--iterations", "1"], ["--seeds", "x"]], ids=lambda w: w[0])
+@pytest.mark.parametrize(
+    "words", [["--noise", "-1"], ["--iterations", "1"], ["--seeds", "x"], ["--experiments", "study", "dance"]], ids=lambda w: w[0]
+)
 def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
     assert main(["arm", "--out", str(tmp_path / "out"), *words]) == 2
     said = capsys.readouterr().err

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from jaxidl.arm import hidden, limits, pick, study
 from jaxidl.arm.real_time import latency
 from jaxidl.arm.table import as_text, falls, ranking
-from jaxidl.errors import StoreError
+from jaxidl.errors import StoreError, one_of
 from jaxidl.files import write_bytes
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.models import Training
@@ -51,78 +52,115 @@ def quick(run: ArmRun) -> ArmRun:
     return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged, 3000)
 
 
-def run_all(run: ArmRun, out: Path, quiet: bool = False) -> dict[str, Any]:
-    """Compute what ``out`` does not hold yet; write ``arm.nc``, ``arm_conditions.nc`` and ``arm.json``, and return the latter.
+class Job:
+    """Pieces of a run: computed if they are not there, and counted."""
+
+    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None]):
+        self.run, self.out, self.parts, self.step = run, out, parts, step
+
+    def piece(self, name: str, make: Callable[[], Arrays], of: Any = None) -> Arrays:
+        """The piece ``name``, which the study determines, or else the settings ``of``."""
+        parts = self.parts if of is None else self.parts.of(asdict(of) | {"precision": PRECISION})
+        found = parts.load(name)
+        if found is None:
+            parts.save(name, make())
+            found = parts.load(name)
+        if found is None:
+            raise StoreError(f"to read back {name} in {parts.folder}", "something else", "run it again")
+        self.step()
+        return found
+
+    def study(self) -> dict[str, Any]:
+        """Ten executions for every source, noise and kind of acceleration."""
+        study.run_study(self.run.arm, self.run.grid, self.parts, self.step, wait)
+        data = study.assemble(self.run.arm, self.run.grid, self.parts)
+        return {"ranking": ranking(data), "falls": falls(data), "data": data}
+
+    def pick(self) -> dict[str, Any]:
+        """Pick and place at the lowest rate that lifts the tool."""
+        task = self.run.task
+        rates = self.piece("pick-rates", lambda: pick.lifting_rates(task), task)
+        rate, found = pick.lowest(rates), {}
+        for source in PICKED:
+            make = lambda seed, source=source: pick.pick_and_place(task, rate, source, seed)  # noqa: E731
+            found[source] = [self.piece(f"pick-{source}-{s}", partial(make, s), task) for s in task.seeds]
+        numbers = {
+            name: {source: [p[name].tolist() for p in runs] for source, runs in found.items()}
+            for name in ("feedback_mse", "path_error", "path_peak")
+        }
+        return {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist(), "runs": found} | numbers
+
+    def limits(self) -> dict[str, Any]:
+        """Two laps, with and without a load, for a network that is told and one that is not."""
+        laps, found = self.run.laps, {}
+        for told in (False, True):
+            pieces = [self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), laps) for s in laps.seeds]
+            found["told" if told else "untold"] = [x["feedback_mse"].tolist() for x in pieces]
+        return found
+
+    def latency(self) -> list[dict[str, Any]]:
+        """A trained feedforward as a file, and its time at 1 kHz."""
+        weights = self.piece("trained", lambda: study.trained(self.run.arm, self.run.grid))
+        file = self.out / FEEDFORWARD
+        write_bytes(file, study.deployed(self.run.arm, weights))
+        rows = self.piece("latency", lambda: {"rows": np.array(json.dumps(latency(file, self.run.rounds)))})
+        return json.loads(str(rows["rows"]))
+
+    def gap(self) -> dict[str, Any]:
+        """What the gap workflow finds of what is hidden."""
+        logged = self.run.logged
+        found = self.piece("gap", lambda: {"report": np.array(json.dumps(hidden.find(logged, self.out / "gap")))}, logged)
+        return json.loads(str(found["report"]))
+
+
+EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")
+
+
+def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, quiet: bool = False) -> dict[str, Any]:
+    """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc`` and ``arm.json``.
+
+    Returns:
+        What each of the ``experiments`` found, and ``about``: versions, command, revision.
 
     Raises:
+        ConfigurationError: for an unknown experiment.
         StoreError: when another process is at work there, or it cannot be written.
         KeyboardInterrupt: finished pieces are saved; the same call continues.
     """
-    with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
-        picking, lapping, finding = (
-            parts.of(asdict(what) | {"precision": PRECISION}) for what in (run.task, run.laps, run.logged)
-        )
-        picks, laps = run.task.seeds, run.laps.seeds
-        total = sum(1 for _ in run.grid.labels()) + 1 + len(PICKED) * len(picks) + 2 * len(laps) + 3
-        task = bar.add_task("arm", total=total)
-        step = lambda: bar.advance(task)  # noqa: E731
-
-        def piece(parts: Parts, name: str, make: Callable[[], Arrays]) -> Arrays:
-            found = parts.load(name)
-            if found is None:
-                parts.save(name, make())
-                found = parts.load(name)
-            if found is None:
-                raise StoreError(f"to read back {name} in {parts.folder}", "something else", "run it again")
-            step()
-            return found
-
-        bar.update(task, description="ten executions")
-        study.run_study(run.arm, run.grid, parts, step, wait)
-        data = study.assemble(run.arm, run.grid, parts)
-        bar.update(task, description="pick and place")
-        rates = piece(picking, "pick-rates", lambda: pick.lifting_rates(run.task))
-        rate = pick.lowest(rates)
-        picked = {
-            x: [piece(picking, f"pick-{x}-{s}", lambda x=x, s=s: pick.pick_and_place(run.task, rate, x, s)) for s in picks]
-            for x in PICKED
-        }
-        bar.update(task, description="with and without a load")
-        lapped = {
-            told: [piece(lapping, f"laps-{told}-{s}", lambda s=s, t=told: limits.two_laps(run.laps, t, s)) for s in laps]
-            for told in (False, True)
-        }
-        bar.update(task, description="real time")
-        trained = piece(parts, "trained", lambda: study.trained(run.arm, run.grid))
-        write_bytes(out / FEEDFORWARD, study.deployed(run.arm, trained))
-        loop = piece(parts, "latency", lambda: {"rows": np.array(json.dumps(latency(out / FEEDFORWARD, run.rounds)))})
-        bar.update(task, description="gap workflow")
-        report = piece(finding, "gap", lambda: {"report": np.array(json.dumps(hidden.find(run.logged, out / "gap")))})
-    result = {
-        "ranking": ranking(data),
-        "falls": falls(data),
-        "pick": {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist()}
-        | {
-            name: {source: [p[name].tolist() for p in runs] for source, runs in picked.items()}
-            for name in ("feedback_mse", "path_error", "path_peak")
-        },
-        "limits": {"told" if told else "untold": [x["feedback_mse"].tolist() for x in found] for told, found in lapped.items()},
-        "latency": json.loads(str(loop["rows"])),
-        "gap": json.loads(str(report["report"])),
-        "about": provenance() | {"revision": revision(), "title": "The robot experiments on a simulated arm"},
+    for name in experiments:
+        if name not in EXPERIMENTS:
+            raise one_of("experiment", name, EXPERIMENTS)
+    runs = sum(1 for _ in run.grid.labels())
+    counts = {
+        "study": runs,
+        "pick": 1 + len(PICKED) * len(run.task.seeds),
+        "limits": 2 * len(run.laps.seeds),
+        "latency": 2,
+        "gap": 1,
     }
-    _write(out, run, data, result)
-    return result | {"data": data, "picked": picked, "lapped": lapped}
+    result: dict[str, Any] = {}
+    with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
+        task = bar.add_task("", total=sum(counts[name] for name in experiments))
+        job = Job(run, out, parts, lambda: bar.advance(task))
+        for name in dict.fromkeys(experiments):
+            bar.update(task, description=name)
+            result[name] = getattr(job, name)()
+    result["about"] = provenance() | {"revision": revision(), "title": "The robot experiments on a simulated arm"}
+    _write(out, run, result)
+    return result
 
 
-def _write(out: Path, run: ArmRun, data: xr.Dataset, result: dict[str, Any]) -> None:
-    data.attrs |= result["about"] | {"study": json.dumps(run.arm.to_dict())}
-    packed = {str(name): {"zlib": True, "shuffle": True} for name in data.data_vars}
-    write_bytes(out / "arm_conditions.nc", bytes(data.to_netcdf(engine="h5netcdf", encoding=packed)))
-    headline = headline_of(data)
-    write_bytes(out / "arm.nc", bytes(headline.to_netcdf(engine="h5netcdf", encoding=packed)))
-    write_bytes(out / "arm.json", json.dumps(result, indent=1).encode())
-    write_bytes(out / "ranking.md", (as_text(result["ranking"]) + "\n").encode())
+def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
+    if "study" in result:
+        data = result["study"]["data"]
+        data.attrs |= result["about"] | {"study": json.dumps(run.arm.to_dict())}
+        packed = {str(name): {"zlib": True, "shuffle": True} for name in data.data_vars}
+        write_bytes(out / "arm_conditions.nc", bytes(data.to_netcdf(engine="h5netcdf", encoding=packed)))
+        write_bytes(out / "arm.nc", bytes(headline_of(data).to_netcdf(engine="h5netcdf", encoding=packed)))
+        write_bytes(out / "ranking.md", (as_text(result["study"]["ranking"]) + "\n").encode())
+    bulky = {"data", "runs"}
+    plain = {n: {k: v for k, v in x.items() if k not in bulky} if isinstance(x, dict) else x for n, x in result.items()}
+    write_bytes(out / "arm.json", json.dumps(plain, indent=1).encode())
 
 
 def headline_of(data: xr.Dataset) -> xr.Dataset:

@@ -23,30 +23,33 @@ SPEED = 0.8  # of the film
 
 def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
     """Draw ``arm_*.png`` and ``.pdf`` into ``out``, and ``arm_pick.gif`` where MuJoCo can render."""
-    data = headline_of(result["data"])
     paths: list[Path] = []
     with house_style():
-        figures: dict[str, Figure] = {
-            "arm_feedback": arm.feedback_by_execution(result["data"]),
-            "arm_feedback_time": arm.feedback_over_time(data),
-            "arm_model_error": arm.model_error(data),
-            "arm_pick": arm_tasks.pick_and_place(result["pick"]),
-            "arm_limits": arm_tasks.with_and_without_load(result["limits"]),
-            "arm_gap": arm_tasks.gap_on_the_arm(result["gap"]),
-        }
-        for name, figure in figures.items():
+        for name, figure in _figures(result).items():
             paths += save(figure, out, name)
         try:
-            paths += _films(run, result, out)
+            paths += _films(run, result["pick"]["runs"][FILMED][0]["q"], out) if "pick" in result else []
         except NoRenderer as error:
             print(f"jaxidl: no pictures of the arm: {error}", file=sys.stderr)
     return paths
 
 
-def _films(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
-    """The first execution above the second one, as a strip and as a film side by side."""
+def _figures(result: dict[str, Any]) -> dict[str, Figure]:
+    """A figure or several for each experiment that was made."""
+    figures: dict[str, Figure] = {}
+    if "study" in result:
+        data = result["study"]["data"]
+        headline = headline_of(data)
+        figures["arm_feedback"] = arm.feedback_by_execution(data)
+        figures["arm_feedback_time"] = arm.feedback_over_time(headline)
+        figures["arm_model_error"] = arm.model_error(headline)
+    draw = {"pick": arm_tasks.pick_and_place, "limits": arm_tasks.with_and_without_load, "gap": arm_tasks.gap_on_the_arm}
+    return figures | {f"arm_{name}": draw[name](result[name]) for name in draw if name in result}
+
+
+def _films(run: ArmRun, q: np.ndarray, out: Path) -> list[Path]:
+    """The first execution above the second one, of ``q`` (K, T, 7), as a strip and as a film side by side."""
     study = run.task.study(1.0)
-    q = result["picked"][FILMED][0]["q"]
     carried = np.asarray(study.carried_mass())[::EVERY, 0] > 0.0
     step = EVERY * study.dt
     at = np.round(np.linspace(0.0, q.shape[1] - 1, PICTURES)).astype(int)
