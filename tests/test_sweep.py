@@ -154,14 +154,14 @@ class Stop(Exception):
 
 def interrupted_after(monkeypatch, count):
     calls = iter(range(count + 1))
-    original = launch._wait
+    original = launch.wait
 
     def wait(metrics):
         if next(calls) == count:
             raise KeyboardInterrupt
         return original(metrics)
 
-    monkeypatch.setattr(launch, "_wait", wait)
+    monkeypatch.setattr(launch, "wait", wait)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
@@ -175,8 +175,8 @@ def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_p
     assert not path.exists()
     assert len(list((tmp_path / "r.nc.parts").glob("*.npz"))) == count
     waits = []
-    original = launch._wait
-    monkeypatch.setattr(launch, "_wait", lambda metrics: waits.append(1) or original(metrics))
+    original = launch.wait
+    monkeypatch.setattr(launch, "wait", lambda metrics: waits.append(1) or original(metrics))
     assert_same(data, run(path, study, per_device=2))  # another chunk size, too
     assert len(waits) == -(-(8 - 2 * count) // 4)
     assert not (tmp_path / "r.nc.parts").exists()
