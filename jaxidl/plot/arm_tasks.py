@@ -22,7 +22,7 @@ def pick_and_place(result: dict[str, Any]) -> Figure:
     lift.axhline(100 * LIFTED, color="0.4", linestyle=":", linewidth=0.9)
     lift.axvline(result["rate"], color=BEFORE, linestyle="--", linewidth=0.9)
     words = f"lowest that lifts: {result['rate']:.3g}"
-    lift.annotate(words, (result["rate"], 8), (4, 0), textcoords="offset points", color=BEFORE)
+    lift.annotate(words, (result["rate"], 0.05), (4, 0), ("data", "axes fraction"), "offset points", color=BEFORE)
     lift.set_xlabel("learning rate of DOOMED [1/s]")
     lift.set_ylabel("way up, without learning [%]")
     for panel, name, scale, label in (
