@@ -124,7 +124,7 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory) -> Sum
 def program(study: ArmStudy, source: str, iterations: int, devices: int) -> Any:
     """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); R runs, one a device.
 
-    Executions alone are 2.7 to 2.8 times cheaper 32 side by side (``experiments/bench/arm.py``); how trainings fare so has not been measured.
+    Executions are 2.7 times cheaper 32 side by side (``experiments/bench/arm.py``); how trainings fare so is not known yet.
     """
     mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
 
