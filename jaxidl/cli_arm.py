@@ -19,7 +19,6 @@ def arm(
         "pick",
         "limits",
         "latency",
-        "gap",
     ),
 ) -> None:
     """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted run stopped.
@@ -30,7 +29,7 @@ def arm(
         seeds: run seeds of the study, 1 to 5 unless told.
         noise: encoder noise scales of the study [rad].
         iterations: executions of the study, 10 unless told.
-        experiments: which of them; the same folder takes the others later.
+        experiments: which of them; the same folder takes the others later. gap is slow, and made only if named.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text

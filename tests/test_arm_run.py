@@ -1,5 +1,6 @@
 """The arm's experiments as a job: pieces that are kept, tables, figures, and the command."""
 
+import json
 from dataclasses import replace
 
 import jax
@@ -9,6 +10,7 @@ import xarray as xr
 
 from jaxidl.arm import limits, pick
 from jaxidl.arm.hidden import truth
+from jaxidl.arm.run import ArmRun, _write, quick
 from jaxidl.arm.study import META, ArmGrid, assemble, run_study
 from jaxidl.arm.table import as_text, falls, interval, ranking
 from jaxidl.cli import main
@@ -144,3 +146,14 @@ def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
 
 def test_every_stored_quantity_has_a_unit():
     assert all(about["units"] and about["long_name"] for about in META.values())
+
+
+def test_experiments_of_the_same_settings_are_gathered_in_one_file(tmp_path):
+    one = ArmRun()
+    _write(tmp_path, one, {"pick": {"rate": 2.0, "runs": None}})
+    _write(tmp_path, one, {"limits": {"told": []}})
+    kept = json.loads((tmp_path / "arm.json").read_text())
+    assert kept["pick"] == {"rate": 2.0}
+    assert "limits" in kept
+    _write(tmp_path, quick(one), {"limits": {"told": [1]}})  # other settings
+    assert "pick" not in json.loads((tmp_path / "arm.json").read_text())

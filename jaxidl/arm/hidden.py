@@ -53,7 +53,7 @@ def record(logged: Logged) -> dict[str, np.ndarray]:
     return {"time": np.arange(study.steps) * study.dt, "q": np.asarray(run.q_sensing), "tau": np.asarray(run.tau)}
 
 
-def truth(hidden: Hidden) -> dict[tuple[str, int | None], float]:
+def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], float]:
     """What is to be found: effect and joint, and its size in the effect's unit."""
     found: dict[tuple[str, int | None], float] = {}
     for name, values in (
@@ -64,7 +64,7 @@ def truth(hidden: Hidden) -> dict[tuple[str, int | None], float]:
         ("inertia_error", hidden.mass),
     ):
         found |= {(name, j): value for j, value in enumerate(values) if value}
-    return found | {("payload", None): hidden.payload} | {("actuator_delay", j): 1e-3 for j in range(JOINTS)}
+    return found | {("payload", None): hidden.payload} | {("actuator_delay", j): delay for j in range(JOINTS)}
 
 
 def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) -> dict[str, Any]:
@@ -83,5 +83,6 @@ def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) ->
         (folder / "model.xml").write_bytes(model.read_bytes())
     found = diagnose(folder / "log.npz", folder / "model.xml", watch=watch)
     found.save(folder / "report")
-    hidden = [{"effect": name, "joint": joint, "size": size} for (name, joint), size in truth(logged.study().hidden).items()]
-    return found.to_dict() | {"truth": hidden}
+    study = logged.study()
+    rows = truth(study.hidden, study.delay).items()
+    return found.to_dict() | {"truth": [{"effect": name, "joint": joint, "size": size} for (name, joint), size in rows]}

@@ -100,10 +100,13 @@ class Job:
 
     def latency(self) -> list[dict[str, Any]]:
         """A trained feedforward as a file, and its time at 1 kHz."""
-        weights = self.piece("trained", lambda: study.trained(self.run.arm, self.run.grid))
+        of = f"{min(self.run.grid.noise):g}-{self.run.grid.seeds[0]}"
+        weights = self.piece(f"trained-{of}", lambda: study.trained(self.run.arm, self.run.grid))
         file = self.out / FEEDFORWARD
         write_bytes(file, study.deployed(self.run.arm, weights))
-        rows = self.piece("latency", lambda: {"rows": np.array(json.dumps(latency(file, self.run.rounds)))})
+        rows = self.piece(
+            f"latency-{of}-{self.run.rounds}", lambda: {"rows": np.array(json.dumps(latency(file, self.run.rounds)))}
+        )
         return json.loads(str(rows["rows"]))
 
     def gap(self) -> dict[str, Any]:
@@ -114,9 +117,10 @@ class Job:
 
 
 EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")
+USUAL = EXPERIMENTS[:-1]  # the gap workflow is slow on a log of so many effects
 
 
-def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, quiet: bool = False) -> dict[str, Any]:
+def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = USUAL, quiet: bool = False) -> dict[str, Any]:
     """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc`` and ``arm.json``.
 
     Returns:
@@ -160,7 +164,17 @@ def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
         write_bytes(out / "ranking.md", (as_text(result["study"]["ranking"]) + "\n").encode())
     bulky = {"data", "runs"}
     plain = {n: {k: v for k, v in x.items() if k not in bulky} if isinstance(x, dict) else x for n, x in result.items()}
-    write_bytes(out / "arm.json", json.dumps(plain, indent=1).encode())
+    plain["settings"] = json.loads(json.dumps(run.identity()))
+    write_bytes(out / "arm.json", json.dumps(_earlier(out, plain["settings"]) | plain, indent=1).encode())
+
+
+def _earlier(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
+    """What other experiments of the same settings have left in ``arm.json``."""
+    try:
+        found = json.loads((out / "arm.json").read_text())
+        return found if found["settings"] == settings else {}
+    except (OSError, ValueError, LookupError, TypeError):
+        return {}
 
 
 def headline_of(data: xr.Dataset) -> xr.Dataset:

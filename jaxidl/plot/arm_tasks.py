@@ -108,9 +108,6 @@ def states(report: dict[str, Any], joints: int = 7) -> tuple[list[str], np.ndarr
     return rows, state, words
 
 
-SIZES = {"torque_ripple": ("sine", "cosine"), "inertia_error": ("mass", "extra")}
-
-
 def _size(effect: dict[str, Any]) -> float:
     """One number for an effect: its first parameter, of a ripple the amplitude."""
     values = {name: p["value"] for name, p in effect["parameters"].items()}
