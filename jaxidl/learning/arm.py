@@ -1,6 +1,6 @@
 """The paper's robot experiments in simulation: every number of the arm study, in one place."""
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -107,7 +107,7 @@ class ArmStudy:
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, nested, ready for JSON."""
-        return asdict(replace(self, hidden=tuple(self.hidden))) | {"hidden": self.hidden._asdict()}
+        return asdict(self) | {"hidden": self.hidden._asdict()}
 
     @property
     def steps(self) -> int:
