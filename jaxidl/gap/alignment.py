@@ -7,7 +7,6 @@ no physical effect. Every fit is free to choose, up to a sample; what goes beyon
 from typing import ClassVar
 
 import jax.numpy as jnp
-import numpy as np
 
 from jaxidl.effects import Effect, Parameter
 from jaxidl.gap.candidates import Candidate
@@ -38,9 +37,7 @@ def alignments(data: Data) -> tuple[Member, ...]:
     found = []
     for j in range(joints):
         candidate = Candidate(ALIGNMENT, j, "", Alignment(jnp.zeros(1)), ("shift",), within=reach, at_bounds=True)
-        nothing = np.zeros_like(data.base)
-        net = np.zeros((1, *data.base.shape))
-        net[0, :, j] = -slope[:, j]
-        slopes = Contribution(net, 0.0 * net, 0.0 * net)
-        found.append(Member(candidate, candidate.guess, Contribution(nothing, nothing, nothing), slopes))
+        net = -slope[None, :, j : j + 1]
+        slopes, nothing = Contribution(net, 0.0 * net, 0.0 * net), 0.0 * net[0]
+        found.append(Member(candidate, candidate.guess, (j,), Contribution(nothing, nothing, nothing), slopes))
     return tuple(found)

@@ -39,7 +39,7 @@ def _pair(ranking: Ranking, trials: list[Trial]) -> Trial | None:
         if one.joints != other.joints:
             continue
         starts = [t.fit.members[t.which] for t in (one, other)]
-        _, beside = ranking.closure(one.joints)
+        _, beside = ranking.around(one.joints)
         together = ranking.fitted((*beside, *starts), one.joints)
         trial = one._replace(
             fit=together, gain=gain(ranking.present(one.joints), errors_of(together, ranking.data, ranking.weight, one.joints))
@@ -82,7 +82,7 @@ def _errors(ranking: Ranking, trial: Trial) -> Errors:
 
 def _imitation(ranking: Ranking, compound: Trial) -> Trial | None:
     """The first of several simple effects that together do nearly what one complex effect does, if there are such."""
-    _, beside = ranking.closure(compound.joints)
+    _, beside = ranking.around(compound.joints)
     for group in imitators(ranking, compound, beside):
         singles = [t for t in map(ranking.attempt, group) if t is not None and matters(ranking, t)]
         if singles:
@@ -124,7 +124,7 @@ def _half(ranking: Ranking, both: Trial) -> Trial | None:
         atom = next((c for c in ranking.pool if c.name == partner and c.joint == joint), None)
         if atom is None or any(m.candidate.key == atom.key for m in ranking.members):
             continue
-        _, beside = ranking.closure(both.joints)
+        _, beside = ranking.around(both.joints)
         together = ranking.fitted((*beside, ranking.column(half), ranking.column(atom)), both.joints)
         lost = gain(_errors(ranking, both._replace(fit=together)), _errors(ranking, both))
         if together.feasible and not lost.clear(ranking.min_gain):

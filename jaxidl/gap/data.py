@@ -37,7 +37,7 @@ def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float 
     base, slide = signals.balance, np.zeros((len(rows), signals.q.shape[1]))
     grip = np.zeros_like(slide)
     for effect in effects:
-        value, _, tau = contribution(effect, None, (), signals, tau)
+        _, value, _, tau = contribution(effect, None, (), signals, tau)
         base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
     train = kept_rows(signals, held_out)
     block = np.full(len(rows), -1)

@@ -20,13 +20,13 @@ def tidy(ranking: Ranking) -> None:
     newest = ranking.members[-1]
     prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
     for m in ranking.members[:-1]:
-        if not set(m.joints) & set(ranking.members[-1].joints):
+        if not ranking.alike(m.joints, ranking.members[-1].joints):
             continue
         better = (t for t in instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
         others = [t for t in better if not _flexible(t.candidate, m.candidate)]
         if others:
             best = max(others, key=lambda t: t.gain.value)
-            _, beside = ranking.closure(best.joints)
+            _, beside = ranking.around(best.joints)
             simple = imitators(ranking, best, tuple(x for x in beside if x is not m)) if best.candidate.name in CONTAINS else ()
             ranking.replace((m,), tuple(map(ranking.column, next(iter(simple), (best.candidate,)))))
             return
@@ -125,6 +125,8 @@ def instead(ranking: Ranking, m: Member) -> list[Trial]:
         key = candidate.name, candidate.joint
         there = candidate.joint in m.joints and m.candidate.joint in (None, candidate.joint)
         if key in taken or not (candidate.joint is None or there):
+            continue
+        if not ranking.alike(ranking.column(candidate).joints, m.joints):
             continue
         trial = ranking.attempt(candidate, without=(m,))
         if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):

@@ -13,9 +13,9 @@ from jaxtyping import Float
 
 from jaxidl.effects import TorqueScale
 from jaxidl.gap.data import Data, only, used
-from jaxidl.gap.least_squares import Problem
+from jaxidl.gap.least_squares import Columns, Problem
 from jaxidl.gap.members import Member, inside, limits, member, moved, needs_torque, neighbours
-from jaxidl.gap.terms import Contribution, with_parameters
+from jaxidl.gap.terms import with_parameters
 
 FINE = 6  # moments of a block
 DIVERGED = 1e20  # the error of a fit that is not finite
@@ -40,31 +40,27 @@ class Fit(NamedTuple):
 
 
 def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tuple[int, ...] | None = None) -> Fit:
-    """Least squares over the training rows, weighted by ``weight`` (J,) or (N, J) [1/N or 1/Nm]; ``joints`` alone if given."""
-    pick: slice | list[int] = slice(None)
-    if joints is not None and len(joints) < data.base.shape[1]:
-        pick, data, weight = list(joints), only(data, joints), weight[..., list(joints)]
-    sizes = [len(m.theta) for m in members]
-    theta0 = np.concatenate([m.theta for m in members]) if members else np.zeros(0)
-    stack = lambda part: np.concatenate([getattr(m.slopes, part)[..., pick] for m in members])  # noqa: E731
-    total = lambda part: sum(getattr(m.value, part)[..., pick] for m in members)  # noqa: E731
-    zeros = [data.base, data.slide, data.grip]
-    if members:
-        zeros = [zero + total(part) for zero, part in zip(zeros, Contribution._fields, strict=True)]
-        parts = [*zeros, *map(stack, Contribution._fields)]
-        parts = _in_commands(parts, members, sizes, pick)
-    else:
-        parts = [*zeros, *[np.zeros((0, *data.base.shape))] * 3]
+    """Least squares over the training rows, weighted by ``weight`` (J,) or (N, J) [1/N or 1/Nm]; ``joints`` alone if given.
+
+    Members that reach beyond the ``joints`` are held where they are.
+    """
+    fitted = tuple(range(data.base.shape[1])) if joints is None else joints
+    held = tuple(m for m in members if not set(m.joints) <= set(fitted))
+    members = tuple(m for m in members if m not in held)
+    if len(fitted) < data.base.shape[1]:
+        data, weight = only(data, fitted), weight[..., list(fitted)]
+    theta0 = np.concatenate([np.zeros(0), *(m.theta for m in members)])
+    places = np.cumsum([0, *(len(m.theta) for m in members)]).tolist()
+    cuts = places[1:-1]
+    columns = [_columns(data, members, held, k, j) for k, j in enumerate(fitted)]
     bounds = [limits(m) for m in members]
-    lower = np.concatenate([low for low, _ in bounds]) - theta0 if members else theta0
-    upper = np.concatenate([high for _, high in bounds]) - theta0 if members else theta0
-    places = np.cumsum([0, *sizes]).tolist()
-    penalty = np.concatenate([neighbours(m, at) for m, at in zip(members, places, strict=False)] or [np.zeros((0, 2), int)])
-    shaped = [_shaping(m, at, data, pick) for m, at in zip(members, places, strict=False) if "motor_inertia" in m.candidate.free]
-    problem = Problem(data, weight, theta0, *parts, shaped=shaped)
+    lower, upper = (np.concatenate([np.zeros(0), *side]) - theta0 for side in (zip(*bounds, strict=True) if bounds else ((), ())))
+    penalty = np.concatenate([np.zeros((0, 2), int), *map(neighbours, members, places)])
+    motors = [(m, at) for m, at in zip(members, places, strict=False) if "motor_inertia" in m.candidate.free]
+    shaped = [_shaping(m, at, data, fitted) for m, at in motors]
+    problem = Problem(data, weight, theta0, columns, shaped=shaped)
     step, steps = problem.solve(lower, upper, penalty)
-    feasible = all(map(inside, members, np.split(theta0 + step, np.cumsum(sizes)[:-1]))) if members else True
-    cuts = np.cumsum(sizes)[:-1]
+    feasible = all(map(inside, members, np.split(theta0 + step, cuts))) if members else True
     size = problem.typical(step)
     residual = problem.residual(step, np.arange(len(data.base)), size)
     train = np.flatnonzero(data.block >= 0)
@@ -84,27 +80,29 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
     return Fit(members, split(theta0 + step), split(theta0 + steps), error, moments, count, residual, feasible)
 
 
-def _in_commands(
-    parts: list[np.ndarray], members: tuple[Member, ...], sizes: list[int], pick: slice | list[int]
-) -> list[np.ndarray]:
-    """The balance in units of the command.
+def _columns(data: Data, members: tuple[Member, ...], held: tuple[Member, ...], k: int, joint: int) -> Columns:
+    """What the k-th of the fitted joints adds to the problem; ``held`` members contribute, but have no parameters.
 
     Where the motor delivers s times its command the balance is divided by s: the error of the command that the model predicts.
     In torques delivered, s = 0 would leave no error at all.
     """
-    for m, at in zip(members, np.cumsum([0, *sizes]), strict=False):
-        if m.candidate.name != TorqueScale.name:
-            continue
-        scale = np.ones(m.value.net.shape[1])
-        scale[m.candidate.joint] = m.theta[0]
-        parts = [part / scale[pick] for part in parts]
-        own = np.zeros(m.value.net.shape[1])
-        own[m.candidate.joint] = 1.0 / m.theta[0]
-        parts[3][at] -= (parts[0] - parts[1]) * own[pick]
-    return parts
+    here = [m for m in (*members, *held) if joint in m.joints]
+    free = [m for m in here if m not in held]
+    places = dict(zip(members, np.cumsum([0, *(len(m.theta) for m in members)]), strict=False))
+    which = np.concatenate([np.zeros(0, int), *(places[m] + np.arange(len(m.theta)) for m in free)])
+    values = [m.on(joint)[0] for m in here]
+    slopes = [m.on(joint)[1] for m in free]
+    parts = [x[:, k] + sum(v[i] for v in values) for i, x in enumerate((data.base, data.slide, data.grip))]
+    none = np.zeros((0, len(data.base)))
+    parts += [np.concatenate([none, *(s[i] for s in slopes)]) for i in range(3)]
+    for m in free:
+        if m.candidate.name == TorqueScale.name and m.candidate.joint == joint:
+            parts = [part / m.theta[0] for part in parts]
+            parts[3][which == places[m]] -= (parts[0] - parts[1]) / m.theta[0]
+    return Columns(which, *parts)
 
 
-def _shaping(m: Member, at: int, data: Data, pick: slice | list[int]) -> tuple[int, int, float]:
+def _shaping(m: Member, at: int, data: Data, joints: tuple[int, ...]) -> tuple[int, int, float]:
     """Place of the motor's inertia among the parameters, its joint among those fitted, and the joint's whole inertia.
 
     Inertia on the motor's side does not multiply the encoder's noise: the more of it, the quieter the residual, whatever is true.
@@ -113,8 +111,7 @@ def _shaping(m: Member, at: int, data: Data, pick: slice | list[int]) -> tuple[i
     name = m.candidate.free.index("motor_inertia")
     before = sum(np.size(getattr(m.effect, other)) for other in m.candidate.free[:name])
     joint = m.candidate.joint or 0
-    column = joint if isinstance(pick, slice) else pick.index(joint)
-    return at + before, column, float(np.median(data.signals.tables.inertia[:, joint, joint]))
+    return at + before, joints.index(joint), float(np.median(data.signals.tables.inertia[:, joint, joint]))
 
 
 def updated(found: Fit, data: Data) -> tuple[Member, ...]:
@@ -127,8 +124,7 @@ def updated(found: Fit, data: Data) -> tuple[Member, ...]:
             out.append(moved(m, effect, theta))
         else:
             out.append(member(m.candidate, effect, signals, tau))
-        if out[-1].delivered is not None:
-            tau = out[-1].delivered
+        tau = out[-1].through(tau)
     return tuple(out)
 
 

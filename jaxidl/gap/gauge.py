@@ -60,7 +60,7 @@ def _anew(found: Fit, data: Data) -> tuple[Member, ...]:
             low, high = m.candidate.bounds()
             effect = with_parameters(m.effect, m.candidate.free, np.clip(theta, low, high))
             out.append(member(m.candidate, effect, data.signals, tau))
-            tau = tau if out[-1].delivered is None else out[-1].delivered
+            tau = out[-1].through(tau)
     return (*out, *(a for a in alignments(data) if a.candidate.joint in timing))
 
 

@@ -1,6 +1,7 @@
 """Bounded least squares on the linearised torque balance, with one solution beside for each block that is left out."""
 
 from dataclasses import KW_ONLY, dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,39 +13,52 @@ NOTHING = 1e-250  # information below which a parameter has none
 TOGETHER = 1e-3  # of a table's mean information: how strongly its neighbouring values are held together
 
 
+class Columns(NamedTuple):
+    """One joint's part of the linearised balance, ``net0 + step[which] @ net`` and so on: what does not touch it is left out."""
+
+    which: np.ndarray  # (p,) the parameters that touch the joint, by their places among all P
+    net0: np.ndarray  # (N,) balance
+    slide0: np.ndarray  # (N,) dry friction in motion
+    grip0: np.ndarray  # (N,) ... and at rest
+    net: np.ndarray  # (p, N) derivatives of the three
+    slide: np.ndarray
+    grip: np.ndarray
+
+
 @dataclass
 class Problem:
-    """The linearised balance about the members' parameters: ``net0 + net @ step`` and so on."""
+    """The linearised balance of J joints about the members' P parameters."""
 
     data: Data
     weight: np.ndarray  # (J,) or (N, J) [1/N or 1/Nm]
     theta0: np.ndarray  # (P,) where it is linearised
-    net0: np.ndarray  # (N, J) balance there
-    slide0: np.ndarray  # (N, J) dry friction of moving joints
-    grip0: np.ndarray  # (N, J) ... and of resting ones
-    net: np.ndarray  # (P, N, J) derivatives of the three
-    slide: np.ndarray
-    grip: np.ndarray
+    columns: list[Columns]  # of each joint
     _: KW_ONLY
     shaped: list[tuple[int, int, float]]  # see ``_shaping`` of :mod:`jaxidl.gap.fit`
 
     def __post_init__(self) -> None:
-        self.dry = np.any(self.slide0, 0) | np.any(self.grip0, 0) | np.any(self.slide, (0, 1)) | np.any(self.grip, (0, 1))
-        parts = ("net", "slide", "grip")  # and the parameters that have a say in each:
-        self.which = {part: np.flatnonzero(np.any(getattr(self, part), (1, 2))) for part in parts}
-        self.slopes = {part: getattr(self, part)[which] for part, which in self.which.items()}
-        silent = np.setdiff1d(np.arange(len(self.net)), [*self.which["net"], *self.which["slide"]])
-        self.at_rest_only = np.isin(np.arange(len(self.net)), np.intersect1d(silent, self.which["grip"]))
+        parts = lambda c: (c.slide0, c.grip0, c.slide, c.grip)  # noqa: E731
+        self.dry = np.array([any(map(np.any, parts(c))) for c in self.columns], bool)
+        speaks, holds = np.zeros((2, len(self.theta0)), bool)  # has a parameter a say in motion? at rest?
+        for c in self.columns:
+            speaks[c.which] |= np.any(c.net, 1) | np.any(c.slide, 1)
+            holds[c.which] |= np.any(c.grip, 1)
+        self.at_rest_only = holds & ~speaks
+        self.train = np.flatnonzero(self.data.block >= 0)
+        self.edges = np.flatnonzero(np.diff(self.data.block[self.train], prepend=-1))
 
     def _part(self, part: str, step: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """One part of the balance (n, J) at ``rows`` (n,); ``step`` is (P,), or (n, P) with one of its own for each row."""
-        zero, slope, which = getattr(self, f"{part}0"), self.slopes[part], self.which[part]
-        if not len(which):
-            return zero[rows]
-        if step.ndim == 1:
-            return (zero + np.tensordot(step[which], slope, 1))[rows]
-        own = slope if len(rows) == len(zero) else slope[:, rows]
-        return zero[rows] + np.einsum("np,pnj->nj", step[:, which], own)
+        out = np.empty((len(rows), len(self.columns)))
+        for j, c in enumerate(self.columns):
+            zero, slope, own = getattr(c, f"{part}0")[rows], getattr(c, part), step[..., c.which]
+            if not len(c.which):
+                out[:, j] = zero
+            elif own.ndim == 1:
+                out[:, j] = zero + (own @ slope)[rows]
+            else:
+                out[:, j] = zero + np.einsum("np,pn->n", own, slope if len(rows) == slope.shape[1] else slope[:, rows])
+        return out
 
     def _balance(self, step: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Balance, sliding friction and hold at ``rows`` (n,); ``step`` (P,), or (n, P) with one of its own for each row."""
@@ -64,7 +78,7 @@ class Problem:
 
     def typical(self, step: np.ndarray) -> np.ndarray:
         """Error in motion (J,), which friction is not believed to undo at rest; never below three times the noise."""
-        rows = np.flatnonzero(self.data.block >= 0)[::4]
+        rows = self.train[::4]
         net, slide, _ = self._balance(step, rows)
         moving = self.data.moving[rows]
         rms = np.sqrt(np.sum((net - slide) ** 2 * moving, 0) / np.maximum(moving.sum(0), 1))
@@ -100,25 +114,25 @@ class Problem:
 
     def _normal(self, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Normal equations (B, P, P) and (B, P) of each training block."""
-        rows = np.flatnonzero(self.data.block >= 0)
-        counted = used(self.data)[rows].astype(float)
-        columns, target = self.net[:, rows], self.net0[rows] - self.slide0[rows]
-        columns[self.which["slide"]] -= self.slopes["slide"][:, rows]
-        resting = self.data.resting[rows] & self.dry
-        if resting.any():
-            net, _, grip = self._balance(step, rows)
-            loose = np.abs(net) > grip + self.typical(step)
-            at, j = np.nonzero(resting)
-            sign = np.sign(net[at, j])
-            columns[:, at, j] = self.net[:, rows[at], j] - sign * self.grip[:, rows[at], j]
-            target[at, j] = self.net0[rows[at], j] - sign * self.grip0[rows[at], j]
-            counted = np.where(resting & ~loose, 0.0, counted)
-        weight = self.weight[rows] if self.weight.ndim == 2 else self.weight
-        both = np.concatenate([columns, target[None]]) * (counted * weight)
-        edges = np.flatnonzero(np.diff(self.data.block[rows], prepend=-1))
-        parts = [part.reshape(len(both), -1) for part in np.split(both, edges[1:], axis=1)]
-        product = np.stack([part @ part.T for part in parts])
-        return product[:, :-1, :-1], -product[:, :-1, -1]
+        rows, count = self.train, len(self.theta0)
+        counted, resting = used(self.data)[rows].astype(float), self.data.resting[rows] & self.dry
+        net, _, grip = self._balance(step, rows) if resting.any() else (np.zeros(resting.shape),) * 3
+        loose = np.abs(net) > grip + (self.typical(step) if resting.any() else 0.0)
+        counted = np.where(resting & ~loose, 0.0, counted)
+        weight = counted * (self.weight[rows] if self.weight.ndim == 2 else self.weight)
+        gram, right = np.zeros((len(self.edges), count, count)), np.zeros((len(self.edges), count))
+        for j, c in enumerate(self.columns):
+            if not len(c.which):
+                continue
+            sign = np.where(resting[:, j], np.sign(net[:, j]), 0.0)
+            moves = ~resting[:, j]  # at rest its level counts in the direction in which it is pushed
+            slopes = c.net[:, rows] - moves * c.slide[:, rows] - sign * c.grip[:, rows]
+            target = c.net0[rows] - moves * c.slide0[rows] - sign * c.grip0[rows]
+            both = np.concatenate([slopes, target[None]]) * weight[:, j]
+            product = np.stack([part @ part.T for part in np.split(both, self.edges[1:], axis=1)])
+            gram[:, c.which[:, None], c.which] += product[:, :-1, :-1]
+            right[:, c.which] -= product[:, :-1, -1]
+        return gram, right
 
     def _quieten(self, gram: np.ndarray, right: np.ndarray) -> None:
         """The noise that motor inertia takes away, as one more residual √n·floor·√(1 − (1 − share)²) spread over the blocks."""
@@ -135,8 +149,8 @@ class Problem:
         """Levels that act at rest only: what rests typically withstood before they ended, beyond what other friction holds."""
         for p in np.flatnonzero(self.at_rest_only):
             step[p] = lower[p]
-            (j,) = np.flatnonzero(np.any(self.grip[p], 0))[:1]
-            acts = self.data.resting[:, j] & (self.grip[p][:, j] != 0.0)
+            j, own = next((j, c.grip[c.which == p][0]) for j, c in enumerate(self.columns) if np.any(c.grip[c.which == p]))
+            acts = self.data.resting[:, j] & (own != 0.0)
             rows = np.flatnonzero((self.data.block >= 0) & among & acts)
             peaks = self.data.peaks[j]
             at = peaks[:, 0].astype(int)

@@ -1,7 +1,6 @@
 """Candidates with parameters: what they contribute to the torque balance there, and how far a fit may move them."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -19,35 +18,41 @@ class Member:
 
     candidate: Candidate
     effect: Effect
-    value: Contribution
+    joints: tuple[int, ...]  # those that it touches,
+    value: Contribution  # on these
     slopes: Contribution
-    delivered: np.ndarray | None = field(default=None, repr=False)  # (T, J) torque after it, if it changes the torque
+    delivered: np.ndarray | None = field(default=None, repr=False)  # (T,) torque after it on its joint, if it changes the torque
 
     @property
     def theta(self) -> np.ndarray:
         """Its free parameters (P,)."""
         return parameters_of(self.effect, self.candidate.free)
 
-    @cached_property
-    def joints(self) -> tuple[int, ...]:
-        """The joints that it touches."""
-        touched = [np.any(self.slopes.net, (0, 1)) | np.any(self.slopes.slide, (0, 1)) | np.any(self.slopes.grip, (0, 1))]
-        touched += [np.any(part, 0) for part in self.value]
-        return tuple(np.flatnonzero(np.any(touched, axis=0)).tolist())
+    def on(self, joint: int) -> tuple[Contribution, Contribution]:
+        """Value (N,) and derivatives (P, N) on one of its joints."""
+        k = self.joints.index(joint)
+        return Contribution(*(x[:, k] for x in self.value)), Contribution(*(x[:, :, k] for x in self.slopes))
+
+    def through(self, tau: np.ndarray) -> np.ndarray:
+        """The torque (T, J) after it, of what arrives at it."""
+        if self.delivered is None:
+            return tau
+        out = tau.copy()
+        out[:, self.candidate.joint] = self.delivered
+        return out
 
 
 def member(candidate: Candidate, effect: Effect, signals: Signals, tau: np.ndarray) -> Member:
     """The candidate at an effect's parameters, given the torque (T, J) that arrives at it."""
-    value, slopes, delivered = contribution(
-        effect,
-        candidate.joint if candidate.name != "coupled_friction" else None,
-        candidate.free,
-        signals,
-        tau,
-        everywhere=candidate.spread,
-    )
-    changed = None if delivered is tau or np.array_equal(delivered, tau) else delivered
-    return Member(candidate, effect, value, slopes, changed)
+    joint, free = candidate.joint, candidate.free
+    of = None if candidate.name == "coupled_friction" else joint
+    concerned, value, slopes, after = contribution(effect, of, free, signals, tau, everywhere=candidate.spread)
+    says = np.any([np.any(x, 0) for x in value] + [np.any(x, (0, 1)) for x in slopes], axis=0)
+    cut = lambda terms: Contribution(*(x if says.all() else x[..., says] for x in terms))  # noqa: E731
+    delivered = None
+    if joint is not None and not np.array_equal(own := after[:, concerned.index(joint)], tau[:, joint]):
+        delivered = own
+    return Member(candidate, effect, tuple(np.array(concerned)[says].tolist()), cut(value), cut(slopes), delivered)
 
 
 def limits(m: Member) -> tuple[np.ndarray, np.ndarray]:

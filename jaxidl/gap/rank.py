@@ -18,6 +18,9 @@ HEAVY = 3.0  # times the median block's error: what is beyond counts less in fit
 MANY = 20  # starting values of a hidden state beyond which they are simulated side by side at first,
 PROMISING = 4  # and as many of them are fitted
 STARTS = 3  # of one effect that are polished
+FEW = 2  # joints that are always fitted together
+SLIGHT = 0.1  # noise floors: a torque that changes by less is as before
+STALE = 0.05  # of the residual on a joint: when others have changed it by so much, trials on it are made anew
 WORTH = 0.02  # gain of the first linear fit from which polishing is worth its while
 
 
@@ -47,7 +50,7 @@ class Trial(NamedTuple):
 class Ranking:
     """The present members, and how every candidate would do beside them.
 
-    Trials are kept until something changes on their joints.
+    Trials are kept until something changes on their joints; where other joints' members reach them, until that amounts to much.
     """
 
     def __init__(self, data: Data, pool: Iterable[Candidate], min_gain: float):
@@ -64,6 +67,8 @@ class Ranking:
         self.fit = fit(data, self.all(), self.rows)
         self.columns: dict[Candidate, Member] = {}
         self.trials: dict[tuple[str, int | None], Trial] = {}
+        self.drift = np.zeros(len(self.weight))  # of the residual since the trials on each joint were made, as a share of it
+        self.simulated: dict[tuple[str, int | None], np.ndarray] = {}  # see ``promising``
 
     def _weigh(self) -> None:
         joints = range(self.data.base.shape[1])
@@ -94,8 +99,10 @@ class Ranking:
 
     def torque(self) -> np.ndarray:
         """Torque (T, J) after all members."""
-        delivered = [m.delivered for m in self.members if m.delivered is not None]
-        return delivered[-1] if delivered else self.data.tau
+        tau = self.data.tau
+        for m in self.members:
+            tau = m.through(tau)
+        return tau
 
     def closure(self, joints: Iterable[int]) -> tuple[tuple[int, ...], tuple[Member, ...]]:
         """The joints that must be fitted together, and the members on them."""
@@ -106,6 +113,23 @@ class Ranking:
                 return tuple(sorted(reached)), tuple(m for m in self.members if m in found)
             found.update(new)
             reached.update(*(m.joints for m in new))
+
+    def around(self, joints: Iterable[int]) -> tuple[tuple[int, ...], tuple[Member, ...]]:
+        """The joints that a trial on ``joints`` fits, and the members on them.
+
+        In a mechanism of many joints what concerns one of them is tried there alone, while members that reach beyond it (a
+        link's mass, a payload) are held; they move when it is taken.
+        """
+        own = tuple(sorted(set(joints)))
+        reached, found = self.closure(own)
+        if len(reached) <= FEW or len(own) > 1:
+            return reached, found
+        return own, tuple(m for m in found if set(m.joints) & set(own))
+
+    def alike(self, one: Iterable[int], other: Iterable[int]) -> bool:
+        """Do two effects, on these joints each, reach as far, so that one may take the other's place?"""
+        one, other = set(one), set(other)
+        return bool(one & other) and (len(self.weight) <= FEW or (len(one) > 1) == (len(other) > 1))
 
     def present(self, joints: tuple[int, ...]) -> Errors:
         """Weighted held-out errors of the present model."""
@@ -123,7 +147,7 @@ class Ranking:
         own = tuple(sorted({j for start in starts for j in start.joints}))
         if not own:
             return None
-        joints, beside = self.closure({*own, *(j for m in without for j in m.joints)})
+        joints, beside = self.around({*own, *(j for m in without for j in m.joints)})
         beside = tuple(m for m in beside if m not in without)
         found = self.fitted((*beside, *starts), joints)
         if polish and not all(start.effect.linear for start in starts):
@@ -158,7 +182,10 @@ class Ranking:
         j = group[0].joint
         if not self._many(group) or j is None:
             return group
-        change = trial_changes([c.guess for c in group], j, self.data.signals, self.torque())
+        key = group[0].name, j
+        if key not in self.simulated:
+            self.simulated[key] = trial_changes([c.guess for c in group], j, self.data.signals, self.torque())
+        change = self.simulated[key]
         rows = (self.data.block >= 0) & used(self.data)[:, j]
         with np.errstate(over="ignore", invalid="ignore"):
             left = np.sum((self.fit.residual[rows, j, None] + change[rows]) ** 2, axis=0)
@@ -191,22 +218,32 @@ class Ranking:
 
     def take(self, trial: Trial) -> None:
         """Add the trial's candidate; fit everything on its joints anew."""
-        _, beside = self.closure(self.column(trial.candidate).joints)
+        fitted = set(trial.joints)
+        beside = tuple(m for m in self.closure(fitted)[1] if set(m.joints) <= fitted)
         kept = tuple(m for m in trial.fit.members if m.candidate.name != ALIGNMENT)
         parts = trial.candidate.parts()
         self.replace(beside, tuple(m for m in kept if (m.candidate.name, m.candidate.joint) not in parts))
 
     def replace(self, old: tuple[Member, ...], new: tuple[Member, ...]) -> None:
         """Put ``new`` members in the place of ``old`` ones, and fit them."""
-        touched = {j for m in (*old, *new) for j in m.joints}
+        touched, torque = {j for m in (*old, *new) for j in m.joints}, self.torque()
         self.members = tuple(m for m in self.members if m not in old)
         joints, beside = self.closure(touched)
         found = polished(self.data, self.fitted((*beside, *new), joints), self.rows, joints)
-        changed = any(m.delivered is not None for m in (*old, *new))
         fresh = tuple(m for m in updated(found, self.data) if m.candidate.name != ALIGNMENT)
         self.members = (*(m for m in self.members if m not in beside), *fresh)
-        whole = fit(self.data, self.all(), self.rows)
-        self.fit, self.trials = whole, {k: t for k, t in self.trials.items() if not set(t.joints) & set(joints)}
-        if changed:
-            self.columns = {c: m for c, m in self.columns.items() if not set(m.joints) & set(joints)}
+        before, self.fit = self.fit.residual, fit(self.data, self.all(), self.rows)
+        self._forget(touched, joints, self.fit.residual - before)
+        changed = np.sqrt(np.mean((self.torque() - torque) ** 2, axis=0)) > SLIGHT * self.data.floor
+        self.columns = {c: m for c, m in self.columns.items() if not changed[list(m.joints)].any()}
+        self.simulated = {key: x for key, x in self.simulated.items() if not changed[key[1]]}
         self._weigh()
+
+    def _forget(self, touched: set[int], joints: tuple[int, ...], change: np.ndarray) -> None:
+        """Trials on joints that were ``touched``, or fitted with them, if the residual's ``change`` there is no longer slight."""
+        rms = lambda x: np.sqrt(np.mean(x**2, axis=0))  # noqa: E731
+        self.drift += rms(change) / np.maximum(rms(self.fit.residual), self.data.floor)
+        local = len(joints) > FEW
+        old = {j for j in joints if not local or j in touched or self.drift[j] > STALE}
+        self.trials = {k: t for k, t in self.trials.items() if not set(t.joints) & old}
+        self.drift[list(old)] = 0.0

@@ -77,15 +77,15 @@ def alone(effect: Effect) -> bool:
 
 def contribution(
     effect: Effect, joint: int | None, free: Free, signals: Signals, tau: np.ndarray, everywhere: bool = False
-) -> tuple[Contribution, Contribution, np.ndarray]:
-    """Value, derivatives by the ``free`` parameters, and the delivered torque (T, J) [N or Nm].
+) -> tuple[tuple[int, ...], Contribution, Contribution, np.ndarray]:
+    """The J joints it may concern; on these value, derivatives by the ``free`` parameters, and delivered torque (T, J) [N or Nm].
 
     Args:
         effect: of a one-joint mechanism if ``joint`` is a number, else of the whole one.
         joint: its joint, or None.
         free: the parameters to differentiate by.
         signals: the log.
-        tau: what arrives at the effect (T, J) [N or Nm]: commands after the effects before this one.
+        tau: what arrives at the effect (T, K) of all K joints [N or Nm]: commands after the effects before this one.
         everywhere: compute on all joints even if the effect looks as if it concerned one only.
     """
     joints = signals.q.shape[1]
@@ -100,10 +100,9 @@ def contribution(
     drive, starts = _driven(signals, tau, columns)
     value, slopes = _terms(wrapped, free, drive, starts, signals.dt)
     value, slopes = jax.tree.map(np.asarray, (value, slopes))
-    delivered = tau.copy()
-    delivered[:, columns] = value.delivered
     change = value._replace(delivered=value.delivered - drive.tau, q=value.q - drive.q)
-    return _rows(change, signals, columns), _rows(slopes, signals, columns), delivered
+    concerned = tuple(np.arange(joints)[columns].tolist())
+    return concerned, _rows(change, signals, columns), _rows(slopes, signals, columns), value.delivered
 
 
 def trial_changes(effects: list[Effect], joint: int, signals: Signals, tau: np.ndarray) -> np.ndarray:
@@ -184,9 +183,8 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
 
 
 def _rows(terms: Terms, signals: Signals, columns: Columns) -> Contribution:
-    """Filter, thin out, put into all joints' columns. ``terms`` are changes, with any leading axes."""
+    """Filter and thin out. ``terms`` are changes, with any leading axes."""
     lead = terms.torque.shape[:-2]
-    joints = signals.q.shape[1]
 
     def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray:
         if not np.any(x):
@@ -199,10 +197,7 @@ def _rows(terms: Terms, signals: Signals, columns: Columns) -> Contribution:
     pushed = signals.balance[:, columns] > 0.0
     slide = kept(terms.level * sign, signals.smooth)
     grip = np.where(pushed, kept(terms.up), kept(terms.down)) * signals.resting[:, columns][signals.rows]
-    out = [np.zeros((*lead, len(signals.rows), joints)) for _ in range(3)]
-    for whole, part in zip(out, (net, slide, grip), strict=True):
-        whole[..., columns] = part
-    return Contribution(*out)
+    return Contribution(net, slide, grip)
 
 
 def _moved(shift: np.ndarray, signals: Signals, columns: Columns) -> np.ndarray:
