@@ -74,7 +74,8 @@ def conditions() -> xr.Dataset:
     mse[0, :, 4] = 3.0
     coords = {"acceleration": ["causal"], "source": list(levels), "noise": [1e-5], "seed": [1, 2, 3, 4, 5], "iteration": range(6)}
     dims = ("acceleration", "source", "noise", "seed", "iteration")
-    return xr.Dataset({"feedback_mse": (dims, mse[None, :, None])}, coords)
+    found = xr.Dataset({"feedback_mse": (dims, mse[None, :, None])}, coords)
+    return found.assign(finite=np.isfinite(found["feedback_mse"]))
 
 
 def test_ranking_and_falls_say_what_the_numbers_say():
@@ -90,6 +91,21 @@ def test_ranking_and_falls_say_what_the_numbers_say():
     middle, low, high = interval([1.0, 2.0, 4.0])
     assert middle == pytest.approx(2.0)
     assert low * high == pytest.approx(4.0)
+
+
+def test_runs_that_diverged_are_counted_and_left_out():
+    data = conditions()
+    data["feedback_mse"].loc[{"source": "direct", "seed": 2, "iteration": 3}] = np.nan
+    data["finite"] = np.isfinite(data["feedback_mse"])
+    rows = {row["source"]: row for row in ranking(data)}
+    assert rows["direct"]["rank"] == 3
+    assert [rows[name]["diverged"] for name in ("direct", "joint", "indirect")] == [1, 0, 0]
+    assert np.isfinite([*rows["direct"]["later"], *rows["direct"]["worse"]]).all()
+    assert "1 of the runs diverged" in as_text(ranking(data))
+    assert np.isfinite([row["rise"] for row in falls(data)]).all()
+    data["finite"].loc[{"source": "direct"}] = False
+    assert "5 of the runs diverged" in as_text(ranking(data))
+    assert {row["source"] for row in falls(data)} == {"joint", "indirect"}
 
 
 def test_load_is_carried_between_its_instants():

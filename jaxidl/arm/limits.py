@@ -35,18 +35,19 @@ def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
     """Learning on two laps, of one ``seed``.
 
     Returns:
-        ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2].
+        ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2], and which of them are ``finite`` (K,).
     """
     study = task.study(told)
 
     @jax.jit
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            _, runs, finite = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
             laps = runs.tau_feedback_applied.reshape(task.iterations, 2, -1, runs.q.shape[-1])
-            return jnp.mean(laps**2, (2, 3))
+            return jnp.mean(laps**2, (2, 3)), finite
 
-    return {"feedback_mse": np.asarray(run(seed))}
+    mse, finite = run(seed)
+    return {"feedback_mse": np.asarray(mse), "finite": np.asarray(finite)}
 
 
 def quick(task: Ambiguity) -> Ambiguity:

@@ -94,19 +94,21 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
 
     Returns:
         Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``, ``path_peak`` (K,) of the flange [m];
-        joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every ``EVERY``-th step [rad].
+        which of them are ``finite`` (K,); joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every ``EVERY``-th step [rad].
     """
     study = task.study(rate)
 
     @jax.jit
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs = learn_arm(study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
-            return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), desired_trajectory(study.task()).q[::EVERY]
+            _, runs, finite = learn_arm(study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            wanted = desired_trajectory(study.task()).q[::EVERY]
+            return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), wanted, finite
 
-    q, mse, wanted = (np.asarray(x) for x in run(seed))
+    q, mse, wanted, finite = (np.asarray(x) for x in run(seed))
     off = np.linalg.norm(flange(q) - flange(wanted), axis=-1)
-    return {"feedback_mse": mse, "path_error": off.mean(1), "path_peak": off.max(1), "q": q, "wanted": wanted}
+    sizes = {"feedback_mse": mse, "path_error": off.mean(1), "path_peak": off.max(1)}
+    return sizes | {"finite": finite, "q": q, "wanted": wanted}
 
 
 def quick(task: PickAndPlace) -> PickAndPlace:

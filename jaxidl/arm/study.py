@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 import xarray as xr
 from jax.sharding import Mesh, PartitionSpec
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxidl.backend import compiler_options
 from jaxidl.errors import ConfigurationError, StoreError, one_of
@@ -25,6 +25,7 @@ from jaxidl.sweep.run import MATMUL_PRECISION
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import Trajectory
 
+WIDTH = {"cpu": 1}  # runs side by side: a core keeps one run's weights in its cache; elsewhere all seeds
 EVERY = 4  # steps between the instants of stored traces
 META = {
     "feedback_mse": {"units": "N2 m2", "long_name": "mean squared applied feedback"},
@@ -33,6 +34,7 @@ META = {
     "feedforward_peak": {"units": "N m", "long_name": "largest torque of the error model"},
     "model_error_rms": {"units": "N m", "long_name": "what the modelled arm truly lacks along the way, root mean square"},
     "unpredicted_rms": {"units": "N m", "long_name": "the same less what the error model says"},
+    "finite": {"units": "1", "long_name": "stayed everything finite, the training before it included?"},
     "feedback_trace": {"units": "N m", "long_name": "applied feedback of the first and the last execution"},
     "model_error_trace": {"units": "N m", "long_name": "what the modelled arm truly lacks in the last execution"},
     "feedforward_trace": {"units": "N m", "long_name": "what the error model says in the last execution"},
@@ -91,12 +93,13 @@ class Summary(NamedTuple):
     feedforward_peak: Float[Array, " K"]  # largest |error model's torque| [Nm]
     model_error_rms: Float[Array, "K J"]  # what the modelled arm truly lacks along the way [Nm]
     unpredicted_rms: Float[Array, "K J"]  # ... less what the error model says [Nm]
+    finite: Bool[Array, " K"]  # stayed everything finite, the training before it included?
     feedback_trace: Float[Array, "2 T J"]  # applied feedback of the first and the last execution [Nm]
     model_error_trace: Float[Array, "T J"]  # what the modelled arm truly lacks in the last execution [Nm]
     feedforward_trace: Float[Array, "T J"]  # what the error model says then [Nm]
 
 
-def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory) -> Summary:
+def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite: Bool[Array, " K"]) -> Summary:
     """Of trajectories (K, T, J)."""
     setting = study.setting(noise)
 
@@ -114,6 +117,7 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory) -> Sum
         jnp.abs(runs.tau_feedforward).max((1, 2)),
         rms(truth),
         rms(truth - every.tau_feedforward),
+        finite,
         every.tau_feedback_applied[jnp.array([0, -1])],
         truth[-1],
         every.tau_feedforward[-1],
@@ -121,35 +125,33 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory) -> Sum
 
 
 @cache
-def program(study: ArmStudy, source: str, iterations: int, devices: int) -> Any:
-    """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); R runs, one a device.
-
-    Executions are 2.7 times cheaper 32 side by side (``experiments/bench/arm.py``); how trainings fare so is not known yet.
-    """
+def program(study: ArmStudy, source: str, iterations: int, devices: int, width: int) -> Any:
+    """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); each device maps over its runs, ``width`` side by side."""
     mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
 
     def one(run: tuple[Array, Array]) -> Summary:
         noise, seed = run
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs = learn_arm(study, source, noise, jax.random.key(seed), iterations)
-            return summarise(study, noise, runs)
+            _, runs, finite = learn_arm(study, source, noise, jax.random.key(seed), iterations)
+            return summarise(study, noise, runs, finite)
 
-    split = PartitionSpec("runs")
-    share = jax.shard_map(lambda *runs: jax.lax.map(one, runs), mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
+    split, batch = PartitionSpec("runs"), None if width == 1 else width
+    share = jax.shard_map(lambda *runs: jax.lax.map(one, runs, batch_size=batch), mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
     return jax.jit(share, compiler_options=compiler_options())
 
 
 def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None], wait: Callable[[Any], Any]) -> None:
     """Compute what ``parts`` has not yet; ``step`` is called after every run, ``wait`` with what a program returns."""
-    devices = jax.device_count()
+    devices, width = jax.device_count(), WIDTH.get(jax.default_backend(), len(grid.seeds))
+    size = devices * width
     for acceleration, source in itertools.product(grid.accelerations, grid.sources):
-        run = program(replace(study, acceleration=acceleration), source, grid.iterations, devices)
+        run = program(replace(study, acceleration=acceleration), source, grid.iterations, devices, width)
         group = [label for label in grid.labels() if label[:2] == (acceleration, source)]
         runs = [label for label in group if parts.load(label.name) is None]
         for _ in range(len(group) - len(runs)):
             step()
-        for chunk in (runs[at : at + devices] for at in range(0, len(runs), devices)):
-            padded = [*chunk, *[chunk[-1]] * (devices - len(chunk))]
+        for chunk in (runs[at : at + size] for at in range(0, len(runs), size)):
+            padded = [*chunk, *[chunk[-1]] * (size - len(chunk))]
             began = time.monotonic()
             noise, seeds = np.array([x.noise for x in padded], float), np.array([x.seed for x in padded], np.uint32)
             found = wait(run(noise, seeds))
@@ -165,7 +167,7 @@ def assemble(study: ArmStudy, grid: ArmGrid, parts: Parts) -> xr.Dataset:
     shape = len(grid.accelerations), len(grid.sources), len(grid.noise), len(grid.seeds)
     runs = [_needed(parts, label) for label in grid.labels()]
     over = {"feedback_mse": "iteration", "path_error": "iteration", "feedforward_peak": "iteration"}
-    over |= {"feedback_mse_joint": "iteration joint", "model_error_rms": "iteration joint", "unpredicted_rms": "iteration joint"}
+    over |= {"finite": "iteration", "feedback_mse_joint": "iteration joint", "model_error_rms": "iteration joint", "unpredicted_rms": "iteration joint"}
     variables = {}
     for name, inner in over.items():
         values = np.stack([run[name] for run in runs])

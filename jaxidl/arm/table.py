@@ -13,6 +13,8 @@ LEVEL = 0.95  # of the intervals
 def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
     """Geometric mean of positive ``values`` (N,) and its 95 % interval by Student's t on logarithms; NaN with fewer than two."""
     logs = np.log(np.asarray(values, float))
+    if not len(logs):
+        return np.nan, np.nan, np.nan
     middle, n = logs.mean(), len(logs)
     half = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, n - 1) * logs.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
     return float(np.exp(middle)), float(np.exp(middle - half)), float(np.exp(middle + half))
@@ -21,26 +23,30 @@ def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]
 def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
     """Rows of acceleration, noise and sources, best first: feedback after the first learning iteration and over all later ones.
 
-    ``data`` has ``feedback_mse`` over (acceleration, source, noise, seed, iteration). Seeds are paired: ``worse`` is the ratio to
-    the best source with its interval; ``apart`` says whether that excludes 1.
+    ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed, iteration). Seeds are paired: ``worse`` is
+    the ratio to the best source with its interval; ``apart`` says whether that excludes 1. A source of which runs ``diverged``
+    comes last; the numbers are those of its other runs.
     """
     rows = []
     for acceleration in data.acceleration.values.tolist():
         for noise in data.noise.values.tolist():
             cells = data["feedback_mse"].sel(acceleration=acceleration, noise=noise)
             runs = cells.transpose("source", "seed", "iteration").values
+            kept = data["finite"].sel(acceleration=acceleration, noise=noise).all("iteration").transpose("source", "seed").values
             first, later = runs[..., 1], np.exp(np.log(runs[..., 1:]).mean(-1))
-            order = np.argsort(np.log(later).mean(1))
+            order = sorted(range(len(kept)), key=lambda k: ((~kept[k]).sum(), np.log(later[k][kept[k]]).sum()))
             for rank, k in enumerate(order):
-                worse = interval(later[k] / later[order[0]])
+                both = kept[k] & kept[order[0]]
+                worse = interval(later[k][both] / later[order[0]][both])
                 rows.append(
                     {
                         "acceleration": acceleration,
                         "noise": noise,
                         "rank": rank + 1,
                         "source": str(data.source.values[k]),
-                        "after_first": interval(first[k]),
-                        "later": interval(later[k]),
+                        "diverged": int((~kept[k]).sum()),
+                        "after_first": interval(first[k][kept[k]]),
+                        "later": interval(later[k][kept[k]]),
                         "worse": worse,
                         "apart": bool(rank and worse[1] > 1.0),
                     }
@@ -52,14 +58,16 @@ def falls(data: xr.Dataset) -> list[dict[str, Any]]:
     """Of every condition and source: the fall of feedback by the first learning iteration, and the largest later rise.
 
     ``rise`` is how far a later execution's geometric mean lies above the least one before it, as a ratio; ``spread`` the ratio of
-    the seeds' largest to smallest value there: a rise within it is none.
+    the seeds' largest to smallest value there: a rise within it is none. Runs that diverged are left out.
     """
     rows = []
     for acceleration in data.acceleration.values.tolist():
         for noise in data.noise.values.tolist():
             for source in data.source.values.tolist():
-                runs = data["feedback_mse"].sel(acceleration=acceleration, noise=noise, source=source)
-                runs = runs.transpose("seed", "iteration").values
+                cell = data.sel(acceleration=acceleration, noise=noise, source=source)
+                runs = cell["feedback_mse"].transpose("seed", "iteration").values[cell["finite"].all("iteration").values]
+                if not len(runs):
+                    continue
                 mean = np.exp(np.log(runs).mean(0))[1:]
                 rises = mean / np.minimum.accumulate(mean)
                 worst = int(np.argmax(rises)) + 1
@@ -86,5 +94,6 @@ def as_text(rows: list[dict[str, Any]]) -> str:
         first, later, worse = (f"{m:.3g} [{a:.3g}, {b:.3g}]" for m, a, b in (row["after_first"], row["later"], row["worse"]))
         against = "best" if row["rank"] == 1 else f"{worse} times" + ("" if row["apart"] else " (a tie)")
         name = row["acceleration"].replace("_", "-")
+        against += f"; {row['diverged']} of the runs diverged" if row["diverged"] else ""
         lines.append(f"| {name} | {row['noise']:g} rad | {row['source']} | {first} | {later} | {against} |")
     return "\n".join(lines)

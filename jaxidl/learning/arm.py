@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from jaxidl.control import Doomed, Filtered, Sequence, lqr
 from jaxidl.effects import (
@@ -164,8 +164,8 @@ class ArmStudy:
         return Setting(Plant(model, self.effects(noise)), model, self.law(), task, desired_trajectory(task).q)
 
 
-def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> tuple[Learner, Trajectory]:
-    """K executions with the trainings between them: the last learner, and all trajectories (K, T, J).
+def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> tuple[Learner, Trajectory, Bool[Array, " K"]]:
+    """K executions with the trainings between them: the last learner, all trajectories (K, T, J), which of them are finite (K,).
 
     ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell it from the task's start.
     """
@@ -173,7 +173,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
     draws, starts = jax.random.split(jax.random.fold_in(key, 1_000_000))
     off = jnp.clip(jax.random.normal(starts, (iterations, JOINTS)), -1.0, 1.0) * noise
     refine = partial(zero_phase, model=setting.model, task=task, band=study.acceleration_band)
-    _, learner, runs = learn(
+    metrics, learner, runs = learn(
         setting,
         jax.random.normal(draws, (iterations, study.steps, JOINTS)),
         key,
@@ -186,7 +186,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
         refine=refine if study.acceleration == "zero_phase" else lambda run: run,
     )
     assert runs is not None
-    return learner, runs
+    return learner, runs, metrics.finite
 
 
 def feedback_mse(runs: Trajectory) -> Float[Array, " K"]:
