@@ -94,7 +94,8 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
 
     Returns:
         Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``, ``path_peak`` (K,) of the flange [m];
-        which of them are ``finite`` (K,); joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every ``EVERY``-th step [rad].
+        which of them are ``finite`` (K,); joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every
+        ``EVERY``-th step [rad].
     """
     study = task.study(rate)
 

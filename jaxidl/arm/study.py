@@ -126,7 +126,7 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite
 
 @cache
 def program(study: ArmStudy, source: str, iterations: int, devices: int, width: int) -> Any:
-    """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); each device maps over its runs, ``width`` side by side."""
+    """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); devices map over shares, ``width`` side by side."""
     mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
 
     def one(run: tuple[Array, Array]) -> Summary:
@@ -136,7 +136,8 @@ def program(study: ArmStudy, source: str, iterations: int, devices: int, width: 
             return summarise(study, noise, runs, finite)
 
     split, batch = PartitionSpec("runs"), None if width == 1 else width
-    share = jax.shard_map(lambda *runs: jax.lax.map(one, runs, batch_size=batch), mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
+    each = lambda *runs: jax.lax.map(one, runs, batch_size=batch)  # noqa: E731
+    share = jax.shard_map(each, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
     return jax.jit(share, compiler_options=compiler_options())
 
 
@@ -167,7 +168,8 @@ def assemble(study: ArmStudy, grid: ArmGrid, parts: Parts) -> xr.Dataset:
     shape = len(grid.accelerations), len(grid.sources), len(grid.noise), len(grid.seeds)
     runs = [_needed(parts, label) for label in grid.labels()]
     over = {"feedback_mse": "iteration", "path_error": "iteration", "feedforward_peak": "iteration"}
-    over |= {"finite": "iteration", "feedback_mse_joint": "iteration joint", "model_error_rms": "iteration joint", "unpredicted_rms": "iteration joint"}
+    over |= {"finite": "iteration", "feedback_mse_joint": "iteration joint"}
+    over |= {"model_error_rms": "iteration joint", "unpredicted_rms": "iteration joint"}
     variables = {}
     for name, inner in over.items():
         values = np.stack([run[name] for run in runs])

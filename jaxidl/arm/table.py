@@ -23,9 +23,9 @@ def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]
 def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
     """Rows of acceleration, noise and sources, best first: feedback after the first learning iteration and over all later ones.
 
-    ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed, iteration). Seeds are paired: ``worse`` is
-    the ratio to the best source with its interval; ``apart`` says whether that excludes 1. A source of which runs ``diverged``
-    comes last; the numbers are those of its other runs.
+    ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed, iteration). Seeds are paired: ``worse``
+    is the ratio to the best source with its interval; ``apart`` says whether that excludes 1. A source of which runs
+    ``diverged`` comes last; the numbers are those of its other runs.
     """
     rows = []
     for acceleration in data.acceleration.values.tolist():

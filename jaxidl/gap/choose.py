@@ -41,9 +41,8 @@ def _pair(ranking: Ranking, trials: list[Trial]) -> Trial | None:
         starts = [t.fit.members[t.which] for t in (one, other)]
         _, beside = ranking.around(one.joints)
         together = ranking.fitted((*beside, *starts), one.joints)
-        trial = one._replace(
-            fit=together, gain=gain(ranking.present(one.joints), errors_of(together, ranking.data, ranking.weight, one.joints))
-        )
+        both = gain(ranking.present(one.joints), errors_of(together, ranking.data, ranking.weight, one.joints))
+        trial = one._replace(fit=together, gain=both, where=one.joints, overall=both)
         if together.feasible and trial.gain.clear(4.0 * ranking.min_gain) and (best is None or trial.gain.value > best[0]):
             best = trial.gain.value, trial
     return best[1] if best else None
@@ -51,7 +50,7 @@ def _pair(ranking: Ranking, trials: list[Trial]) -> Trial | None:
 
 def matters(ranking: Ranking, trial: Trial) -> bool:
     """Is it a clear gain, of something that is not a trifle beside the command?"""
-    own = ranking.column(trial.candidate).joints
+    own = trial.where
     rows = ranking.fit.counts[:, list(own)].sum(0)
     removed = ranking.present(own).total() * (1.0 - (1.0 - trial.gain.value) ** 2)  # weighted sum of squares
     command = np.sum((ranking.data.command[list(own)] * ranking.weight[list(own)]) ** 2 * rows)

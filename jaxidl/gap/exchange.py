@@ -4,7 +4,7 @@ from itertools import combinations
 
 from jaxidl.gap.candidates import ATOMS, CONTAINS, Candidate
 from jaxidl.gap.choose import QUIET, imitators
-from jaxidl.gap.gains import Gain, errors_of, gain
+from jaxidl.gap.gains import FEW, Gain, best_gain, errors_of
 from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
 
@@ -12,6 +12,7 @@ REDUNDANT = 0.7  # an effect that is worth less than this share of the least gai
 EXCHANGE = 4.0  # times the least gain: an effect is exchanged for another one only if that is much better
 OTHERS = 3  # effects in the place of each of two members that are tried together
 LOUD = (1.1, 6.0)  # noise floors: with less left there is no reason to exchange two, with more no hope to explain all
+LOUDER = 2.0  # the first of these in a mechanism of many joints, where it takes its time
 DEARER = 1.0  # than two members together: the complexity that one effect in the place of both may have
 
 
@@ -19,9 +20,20 @@ def tidy(ranking: Ranking) -> None:
     """Take out what has become superfluous; exchange what another effect does clearly better."""
     newest = ranking.members[-1]
     prune(ranking, tuple(m for m in ranking.members[:-1] if set(m.joints) & set(newest.joints)))
-    for m in ranking.members[:-1]:
-        if not ranking.alike(m.joints, ranking.members[-1].joints):
-            continue
+    exchange_one(ranking, [m for m in ranking.members[:-1] if ranking.alike(m.joints, ranking.members[-1].joints)])
+
+
+def exchange_wide(ranking: Ranking) -> bool:
+    """Exchange one of those that reach many joints, of which few could be tried beside each newcomer; say whether."""
+    if not exchange_one(ranking, [m for m in ranking.members if len(m.joints) > FEW]):
+        return False
+    prune(ranking, ranking.members)
+    return True
+
+
+def exchange_one(ranking: Ranking, members: list[Member]) -> bool:
+    """Exchange the first of some members that another effect replaces clearly better; say whether."""
+    for m in members:
         better = (t for t in instead(ranking, m) if t.fit.feasible and t.gain.clear(EXCHANGE * ranking.min_gain))
         others = [t for t in better if not _flexible(t.candidate, m.candidate)]
         if others:
@@ -29,7 +41,8 @@ def tidy(ranking: Ranking) -> None:
             _, beside = ranking.around(best.joints)
             simple = imitators(ranking, best, tuple(x for x in beside if x is not m)) if best.candidate.name in CONTAINS else ()
             ranking.replace((m,), tuple(map(ranking.column, next(iter(simple), (best.candidate,)))))
-            return
+            return True
+    return False
 
 
 def _flexible(one: Candidate, other: Candidate) -> bool:
@@ -59,7 +72,7 @@ def worth(ranking: Ranking, m: Member) -> Gain:
     """How much a member improves the error beside all others."""
     joints, beside = ranking.closure(m.joints)
     without = ranking.fitted(tuple(x for x in beside if x is not m), joints)
-    return gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))
+    return best_gain(errors_of(without, ranking.data, ranking.weight, joints), ranking.present(joints))[0]
 
 
 def revise(ranking: Ranking) -> bool:
@@ -70,9 +83,8 @@ def revise(ranking: Ranking) -> bool:
     best: Trial | None = None
     old: Member | None = None
     for m in ranking.members:
-        own = m.candidate.name, m.candidate.joint
-        for candidate in ranking.shortlist():
-            if (candidate.name, candidate.joint) != own or candidate is m.candidate:
+        for candidate in ranking.variants((m.candidate.name, m.candidate.joint)):
+            if candidate is m.candidate:
                 continue
             trial = ranking.attempt(candidate, without=(m,))
             better = trial is not None and trial.fit.feasible and trial.gain.clear(ranking.min_gain)
@@ -88,11 +100,13 @@ def exchange_two(ranking: Ranking) -> bool:
     """Put one or two effects in the place of two members, if that leaves hardly more than noise; say whether.
 
     Two wrong effects may support each other: the one looks right as long as the other is there. Where much is left that nobody
-    understands, as on most machines, something or other will always look better in pairs; there nothing is exchanged.
+    understands, as on most machines, something or other will always look better in pairs; there nothing is exchanged, and neither
+    is what reaches many joints.
     """
     left = [ranking.fit.rms(j) / ranking.data.floor[j] for j in range(len(ranking.weight))]
-    loud = {j for j, rms in enumerate(left) if LOUD[0] < rms < LOUD[1]}
-    suspects = [m for m in ranking.members if loud & set(m.joints)]
+    least = LOUD[0] if len(left) <= FEW else LOUDER
+    loud = {j for j, rms in enumerate(left) if least < rms < LOUD[1]}
+    suspects = [m for m in ranking.members if loud & set(m.joints) and len(m.joints) <= FEW]
     options = {m: [t.candidate for t in sorted(instead(ranking, m), key=Trial.order)[:OTHERS]] for m in suspects}
     best: tuple[float, tuple[Member, ...], tuple[Candidate, ...]] | None = None
     margin, ranking.margin = ranking.margin, 1.0  # what is left between one and ``NOISE_MARGIN`` noise floors counts here
@@ -128,7 +142,7 @@ def instead(ranking: Ranking, m: Member) -> list[Trial]:
             continue
         if not ranking.alike(ranking.column(candidate).joints, m.joints):
             continue
-        trial = ranking.attempt(candidate, without=(m,))
+        trial = ranking.attempt(candidate, without=(m,), polish=len(m.joints) > FEW)
         if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):
             best[key] = trial
     return list(best.values())

@@ -10,6 +10,7 @@ from jaxidl.gap.fit import Fit
 SIGNIFICANT = 2.0  # standard errors by which an effect must win
 SELDOM = 4.0  # times the least gain: what an effect must remove that acts in few blocks only,
 FEWEST = 1.8  # and at as many moments at least (saturation in one fast stretch of a log, for one)
+FEW = 2  # joints that are always fitted, and judged, together
 NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
 
 
@@ -85,6 +86,20 @@ def gain(before: Errors, after: Errors) -> Gain:
     if plain > 0.0 and _seldom(before.moments, after.moments):
         return Gain(float(max(value, plain)), stderr, True)
     return Gain(float(value), stderr)
+
+
+def best_gain(before: Errors, after: Errors) -> tuple[Gain, Gain, list[int]]:
+    """Gain on the joints that say most, gain on all, and which these are: of many the one that gains most, unless they lose.
+
+    A load at the flange is hardly seen in a strong shoulder, but it may be most of what a wrist does not know.
+    """
+    overall, joints = gain(before, after), list(range(before.error.shape[1]))
+    if len(joints) > FEW and overall.value > 0.0:
+        each = [gain(before.of([k]), after.of([k])) for k in joints]
+        k = max(joints, key=lambda k: each[k].value)
+        if each[k].value > overall.value:
+            return each[k], overall, [k]
+    return overall, overall, joints
 
 
 def jackknife(samples: np.ndarray) -> np.ndarray:

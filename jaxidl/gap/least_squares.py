@@ -44,6 +44,7 @@ class Problem:
             speaks[c.which] |= np.any(c.net, 1) | np.any(c.slide, 1)
             holds[c.which] |= np.any(c.grip, 1)
         self.at_rest_only = holds & ~speaks
+        self.products: dict[int, tuple[bytes, np.ndarray]] = {}  # of each joint, as last computed, and of what
         self.train = np.flatnonzero(self.data.block >= 0)
         self.edges = np.flatnonzero(np.diff(self.data.block[self.train], prepend=-1))
 
@@ -125,14 +126,31 @@ class Problem:
             if not len(c.which):
                 continue
             sign = np.where(resting[:, j], np.sign(net[:, j]), 0.0)
-            moves = ~resting[:, j]  # at rest its level counts in the direction in which it is pushed
-            slopes = c.net[:, rows] - moves * c.slide[:, rows] - sign * c.grip[:, rows]
-            target = c.net0[rows] - moves * c.slide0[rows] - sign * c.grip0[rows]
-            both = np.concatenate([slopes, target[None]]) * weight[:, j]
-            product = np.stack([part @ part.T for part in np.split(both, self.edges[1:], axis=1)])
+            product = self._products(j, sign, ~resting[:, j], weight[:, j])
             gram[:, c.which[:, None], c.which] += product[:, :-1, :-1]
             right[:, c.which] -= product[:, :-1, -1]
         return gram, right
+
+    def _products(self, j: int, sign: np.ndarray, moves: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """Of one joint: products (B, p + 1, p + 1) of its columns and what they are to explain; the last ones if nothing changed.
+
+        At rest a level counts in the direction in which the joint is pushed, ``sign``.
+        """
+        key = (sign * weight).tobytes() + weight.tobytes()
+        if j in self.products and self.products[j][0] == key:
+            return self.products[j][1]
+        c, rows = self.columns[j], self.train
+        whole = slice(rows[0], rows[-1] + 1) if rows[-1] - rows[0] == len(rows) - 1 else rows
+        both = np.empty((len(c.which) + 1, len(rows)))
+        both[:-1], both[-1] = c.net[:, whole], c.net0[whole]
+        for slopes, zero, on in ((c.slide, c.slide0, moves), (c.grip, c.grip0, sign)):
+            acts = np.flatnonzero(np.any(slopes, 1))
+            both[acts] -= on * slopes[acts][:, whole]
+            both[-1] -= on * zero[whole]
+        both *= weight
+        product = np.stack([part @ part.T for part in np.split(both, self.edges[1:], axis=1)])
+        self.products[j] = key, product
+        return product
 
     def _quieten(self, gram: np.ndarray, right: np.ndarray) -> None:
         """The noise that motor inertia takes away, as one more residual √n·floor·√(1 − (1 − share)²) spread over the blocks."""

@@ -5,20 +5,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import CoupledFriction, Effect
 from jaxidl.gap.alignment import ALIGNMENT, alignments
 from jaxidl.gap.candidates import TIMING, Candidate
 from jaxidl.gap.data import Data, used
 from jaxidl.gap.fit import Fit, fit, polished, updated
-from jaxidl.gap.gains import NOISE_MARGIN, Errors, Gain, errors_of, gain
+from jaxidl.gap.gains import FEW, NOISE_MARGIN, Errors, Gain, best_gain, errors_of, gain
 from jaxidl.gap.members import Member, member
-from jaxidl.gap.terms import trial_changes
+from jaxidl.gap.terms import parameters_of, trial_changes
 
 HEAVY = 3.0  # times the median block's error: what is beyond counts less in fits
 MANY = 20  # starting values of a hidden state beyond which they are simulated side by side at first,
 PROMISING = 4  # and as many of them are fitted
 STARTS = 3  # of one effect that are polished
-FEW = 2  # joints that are always fitted together
 SLIGHT = 0.1  # noise floors: a torque that changes by less is as before
 STALE = 0.05  # of the residual on a joint: when others have changed it by so much, trials on it are made anew
 WORTH = 0.02  # gain of the first linear fit from which polishing is worth its while
@@ -30,7 +29,9 @@ class Trial(NamedTuple):
     candidate: Candidate
     fit: Fit  # of the joints concerned
     joints: tuple[int, ...]
-    gain: Gain  # over the present model on these joints
+    gain: Gain  # over the present model on the joints ``where`` it is judged,
+    where: tuple[int, ...]
+    overall: Gain  # ... and on all that it touches
 
     @property
     def which(self) -> int:
@@ -137,7 +138,8 @@ class Ranking:
 
     def judge(self, candidate: Candidate, found: Fit, joints: tuple[int, ...], own: tuple[int, ...]) -> Trial:
         after = errors_of(found, self.data, self.weight, joints, self.margin).of([joints.index(j) for j in own])
-        return Trial(candidate, found, joints, gain(self.present(own), after))
+        best, overall, where = best_gain(self.present(own), after)
+        return Trial(candidate, found, joints, best, tuple(own[k] for k in where), overall)
 
     def attempt(
         self, candidate: Candidate, polish: bool = False, without: tuple[Member, ...] = (), also: tuple[Candidate, ...] = ()
@@ -169,9 +171,20 @@ class Ranking:
         return sorted((t for key, t in self.trials.items() if key not in taken), key=self.merit)
 
     def shortlist(self) -> list[Candidate]:
-        """The pool, with few starting values of each hidden state: those that were promising last."""
-        short = lambda group: [c for c in group if c in self.columns][-PROMISING:]  # noqa: E731
-        return [c for group in self.groups.values() for c in (short(group) if self._many(group) else group)]
+        """The pool, with few starting values of each hidden state, and without fine tables."""
+        return [c for key in self.groups for c in self.coarse(self.variants(key))]
+
+    def variants(self, key: tuple[str, int | None]) -> list[Candidate]:
+        """Starting values and variants of one effect on one joint; of a hidden state those that were promising last."""
+        group = self.groups[key]
+        return [c for c in group if c in self.columns][-PROMISING:] if self._many(group) else group
+
+    def coarse(self, group: list[Candidate]) -> list[Candidate]:
+        """Of tables over each of many other joints those with the fewest knots: ``revise`` tries the finer ones afterwards."""
+        if not group or group[0].name != CoupledFriction.name or len(self.weight) <= FEW:
+            return group
+        fewest = min(len(parameters_of(c.guess, c.free)) for c in group)
+        return [c for c in group if len(parameters_of(c.guess, c.free)) == fewest]
 
     def _many(self, group: list[Candidate]) -> bool:
         first = group[0]
@@ -181,7 +194,7 @@ class Ranking:
         """Of many starting values of one hidden state those that leave the least as they are; others as they come."""
         j = group[0].joint
         if not self._many(group) or j is None:
-            return group
+            return self.coarse(group)
         key = group[0].name, j
         if key not in self.simulated:
             self.simulated[key] = trial_changes([c.guess for c in group], j, self.data.signals, self.torque())
@@ -212,7 +225,7 @@ class Ranking:
     def merit(self, trial: Trial) -> float:
         """What is left of the weighted error, over all joints."""
         own = self.column(trial.candidate).joints
-        return ((1.0 - trial.gain.value) ** 2 - 1.0) * self.present(own).total()
+        return ((1.0 - trial.overall.value) ** 2 - 1.0) * self.present(own).total()
 
     # changes
 

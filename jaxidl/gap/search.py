@@ -7,8 +7,8 @@ import numpy as np
 
 from jaxidl.gap.candidates import CONTAINS, INSEPARABLE, Candidate
 from jaxidl.gap.choose import SAME, winner
-from jaxidl.gap.exchange import exchange_two, instead, prune, revise, tidy, worth
-from jaxidl.gap.gains import Gain, errors_of, gain
+from jaxidl.gap.exchange import exchange_two, exchange_wide, instead, prune, revise, tidy, worth
+from jaxidl.gap.gains import Gain, best_gain, errors_of
 from jaxidl.gap.members import Member
 from jaxidl.gap.rank import Ranking, Trial
 
@@ -57,7 +57,8 @@ def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome
         if best is None:
             outcome.chosen.append(None)
             watch(f"round {number + 1}: exchanging effects", 1.0)
-            if number + 1 < most and (revise(ranking) or exchange_two(ranking)) and _news(ranking, seen):
+            changed = number + 1 < most and (revise(ranking) or exchange_wide(ranking) or exchange_two(ranking))
+            if changed and _news(ranking, seen):
                 continue
             break
         watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
@@ -96,7 +97,7 @@ def _credits(ranking: Ranking) -> list[Named]:
         count = max(ranking.fit.counts[:, pick].sum(), 1.0)
         rms = [float((side.error[:, where].sum() / count) ** 0.5) for side in sides]
         before, after = (errors_of(side, ranking.data, ranking.weight, joints).of(where) for side in sides)
-        out.append(Named(m, gain(before, after), *rms))
+        out.append(Named(m, best_gain(before, after)[0], *rms))
     return out
 
 

@@ -164,8 +164,16 @@ class ArmStudy:
         return Setting(Plant(model, self.effects(noise)), model, self.law(), task, desired_trajectory(task).q)
 
 
-def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> tuple[Learner, Trajectory, Bool[Array, " K"]]:
-    """K executions with the trainings between them: the last learner, all trajectories (K, T, J), which of them are finite (K,).
+class Learned(NamedTuple):
+    """What K executions with the trainings between them leave."""
+
+    learner: Learner  # of the last execution
+    runs: Trajectory  # (K, T, J)
+    finite: Bool[Array, " K"]  # stayed everything finite, the training before included?
+
+
+def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> Learned:
+    """K executions with the trainings between them.
 
     ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell it from the task's start.
     """
@@ -186,7 +194,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
         refine=refine if study.acceleration == "zero_phase" else lambda run: run,
     )
     assert runs is not None
-    return learner, runs, metrics.finite
+    return Learned(learner, runs, metrics.finite)
 
 
 def feedback_mse(runs: Trajectory) -> Float[Array, " K"]:
