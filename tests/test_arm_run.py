@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from importlib.resources import files
 
 import jax
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import xarray as xr
 
 from jaxidl.arm import limits, pick
-from jaxidl.arm.hidden import truth
+from jaxidl.arm.hidden import Logged, record, truth, visible
 from jaxidl.arm.run import ArmRun, _write, quick
 from jaxidl.arm.study import META, ArmGrid, assemble, run_study
 from jaxidl.arm.table import as_text, falls, interval, ranking
@@ -36,13 +37,13 @@ def test_pieces_are_kept_and_only_missing_or_damaged_ones_computed_again(tmp_pat
         compute()
         first = assemble(study, GRID, parts)
         assert len(done) == 3
-        files = sorted(tmp_path.glob("*.npz"))
-        before = [file.stat().st_mtime_ns for file in files]
-        content = bytearray(files[1].read_bytes())
+        kept = sorted(tmp_path.glob("*.npz"))
+        before = [file.stat().st_mtime_ns for file in kept]
+        content = bytearray(kept[1].read_bytes())
         content[len(content) // 2] ^= 1
-        files[1].write_bytes(content)
+        kept[1].write_bytes(content)
         compute()
-        after = [file.stat().st_mtime_ns for file in files]
+        after = [file.stat().st_mtime_ns for file in kept]
         assert [a == b for a, b in zip(before, after, strict=True)] == [True, False, True]
         again = assemble(study, GRID, parts)
     xr.testing.assert_equal(first, again)  # the run that was lost shared its program's chunk with another one before
@@ -134,7 +135,10 @@ def test_figures_of_made_up_results_can_be_drawn():
     runs = {source: np.ones((2, 3)).tolist() for source in ("joint", "direct")}
     arm_tasks.pick_and_place(lifts | {"path_error": runs, "feedback_mse": runs}).canvas.draw()
     report = {
-        "truth": [{"effect": name, "joint": joint, "size": size} for (name, joint), size in truth(Hidden()).items()],
+        "truth": [
+            {"effect": name, "joint": joint, "size": size, "visible": 1.0 if joint == 5 else 9.0}
+            for (name, joint), size in truth(Hidden()).items()
+        ],
         "effects": [
             {"effect": "viscous_friction", "joint": 0, "parameters": {"coefficient": {"value": 4.1}}},
             {"effect": "spring", "joint": 2, "parameters": {"stiffness": {"value": 1.0}}},
@@ -143,11 +147,27 @@ def test_figures_of_made_up_results_can_be_drawn():
     }
     rows, state, words = arm_tasks.states(report)
     at = {name: k for k, name in enumerate(rows)}
-    assert state[at["viscous_friction"]].tolist() == [1, 3, 3, 3, 3, 3, 3, 0]
+    assert state[at["viscous_friction"]].tolist() == [1, 3, 3, 3, 3, 5, 3, 0]
     assert words[at["viscous_friction"]][0] == "4\n→ 4.1"
     assert state[at["spring"], 2] == 4
     assert state[at["payload"], 7] == state[at["inertia_error"], 6] == 2
     arm_tasks.gap_on_the_arm(report).canvas.draw()
+
+
+def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
+    logged = Logged(goals=2)
+    log, model = tmp_path / "log.npz", tmp_path / "model.xml"
+    with jax.enable_x64(True):
+        columns = record(logged)
+    np.savez(log, allow_pickle=False, **columns)
+    model.write_bytes((files("jaxidl.systems") / "arm.xml").read_bytes())
+    rows = truth(Hidden())
+    seen = visible(rows, logged, log, model)
+    assert set(seen) == set(rows)
+    assert all(value > 0.0 for value in seen.values())
+    again = visible({key: 2.0 * size for key, size in rows.items() if key[0] != "actuator_delay"}, logged, log, model)
+    for key, value in again.items():
+        assert value == pytest.approx(2.0 * seen[key], rel=0.02)
 
 
 @pytest.mark.parametrize(

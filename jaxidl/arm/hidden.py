@@ -6,11 +6,19 @@ from pathlib import Path
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from jaxidl.effects import CATALOGUE, Effect, Payload
+from jaxidl.gap.data import data_of
+from jaxidl.gap.diagnose import diagnose
+from jaxidl.gap.log import read
+from jaxidl.gap.signals import prepare
+from jaxidl.gap.terms import as_effect, contribution
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import execute
 from jaxidl.systems.arm import JOINTS, compiled
+from jaxidl.systems.mjcf import read_model
 
 FAMILIES = (
     "viscous_friction",
@@ -67,14 +75,36 @@ def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], f
     return found | {("payload", None): hidden.payload} | {("actuator_delay", j): delay for j in range(JOINTS)}
 
 
+def visible(rows: dict[tuple[str, int | None], float], logged: Logged, log: Path, model: Path) -> dict[Any, float]:
+    """How large the torque is that each hidden effect makes along the log, in noise floors of the joint that shows it most.
+
+    What makes less than about one is nothing that this log can tell: no simulation is believed to be better.
+    """
+    with jax.enable_x64(True):
+        known = read_model(model)
+        signals = prepare(read(log, joints=JOINTS), known.plant.body)
+        data, hidden = data_of(signals), logged.study().hidden
+        found = {}
+        for (name, joint), size in rows.items():
+            if joint is None:
+                effect: Effect = Payload(jnp.asarray(size), jnp.asarray(hidden.payload_com))
+            else:
+                values = {next(iter(CATALOGUE[name].parameters)): size}
+                values = {"mass": size} if name == "inertia_error" else values
+                values |= {"period": hidden.ripple_period[joint]} if name == "torque_ripple" else {}
+                effect = as_effect(CATALOGUE[name], values, **({"steps": 4} if name == "actuator_delay" else {}))
+            joints, value, _, _ = contribution(effect, joint, (), signals, signals.tau, everywhere=name == "inertia_error")
+            rms = np.sqrt(np.mean((value.net - value.slide) ** 2, axis=0))
+            found[name, joint] = float(np.max(rms / data.floor[list(joints)]))
+    return found
+
+
 def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) -> dict[str, Any]:
     """Log the true arm, let the workflow compare it with the modelled one, and keep log, model and report in ``folder``.
 
     Returns:
-        The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint and size.
+        The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.
     """
-    from jaxidl.gap.diagnose import diagnose
-
     folder.mkdir(parents=True, exist_ok=True)
     with jax.enable_x64(True):
         columns = record(logged)
@@ -84,5 +114,7 @@ def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) ->
     found = diagnose(folder / "log.npz", folder / "model.xml", watch=watch)
     found.save(folder / "report")
     study = logged.study()
-    rows = truth(study.hidden, study.delay).items()
-    return found.to_dict() | {"truth": [{"effect": name, "joint": joint, "size": size} for (name, joint), size in rows]}
+    rows = truth(study.hidden, study.delay)
+    seen = visible(rows, logged, folder / "log.npz", folder / "model.xml")
+    table = [{"effect": key[0], "joint": key[1], "size": size, "visible": seen[key]} for key, size in rows.items()]
+    return found.to_dict() | {"truth": table}

@@ -142,7 +142,7 @@ def instead(ranking: Ranking, m: Member) -> list[Trial]:
             continue
         if not ranking.alike(ranking.column(candidate).joints, m.joints):
             continue
-        trial = ranking.attempt(candidate, without=(m,), polish=len(m.joints) > FEW)
+        trial = ranking.attempt(candidate, without=(m,), polish=len(m.joints) > FEW and candidate.loose)
         if trial is not None and (key not in best or trial.gain.value > best[key].gain.value):
             best[key] = trial
     return list(best.values())

@@ -83,13 +83,21 @@ def with_and_without_load(result: dict[str, Any]) -> Figure:
     return figure
 
 
-STATES = ("nothing hidden, nothing named", "named", "among equal explanations", "missed", "named, but not hidden")
-COLORS = ("#f2f2f2", "#9fd8c0", "#f5dc8c", "#f0a58a", "#c9a3cc")
+STATES = (
+    "nothing hidden, nothing named",
+    "named",
+    "among equal explanations",
+    "missed",
+    "named, but not hidden",
+    "too small to tell",
+)
+COLORS = ("#f2f2f2", "#9fd8c0", "#f5dc8c", "#f0a58a", "#c9a3cc", "#cfd8e6")
+TOO_SMALL = 2.0  # noise floors: what makes less torque than that along the log
 
 
 def states(report: dict[str, Any], joints: int = 7) -> tuple[list[str], np.ndarray, list[list[str]]]:
     """Rows (effects), their state on each joint and on the whole arm (R, J + 1), and what to write there."""
-    hidden = {(row["effect"], row["joint"]): row["size"] for row in report["truth"]}
+    hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
     named = {(e["effect"], e["joint"]): e for e in report["effects"]}
     equal = {(c["effect"], c["joint"]) for a in report["ambiguous"] for c in a["candidates"]}
     rows = [*FAMILIES, *sorted({name for name, _ in named if name not in FAMILIES})]
@@ -98,8 +106,9 @@ def states(report: dict[str, Any], joints: int = 7) -> tuple[list[str], np.ndarr
         for k, joint in enumerate([*range(joints), None]):
             key = name, joint
             if key in hidden:
-                state[i, k] = 1 if key in named else 2 if key in equal else 3
-                words[i][k] = f"{hidden[key]:g}"
+                missed = 5 if hidden[key]["visible"] < TOO_SMALL else 3
+                state[i, k] = 1 if key in named else 2 if key in equal else missed
+                words[i][k] = f"{hidden[key]['size']:g}"
             elif key in named:
                 state[i, k] = 4
             if key in named:
