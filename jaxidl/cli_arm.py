@@ -6,6 +6,10 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from jaxidl.backend import choose_devices
+
+EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")  # as in jaxidl.arm.run, which is slow to import
+
 
 def arm(
     *,
@@ -14,27 +18,23 @@ def arm(
     seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
     noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
     iterations: int | None = None,
-    experiments: Annotated[tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")] = (
-        "study",
-        "pick",
-        "limits",
-        "latency",
-    ),
+    experiments: Annotated[tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")] = EXPERIMENTS,
 ) -> None:
     """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted run stopped.
 
     Args:
-        out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, the feedforward for a robot, and the figures.
+        out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for a robot, and the figures.
         quick: two seeds, one noise level, four executions, less training: minutes.
         seeds: run seeds of the study, 1 to 5 unless told.
         noise: encoder noise scales of the study [rad].
         iterations: executions of the study, 10 unless told.
-        experiments: which of them; the same folder takes the others later. gap is slow, and made only if named.
+        experiments: which of them; the same folder takes the others later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text
     from jaxidl.plot.arm_report import write_arm_figures
 
+    choose_devices(None)
     run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
     told = {"seeds": seeds, "noise": noise, "iterations": iterations}
     run = replace(run, grid=replace(run.grid, **{name: value for name, value in told.items() if value is not None}))

@@ -10,15 +10,17 @@ import pytest
 import xarray as xr
 
 from jaxidl.arm import limits, pick
+from jaxidl.arm.found import as_text as found_as_text
+from jaxidl.arm.found import judge
 from jaxidl.arm.hidden import Logged, record, truth, visible
-from jaxidl.arm.run import ArmRun, _write, quick
+from jaxidl.arm.run import ArmRun, _write, quick, run_all
 from jaxidl.arm.study import META, ArmGrid, assemble, run_study
 from jaxidl.arm.table import as_text, falls, interval, ranking
 from jaxidl.cli import main
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.learning.arm import ArmStudy, Hidden, Load
 from jaxidl.models import Training
-from jaxidl.plot import arm, arm_tasks
+from jaxidl.plot import arm, arm_report, arm_tasks
 from jaxidl.sweep.parts import Parts
 
 GRID = ArmGrid(noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2)
@@ -32,7 +34,7 @@ def small(study: ArmStudy) -> ArmStudy:
 
 def test_pieces_are_kept_and_only_missing_or_damaged_ones_computed_again(tmp_path):
     study, done = small(ArmStudy()), []
-    compute = lambda: run_study(study, GRID, parts, lambda: done.append(1), jax.block_until_ready)  # noqa: E731
+    compute = lambda: run_study(study, GRID, parts, lambda: done.append(1))  # noqa: E731
     with Parts(tmp_path, {"a": 1}) as parts:
         compute()
         first = assemble(study, GRID, parts)
@@ -141,16 +143,20 @@ def test_figures_of_made_up_results_can_be_drawn():
         ],
         "effects": [
             {"effect": "viscous_friction", "joint": 0, "parameters": {"coefficient": {"value": 4.1}}},
+            {"effect": "coulomb_friction", "joint": 1, "parameters": {"level": {"value": 4.1}}},
             {"effect": "spring", "joint": 2, "parameters": {"stiffness": {"value": 1.0}}},
         ],
         "ambiguous": [{"candidates": [{"effect": "payload", "joint": None}, {"effect": "inertia_error", "joint": 6}]}],
     }
-    rows, state, words = arm_tasks.states(report)
-    at = {name: k for k, name in enumerate(rows)}
-    assert state[at["viscous_friction"]].tolist() == [1, 3, 3, 3, 3, 5, 3, 0]
-    assert words[at["viscous_friction"]][0] == "4\n→ 4.1"
-    assert state[at["spring"], 2] == 4
-    assert state[at["payload"], 7] == state[at["inertia_error"], 6] == 2
+    rows = {(row.effect, row.joint): row for row in judge(report)}
+    assert [rows["viscous_friction", j].state for j in range(7)] == ["found", *["missed"] * 4, "small", "missed"]
+    assert rows["viscous_friction", 0].found == 4.1
+    assert rows["coulomb_friction", 1].state == "off"
+    assert rows["spring", 2].state == "extra"
+    assert rows["payload", None].state == rows["inertia_error", 6].state == "equal"
+    assert "inertia_error on joint 7" in rows["payload", None].why
+    assert "sampling interval" in rows["actuator_delay", 0].why
+    assert found_as_text(report).count("\n") == len(rows) + 1
     arm_tasks.gap_on_the_arm(report).canvas.draw()
 
 
@@ -171,7 +177,17 @@ def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "words", [["--noise", "-1"], ["--iterations", "1"], ["--seeds", "x"], ["--experiments", "study", "dance"]], ids=lambda w: w[0]
+    "words",
+    [
+        ["--noise", "-1"],
+        ["--iterations", "1"],
+        ["--seeds", "x"],
+        ["--experiments", "study", "dance"],
+        ["--seeds", "1", "1"],
+        ["--noise", "1e-5", "1e-5"],
+        ["--seeds", "-1"],
+    ],
+    ids=" ".join,
 )
 def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
     assert main(["arm", "--out", str(tmp_path / "out"), *words]) == 2
@@ -184,12 +200,45 @@ def test_every_stored_quantity_has_a_unit():
     assert all(about["units"] and about["long_name"] for about in META.values())
 
 
-def test_experiments_of_the_same_settings_are_gathered_in_one_file(tmp_path):
+def test_experiments_are_gathered_in_one_file_and_others_settings_are_refused(tmp_path):
     one = ArmRun()
-    _write(tmp_path, one, {"pick": {"rate": 2.0, "runs": None}})
+    _write(tmp_path, one, {"pick": {"rate": 2.0, "runs": None, "path_error": [np.nan]}})
     _write(tmp_path, one, {"limits": {"told": []}})
     kept = json.loads((tmp_path / "arm.json").read_text())
-    assert kept["pick"] == {"rate": 2.0}
-    assert "limits" in kept
-    _write(tmp_path, quick(one), {"limits": {"told": [1]}})  # other settings
-    assert "pick" not in json.loads((tmp_path / "arm.json").read_text())
+    assert kept["pick"] == {"rate": 2.0, "path_error": [None]}
+    assert set(kept["settings"]) == {"pick", "limits"}
+    with pytest.raises(StoreError, match="others of pick"):
+        run_all(quick(one), tmp_path, ("pick",), quiet=True)
+    more = replace(one, task=replace(one.task, seeds=(1, 2, 3, 4)))
+    assert more.settings()["pick"] == kept["settings"]["pick"]  # more seeds may join
+
+
+def tiny() -> ArmRun:
+    """All experiments but the gap workflow, in seconds."""
+    grid = ArmGrid(noise=(1e-4, 1e-6), accelerations=("causal", "zero_phase"), sources=("direct",), seeds=(1,), iterations=2)
+    task, laps = replace(pick.PickAndPlace(), seeds=(1,), iterations=2), replace(limits.Ambiguity(), seeds=(1,), iterations=2)
+    return ArmRun(small(ArmStudy()), grid, task, laps, Logged(goals=2), 50)
+
+
+def test_a_whole_run_is_kept_piece_by_piece_and_drawn(tmp_path, monkeypatch):
+    for part in (pick.PickAndPlace, limits.Ambiguity):
+        whole = part.study
+        monkeypatch.setattr(part, "study", lambda self, x, whole=whole: replace(small(whole(self, x)), seconds_each=0.2))
+    monkeypatch.setattr(pick, "LIFTED", -1.0)  # so short a motion lifts nothing
+    monkeypatch.setattr(pick.PickAndPlace, "seconds_each", 0.2)
+    run, experiments = tiny(), ("study", "pick", "limits")
+    result = run_all(run, tmp_path, experiments, quiet=True)
+    made = {path.name: path.stat().st_mtime_ns for path in (tmp_path / "parts").glob("*.npz")}
+    assert len(made) == 2 + 3 + 2  # runs on direct data are the same for both kinds of acceleration
+    again = run_all(run, tmp_path, experiments, quiet=True)
+    assert {path.name: path.stat().st_mtime_ns for path in (tmp_path / "parts").glob("*.npz")} == made
+    xr.testing.assert_equal(result["study"]["data"], again["study"]["data"])
+    stored = xr.open_dataset(tmp_path / "arm.nc", engine="h5netcdf")
+    assert float(stored["noise"]) == 1e-6  # the nearest to a good encoder's, in whatever order they are
+    assert stored["feedback_mse"].attrs["units"]
+    kept = json.loads((tmp_path / "arm.json").read_text())
+    assert set(experiments) <= set(kept)
+    assert kept["pick"]["finite"] == {"joint": [[True, True]], "direct": [[True, True]]}
+    monkeypatch.setattr(arm_report, "_films", lambda *_: [])
+    drawn = {path.name for path in arm_report.write_arm_figures(run, result, tmp_path)}
+    assert {f"arm_{name}.png" for name in ("feedback", "feedback_time", "model_error", "pick", "limits")} <= drawn

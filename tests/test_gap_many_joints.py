@@ -10,6 +10,7 @@ import pytest
 from jaxidl.gap import diagnose
 from jaxidl.gap.candidates import candidates
 from jaxidl.gap.data import data_of
+from jaxidl.gap.fit import fit, polished, updated
 from jaxidl.gap.gains import Errors, best_gain
 from jaxidl.gap.log import read
 from jaxidl.gap.rank import Ranking
@@ -35,10 +36,9 @@ def chain(load: float = 0.0) -> str:
     return f'<mujoco model="chain"><worldbody>{text}</worldbody></mujoco>'
 
 
-@pytest.fixture(scope="module")
-def files(tmp_path_factory):
-    """A log of the chain with friction on every joint and a load, and the model without both."""
-    model: Any = mujoco.MjModel.from_xml_string(chain(LOAD))  # pyright: ignore[reportAttributeAccessIssue]
+def moved(text: str, friction: float) -> dict[str, np.ndarray]:
+    """A log of a chain on smooth paths, with this share of the friction."""
+    model: Any = mujoco.MjModel.from_xml_string(text)  # pyright: ignore[reportAttributeAccessIssue]
     data: Any = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     rng, time = np.random.default_rng(0), np.arange(round(SECONDS / DT)) * DT
     q, qd, qdd = (np.zeros((len(time), JOINTS)) for _ in range(3))
@@ -53,11 +53,25 @@ def files(tmp_path_factory):
         data.qpos, data.qvel, data.qacc = q[t], qd[t], qdd[t]
         mujoco.mj_inverse(model, data)  # pyright: ignore[reportAttributeAccessIssue]
         tau[t] = data.qfrc_inverse
-    tau += VISCOUS * qd + COULOMB * np.tanh(qd / 1e-3)
+    tau += friction * (VISCOUS * qd + COULOMB * np.tanh(qd / 1e-3))
+    return {"time": time, "q": q + rng.normal(0.0, 1e-6, q.shape), "tau": tau}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A log of the chain with friction on every joint and a load, and the model without both."""
     folder = tmp_path_factory.mktemp("chain")
-    np.savez(folder / "log.npz", time=time, q=q + rng.normal(0.0, 1e-6, q.shape), tau=tau)
+    np.savez(folder / "log.npz", allow_pickle=False, **moved(chain(LOAD), 1.0))
     (folder / "model.xml").write_text(chain())
     return folder / "log.npz", folder / "model.xml"
+
+
+def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
+    np.savez(tmp_path / "log.npz", allow_pickle=False, **moved(chain(LOAD), 0.0))
+    (tmp_path / "model.xml").write_text(chain(LOAD))
+    found = diagnose(tmp_path / "log.npz", tmp_path / "model.xml", rollouts=False)  # all effects
+    assert found.verdict == "nothing_missing"
+    assert not found.findings
 
 
 def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
@@ -78,7 +92,9 @@ def test_a_trial_on_one_joint_holds_what_reaches_beyond_it_and_leaves_other_join
     with jax.enable_x64(True):
         known = read_model(model)
         data = data_of(prepare(read(log, joints=JOINTS), known.plant.body, ()), (), 0.3)
-        ranking = Ranking(data, candidates(data.signals, np.sqrt(np.mean(data.base**2, axis=0)), EFFECTS), 0.05)
+        ranking = Ranking(
+            data, candidates(data.signals, np.sqrt(np.mean(data.base**2, axis=0)), (*EFFECTS, "torque_ripple")), 0.05
+        )
         pool = {c.key: c for c in ranking.pool}
         load, friction = pool["payload", None, ""], pool["viscous_friction", 2, "0"]
         trial = ranking.attempt(load, polish=True)
@@ -92,6 +108,14 @@ def test_a_trial_on_one_joint_holds_what_reaches_beyond_it_and_leaves_other_join
         kept = ranking.trials["viscous_friction", 0]
         before = ranking.members[0].theta
         ranking.take(local)
+        ripple = ranking.attempt(pool["torque_ripple", 1, "3"])
+        assert ripple is not None
+        assert [m.candidate.name for m in ripple.fit.held] == ["payload"]
+        after = polished(data, ripple.fit, ranking.rows, ripple.joints)
+        assert [m.candidate.name for m in after.held] == ["payload"]
+        assert after.rms(0) <= ripple.fit.rms(0)
+        again = fit(data, (*updated(ripple.fit, data), *ripple.fit.held), ranking.rows, ripple.joints)
+        assert again.rms(0) < 1.5 * ripple.fit.rms(0)  # linearised anew it is nearly the same, the load being there still
         (now,) = (m for m in ranking.members if m.candidate.name == "payload")
         assert not np.array_equal(now.theta, before)  # taken, the effect moves it
         assert ("viscous_friction", 2) not in ranking.trials
@@ -109,6 +133,9 @@ def test_of_many_joints_the_one_that_gains_most_counts_unless_all_together_lose(
     assert where == [3]
     assert gain.value == pytest.approx(0.5)
     assert overall.value == pytest.approx(1.0 - np.sqrt(3.25 / 4.0))
+    gain, overall, where = best_gain(errors(1.0, 1.0, 1.0, 1.0), errors(1.0, 1.0, 1.2, 0.25))
+    assert where == [0, 1, 2, 3]  # one joint would pay for the other
+    assert gain.value > 0.0
     gain, overall, where = best_gain(errors(1.0, 1.0, 1.0, 1.0), errors(1.0, 1.0, 3.0, 0.25))
     assert where == [0, 1, 2, 3]
     assert gain == overall

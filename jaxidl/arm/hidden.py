@@ -1,7 +1,8 @@
 """The gap workflow on the arm: a log of the true one, the modelled one, and what is found of what is hidden."""
 
+import io
 from dataclasses import dataclass
-from importlib.resources import as_file, files
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect, Payload
+from jaxidl.files import write_bytes
 from jaxidl.gap.data import data_of
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.log import read
@@ -19,16 +21,6 @@ from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import execute
 from jaxidl.systems.arm import JOINTS, compiled
 from jaxidl.systems.mjcf import read_model
-
-FAMILIES = (
-    "viscous_friction",
-    "coulomb_friction",
-    "load_dependent_friction",
-    "torque_ripple",
-    "inertia_error",
-    "payload",
-    "actuator_delay",
-)
 
 
 @dataclass(frozen=True)
@@ -78,7 +70,7 @@ def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], f
 def visible(rows: dict[tuple[str, int | None], float], logged: Logged, log: Path, model: Path) -> dict[Any, float]:
     """How large the torque is that each hidden effect makes along the log, in noise floors of the joint that shows it most.
 
-    What makes less than about one is nothing that this log can tell: no simulation is believed to be better.
+    What makes less than ``TOO_SMALL`` of them (:mod:`jaxidl.arm.found`) is nothing that this log can tell beside all else.
     """
     with jax.enable_x64(True):
         known = read_model(model)
@@ -105,12 +97,12 @@ def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) ->
     Returns:
         The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     with jax.enable_x64(True):
         columns = record(logged)
-    np.savez(folder / "log.npz", allow_pickle=False, **columns)
-    with as_file(files("jaxidl.systems") / "arm.xml") as model:
-        (folder / "model.xml").write_bytes(model.read_bytes())
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **columns)
+    write_bytes(folder / "log.npz", buffer.getvalue())
+    write_bytes(folder / "model.xml", (files("jaxidl.systems") / "arm.xml").read_bytes())
     found = diagnose(folder / "log.npz", folder / "model.xml", watch=watch)
     found.save(folder / "report")
     study = logged.study()

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.learning.arm import GOALS, ArmStudy, Load, learn_arm
+from jaxidl.sweep.launch import wait
 from jaxidl.sweep.parts import Arrays
 from jaxidl.sweep.run import MATMUL_PRECISION
 
@@ -46,8 +47,13 @@ def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
             laps = runs.tau_feedback_applied.reshape(task.iterations, 2, -1, runs.q.shape[-1])
             return jnp.mean(laps**2, (2, 3)), finite
 
-    mse, finite = run(seed)
+    mse, finite = wait(run(seed))
     return {"feedback_mse": np.asarray(mse), "finite": np.asarray(finite)}
+
+
+def identity(task: Ambiguity) -> dict[str, Any]:
+    """All that determines a run besides what is told and the seed."""
+    return {"arm": task.study(True).to_dict(), "source": task.source, "iterations": task.iterations, "noise": NOISE}
 
 
 def quick(task: Ambiguity) -> Ambiguity:

@@ -12,6 +12,7 @@ from jaxidl.backend import compiler_options
 from jaxidl.errors import ConfigurationError
 from jaxidl.learning.arm import ArmStudy, Hidden, Load, learn_arm
 from jaxidl.learning.execute import desired_trajectory, execute
+from jaxidl.sweep.launch import wait
 from jaxidl.sweep.parts import Arrays
 from jaxidl.sweep.run import MATMUL_PRECISION
 from jaxidl.systems.arm import JOINTS, flange, reach
@@ -84,7 +85,7 @@ def lifting_rates(task: PickAndPlace) -> Arrays:
         draws = jax.random.normal(jax.random.key(0), (study.steps, JOINTS))
         return execute(setting.plant, setting.model, law, setting.task, draws).q
 
-    q = jax.jit(lambda rates: jax.lax.map(first, rates), compiler_options=compiler_options())(jnp.array(RATES))
+    q = wait(jax.jit(lambda rates: jax.lax.map(first, rates), compiler_options=compiler_options())(jnp.array(RATES)))
     heights = flange(np.asarray(q[:, end - 1]))[:, 2]
     return {"rates": np.array(RATES), "lifted": (heights - PICK[2]) / ABOVE[2]}
 
@@ -106,10 +107,16 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
             wanted = desired_trajectory(study.task()).q[::EVERY]
             return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), wanted, finite
 
-    q, mse, wanted, finite = (np.asarray(x) for x in run(seed))
+    q, mse, wanted, finite = (np.asarray(x) for x in wait(run(seed)))
     off = np.linalg.norm(flange(q) - flange(wanted), axis=-1)
     sizes = {"feedback_mse": mse, "path_error": off.mean(1), "path_peak": off.max(1)}
     return sizes | {"finite": finite, "q": q, "wanted": wanted}
+
+
+def identity(task: PickAndPlace, rate: float) -> dict[str, Any]:
+    """All that determines a run at a ``rate`` besides source and seed."""
+    of = {"arm": task.study(rate).to_dict(), "iterations": task.iterations, "noise": NOISE}
+    return of | {"rates": RATES, "every": EVERY, "pick": PICK.tolist(), "place": PLACE.tolist()}
 
 
 def quick(task: PickAndPlace) -> PickAndPlace:

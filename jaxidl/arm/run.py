@@ -1,7 +1,8 @@
 """All experiments on the arm, one after the other; what is finished stays, and an interrupted run continues."""
 
 import json
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -11,16 +12,17 @@ import jax
 import numpy as np
 import xarray as xr
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.arm import hidden, limits, pick, study
+from jaxidl.arm.found import as_text as gap_as_text
 from jaxidl.arm.real_time import latency
 from jaxidl.arm.table import as_text, falls, ranking
 from jaxidl.errors import StoreError, one_of
 from jaxidl.files import write_bytes
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.models import Training
-from jaxidl.sweep.launch import wait
+from jaxidl.sweep.launch import STOP
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
 
@@ -44,6 +46,14 @@ class ArmRun:
         """All that determines a result of the study besides the labels of runs."""
         return {"arm": self.arm.to_dict(), "iterations": self.grid.iterations, "precision": PRECISION}
 
+    def settings(self) -> dict[str, Any]:
+        """What each experiment's results are results of, ready for JSON; more seeds or noise levels may join them later."""
+        without = lambda settings: {k: v for k, v in asdict(settings).items() if k != "seeds"}  # noqa: E731
+        study = self.identity()
+        pick, laps, logged = without(self.task), without(self.laps), without(self.logged)
+        found = {"study": study, "pick": pick, "limits": laps, "latency": study | {"rounds": self.rounds}, "gap": logged}
+        return json.loads(json.dumps(found))
+
 
 def quick(run: ArmRun) -> ArmRun:
     """The same in minutes: two seeds, one noise level, four executions, less training, a shorter log."""
@@ -53,16 +63,18 @@ def quick(run: ArmRun) -> ArmRun:
 
 
 class Job:
-    """Pieces of a run: computed if they are not there, and counted."""
+    """Pieces of a run: computed if they are not there, and counted; ``say`` is told what is being done."""
 
-    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None]):
-        self.run, self.out, self.parts, self.step = run, out, parts, step
+    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None], say: Callable[[str], None]):
+        self.run, self.out, self.parts, self.step, self.say = run, out, parts, step, say
 
-    def piece(self, name: str, make: Callable[[], Arrays], of: Any = None) -> Arrays:
+    def piece(self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None) -> Arrays:
         """The piece ``name``, which the study determines, or else the settings ``of``."""
-        parts = self.parts if of is None else self.parts.of(asdict(of) | {"precision": PRECISION})
+        parts = self.parts if of is None else self.parts.of({**of, "precision": PRECISION})
         found = parts.load(name)
         if found is None:
+            if STOP.is_set():
+                raise KeyboardInterrupt
             parts.save(name, make())
             found = parts.load(name)
         if found is None:
@@ -72,35 +84,38 @@ class Job:
 
     def study(self) -> dict[str, Any]:
         """Ten executions for every source, noise and kind of acceleration."""
-        study.run_study(self.run.arm, self.run.grid, self.parts, self.step, wait)
+        study.run_study(self.run.arm, self.run.grid, self.parts, self.step)
         data = study.assemble(self.run.arm, self.run.grid, self.parts)
         return {"ranking": ranking(data), "falls": falls(data), "data": data}
 
     def pick(self) -> dict[str, Any]:
         """Pick and place at the lowest rate that lifts the tool."""
         task = self.run.task
-        rates = self.piece("pick-rates", lambda: pick.lifting_rates(task), task)
+        rates = self.piece("pick-rates", lambda: pick.lifting_rates(task), pick.identity(task, 1.0))
         rate, found = pick.lowest(rates), {}
+        of = pick.identity(task, rate)
         for source in PICKED:
             make = lambda seed, source=source: pick.pick_and_place(task, rate, source, seed)  # noqa: E731
-            found[source] = [self.piece(f"pick-{source}-{s}", partial(make, s), task) for s in task.seeds]
+            found[source] = [self.piece(f"pick-{source}-{s}", partial(make, s), of) for s in task.seeds]
         numbers = {
             name: {source: [p[name].tolist() for p in runs] for source, runs in found.items()}
-            for name in ("feedback_mse", "path_error", "path_peak")
+            for name in ("feedback_mse", "path_error", "path_peak", "finite")
         }
         return {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist(), "runs": found} | numbers
 
     def limits(self) -> dict[str, Any]:
         """Two laps, with and without a load, for a network that is told and one that is not."""
-        laps, found = self.run.laps, {}
+        laps, found, finite = self.run.laps, {}, {}
+        of = limits.identity(laps)
         for told in (False, True):
-            pieces = [self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), laps) for s in laps.seeds]
-            found["told" if told else "untold"] = [x["feedback_mse"].tolist() for x in pieces]
-        return found
+            name = "told" if told else "untold"
+            pieces = [self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), of) for s in laps.seeds]
+            found[name], finite[name] = ([x[key].tolist() for x in pieces] for key in ("feedback_mse", "finite"))
+        return found | {"finite": finite}
 
     def latency(self) -> list[dict[str, Any]]:
         """A trained feedforward as a file, and its time at 1 kHz."""
-        of = f"{min(self.run.grid.noise):g}-{self.run.grid.seeds[0]}"
+        of = f"{min(self.run.grid.noise)!r}-{self.run.grid.seeds[0]}"
         weights = self.piece(f"trained-{of}", lambda: study.trained(self.run.arm, self.run.grid))
         file = self.out / FEEDFORWARD
         write_bytes(file, study.deployed(self.run.arm, weights))
@@ -112,28 +127,33 @@ class Job:
     def gap(self) -> dict[str, Any]:
         """What the gap workflow finds of what is hidden."""
         logged = self.run.logged
-        found = self.piece("gap", lambda: {"report": np.array(json.dumps(hidden.find(logged, self.out / "gap")))}, logged)
+        find = partial(hidden.find, logged, self.out / "gap", lambda what, share: self.say(f"gap: {what}"))
+        of = {"logged": asdict(logged), "arm": logged.study().to_dict()}
+        found = self.piece("gap", lambda: {"report": np.array(json.dumps(find()))}, of)
         return json.loads(str(found["report"]))
 
 
 EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")
-USUAL = EXPERIMENTS[:-1]  # the gap workflow is slow on a log of so many effects
 
 
-def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = USUAL, quiet: bool = False) -> dict[str, Any]:
-    """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc`` and ``arm.json``.
+def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, quiet: bool = False) -> dict[str, Any]:
+    """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc``, ``arm.json`` and tables.
 
     Returns:
         What each of the ``experiments`` found, and ``about``: versions, command, revision.
 
     Raises:
         ConfigurationError: for an unknown experiment.
-        StoreError: when another process is at work there, or it cannot be written.
+        StoreError: when another process is at work there, it cannot be written, or it holds results of other settings.
         KeyboardInterrupt: finished pieces are saved; the same call continues.
     """
     for name in experiments:
         if name not in EXPERIMENTS:
             raise one_of("experiment", name, EXPERIMENTS)
+    earlier, settings = _earlier(out), run.settings()
+    for name in experiments:
+        if earlier["settings"].get(name, settings[name]) != settings[name]:
+            raise StoreError(f"results of the same settings in {out}", f"others of {name}", "choose another --out")
     runs = sum(1 for _ in run.grid.labels())
     counts = {
         "study": runs,
@@ -145,42 +165,71 @@ def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = USUAL, quiet:
     result: dict[str, Any] = {}
     with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
         task = bar.add_task("", total=sum(counts[name] for name in experiments))
-        job = Job(run, out, parts, lambda: bar.advance(task))
+        say = lambda what: bar.update(task, description=what)  # noqa: E731
+        job = Job(run, out, parts, partial(_step, bar, task, quiet), say)
         for name in dict.fromkeys(experiments):
-            bar.update(task, description=name)
+            say(name)
             result[name] = getattr(job, name)()
     result["about"] = provenance() | {"revision": revision(), "title": "The robot experiments on a simulated arm"}
     _write(out, run, result)
     return result
 
 
+def _step(bar: Progress, task: TaskID, quiet: bool) -> None:
+    """One piece more; a log file, which has no moving bar, is told as a line."""
+    bar.advance(task)
+    if not (bar.console.is_terminal or quiet):
+        now = bar.tasks[0]
+        print(f"{now.completed:.0f}/{now.total:.0f} pieces done ({now.description})", file=sys.stderr, flush=True)
+
+
 def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
+    files: dict[str, bytes] = {}
     if "study" in result:
         data = result["study"]["data"]
         data.attrs |= result["about"] | {"study": json.dumps(run.arm.to_dict())}
         packed = {str(name): {"zlib": True, "shuffle": True} for name in data.data_vars}
-        write_bytes(out / "arm_conditions.nc", bytes(data.to_netcdf(engine="h5netcdf", encoding=packed)))
-        write_bytes(out / "arm.nc", bytes(headline_of(data).to_netcdf(engine="h5netcdf", encoding=packed)))
-        write_bytes(out / "ranking.md", (as_text(result["study"]["ranking"]) + "\n").encode())
-    bulky = {"data", "runs"}
-    plain = {n: {k: v for k, v in x.items() if k not in bulky} if isinstance(x, dict) else x for n, x in result.items()}
-    plain["settings"] = json.loads(json.dumps(run.identity()))
-    write_bytes(out / "arm.json", json.dumps(_earlier(out, plain["settings"]) | plain, indent=1).encode())
+        files["arm_conditions.nc"] = bytes(data.to_netcdf(engine="h5netcdf", encoding=packed))
+        files["arm.nc"] = bytes(headline_of(data).to_netcdf(engine="h5netcdf", encoding=packed))
+        files["ranking.md"] = (as_text(result["study"]["ranking"]) + "\n").encode()
+    if "gap" in result:
+        files["gap.md"] = (gap_as_text(result["gap"]) + "\n").encode()
+    bulky, made = {"data", "runs"}, _earlier(out)
+    for name in EXPERIMENTS:
+        if name in result:
+            found = result[name]
+            made[name] = {k: v for k, v in found.items() if k not in bulky} if isinstance(found, dict) else found
+            made["settings"][name], made["about"][name] = run.settings()[name], result.get("about", {})
+    files["arm.json"] = json.dumps(_finite(made), indent=1, allow_nan=False).encode()
+    for name, content in files.items():
+        write_bytes(out / name, content)
 
 
-def _earlier(out: Path, settings: dict[str, Any]) -> dict[str, Any]:
-    """What other experiments of the same settings have left in ``arm.json``."""
+def _finite(value: Any) -> Any:
+    """The same for JSON, which knows no NaN and no infinity: null instead."""
+    if isinstance(value, dict):
+        return {key: _finite(x) for key, x in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(x) for x in value]
+    return None if isinstance(value, float) and not np.isfinite(value) else value
+
+
+def _earlier(out: Path) -> dict[str, Any]:
+    """What experiments have left in ``arm.json``, each with its own settings and what it was made by."""
     try:
         found = json.loads((out / "arm.json").read_text())
-        return found if found["settings"] == settings else {}
+        if isinstance(found["settings"], dict) and isinstance(found["about"], dict):
+            return found
     except (OSError, ValueError, LookupError, TypeError):
-        return {}
+        pass
+    return {"settings": {}, "about": {}}
 
 
 def headline_of(data: xr.Dataset) -> xr.Dataset:
     """One condition: causal accelerations where there are any, the noise nearest to a good encoder's; dims (source, seed, …)."""
     acceleration = HEADLINE[0] if HEADLINE[0] in data.acceleration.values else data.acceleration.values[0]
-    return data.sel(acceleration=acceleration).sel(noise=HEADLINE[1], method="nearest")
+    nearest = int(np.argmin(np.abs(data.noise.values - HEADLINE[1])))
+    return data.sel(acceleration=acceleration).isel(noise=nearest)
 
 
 def _progress(quiet: bool) -> Progress:

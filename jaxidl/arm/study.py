@@ -20,6 +20,7 @@ from jaxidl.learning.arm import ACCELERATIONS, ArmStudy, feedback_mse, learn_arm
 from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.learning.sources import SOURCES
+from jaxidl.sweep.launch import wait
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.run import MATMUL_PRECISION
 from jaxidl.systems.arm import JOINTS, arm
@@ -58,6 +59,11 @@ class ArmGrid:
                     raise one_of(what, name, known)
         if not all(0.0 <= noise <= 1e-2 for noise in self.noise):
             raise ConfigurationError("encoder noise between 0 and 0.01 rad", f"{self.noise}", "mend it")
+        if not all(0 <= seed < 2**31 for seed in self.seeds):
+            raise ConfigurationError(f"seeds between 0 and {2**31 - 1}", f"{self.seeds}", "mend them")
+        for name in ("noise", "accelerations", "sources", "seeds"):
+            if len(set(values := getattr(self, name))) < len(values):
+                raise ConfigurationError(f"each value of {name} once", f"{values}", "drop the repeated ones")
         if not (self.noise and self.accelerations and self.sources and self.seeds and self.iterations >= 2):
             raise ConfigurationError("a value on every axis and two executions", f"{self}", "add what is missing")
 
@@ -79,9 +85,9 @@ class Label(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of its piece: direct data have no estimated accelerations, so their runs are the same for both kinds."""
+        """Of its piece: runs on direct data, which no estimate made after the execution changes, are the same for both kinds."""
         acceleration = "any" if self.source == "direct" else self.acceleration
-        return f"{acceleration}-{self.source}-{self.noise:g}-{self.seed}"
+        return f"{acceleration}-{self.source}-{self.noise!r}-{self.seed}"
 
 
 class Summary(NamedTuple):
@@ -141,8 +147,8 @@ def program(study: ArmStudy, source: str, iterations: int, devices: int, width: 
     return jax.jit(share, compiler_options=compiler_options())
 
 
-def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None], wait: Callable[[Any], Any]) -> None:
-    """Compute what ``parts`` has not yet; ``step`` is called after every run, ``wait`` with what a program returns."""
+def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None]) -> None:
+    """Compute what ``parts`` has not yet; ``step`` is called after every run."""
     devices, width = jax.device_count(), WIDTH.get(jax.default_backend(), len(grid.seeds))
     size = devices * width
     for acceleration, source in itertools.product(grid.accelerations, grid.sources):
@@ -185,7 +191,8 @@ def assemble(study: ArmStudy, grid: ArmGrid, parts: Parts) -> xr.Dataset:
     data = xr.Dataset(variables, coords)
     data["noise"].attrs["units"] = "rad"
     data["time"].attrs["units"] = "s"
-    data.attrs["seconds"] = float(sum(run["seconds"] for run in runs))
+    seconds = {label.name: float(run["seconds"]) for label, run in zip(grid.labels(), runs, strict=True)}
+    data.attrs["seconds"] = sum(seconds.values())  # runs on direct data are counted once
     return data
 
 
@@ -197,9 +204,22 @@ def _needed(parts: Parts, label: Label) -> Arrays:
 
 
 def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
-    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7, ...) each, by name."""
-    run = jax.jit(lambda key: learn_arm(study, "joint", jnp.asarray(min(grid.noise)), key, grid.iterations)[0].params)
-    leaves = jax.tree_util.tree_flatten_with_path(run(jax.random.key(grid.seeds[0])))[0]
+    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7, ...) each, by name.
+
+    Raises:
+        ConfigurationError: if that run diverged.
+    """
+
+    @jax.jit
+    def run(key: Any) -> Any:
+        with jax.default_matmul_precision(MATMUL_PRECISION):
+            found = learn_arm(study, "joint", jnp.asarray(min(grid.noise)), key, grid.iterations)
+            return found.learner.params, found.finite
+
+    params, finite = wait(run(jax.random.key(grid.seeds[0])))
+    if not bool(finite.all()):
+        raise ConfigurationError("a run that stays finite, to export its weights", "one that diverged", "lower rate or noise")
+    leaves = jax.tree_util.tree_flatten_with_path(params)[0]
     return {jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in leaves}
 
 

@@ -26,6 +26,7 @@ class Fit(NamedTuple):
     """A set of members with fitted parameters."""
 
     members: tuple[Member, ...]  # as given: linearised where they were
+    held: tuple[Member, ...]  # those that reach beyond the fitted joints: they take part as they are
     thetas: tuple[np.ndarray, ...]  # fitted parameters of each
     samples: tuple[np.ndarray, ...]  # (B, P) of each: fitted without block b
     error: Float[np.ndarray, "B J"]  # sum of squares on block b, fitted without it
@@ -77,7 +78,7 @@ def fit(data: Data, members: tuple[Member, ...], weight: np.ndarray, joints: tup
         error[:, joint] += count[:, joint] * data.floor[joint] ** 2 * taken
     moments = np.add.reduceat(square, np.unique(np.linspace(0, len(train) - 1, FINE * len(edges)).astype(int)), axis=0)
     split = lambda x: tuple(np.split(x, cuts, axis=-1)) if members else ()  # noqa: E731
-    return Fit(members, split(theta0 + step), split(theta0 + steps), error, moments, count, residual, feasible)
+    return Fit(members, held, split(theta0 + step), split(theta0 + steps), error, moments, count, residual, feasible)
 
 
 def _columns(data: Data, members: tuple[Member, ...], held: tuple[Member, ...], k: int, joint: int) -> Columns:
@@ -134,7 +135,7 @@ def polished(data: Data, found: Fit, weight: np.ndarray, joints: tuple[int, ...]
         return found
     best = found
     for _ in range(ROUNDS):
-        after = fit(data, updated(best, data), weight, joints)
+        after = fit(data, (*updated(best, data), *best.held), weight, joints)
         if not np.isfinite(after.error).all() or not after.error.sum() < 0.999 * best.error.sum():
             return after if np.isfinite(after.error).all() and after.error.sum() <= best.error.sum() else best
         best = after

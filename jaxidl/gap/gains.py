@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.stats import norm
 
 from jaxidl.gap.data import Data
 from jaxidl.gap.fit import Fit
@@ -10,6 +11,7 @@ from jaxidl.gap.fit import Fit
 SIGNIFICANT = 2.0  # standard errors by which an effect must win
 SELDOM = 4.0  # times the least gain: what an effect must remove that acts in few blocks only,
 FEWEST = 1.8  # and at as many moments at least (saturation in one fast stretch of a log, for one)
+LOSS = 0.02  # of a joint's error: so much one joint may lose by what another one gains from
 FEW = 2  # joints that are always fitted, and judged, together
 NOISE_MARGIN = 1.2  # below this multiple of the noise floor errors are not told apart: a changed inertia changes the floor
 
@@ -89,16 +91,19 @@ def gain(before: Errors, after: Errors) -> Gain:
 
 
 def best_gain(before: Errors, after: Errors) -> tuple[Gain, Gain, list[int]]:
-    """Gain on the joints that say most, gain on all, and which these are: of many the one that gains most, unless they lose.
+    """Gain on the joints that say most, gain on all, and which these are: of many the one that gains most, unless others lose.
 
-    A load at the flange is hardly seen in a strong shoulder, but it may be most of what a wrist does not know.
+    A load at the flange is hardly seen in a strong shoulder, but it may be most of what a wrist does not know. The best of many
+    looks better than it is: its standard error is enlarged so that by chance it wins as seldom as one alone would.
     """
     overall, joints = gain(before, after), list(range(before.error.shape[1]))
     if len(joints) > FEW and overall.value > 0.0:
         each = [gain(before.of([k]), after.of([k])) for k in joints]
         k = max(joints, key=lambda k: each[k].value)
-        if each[k].value > overall.value:
-            return each[k], overall, [k]
+        lost = any(-g.value > max(LOSS, SIGNIFICANT * g.stderr) for g in each)
+        if each[k].value > overall.value and not lost:
+            wider = norm.isf(norm.sf(SIGNIFICANT) / len(joints)) / SIGNIFICANT
+            return each[k]._replace(stderr=float(wider * each[k].stderr)), overall, [k]
     return overall, overall, joints
 
 

@@ -67,6 +67,7 @@ class Ranking:
         self._weigh()
         self.fit = fit(data, self.all(), self.rows)
         self.columns: dict[Candidate, Member] = {}
+        self.arrived = self.torque()  # (T, J) for which columns are made, to within ``SLIGHT``
         self.trials: dict[tuple[str, int | None], Trial] = {}
         self.drift = np.zeros(len(self.weight))  # of the residual since the trials on each joint were made, as a share of it
         self.simulated: dict[tuple[str, int | None], np.ndarray] = {}  # see ``promising``
@@ -239,7 +240,7 @@ class Ranking:
 
     def replace(self, old: tuple[Member, ...], new: tuple[Member, ...]) -> None:
         """Put ``new`` members in the place of ``old`` ones, and fit them."""
-        touched, torque = {j for m in (*old, *new) for j in m.joints}, self.torque()
+        touched = {j for m in (*old, *new) for j in m.joints}
         self.members = tuple(m for m in self.members if m not in old)
         joints, beside = self.closure(touched)
         found = polished(self.data, self.fitted((*beside, *new), joints), self.rows, joints)
@@ -247,7 +248,9 @@ class Ranking:
         self.members = (*(m for m in self.members if m not in beside), *fresh)
         before, self.fit = self.fit.residual, fit(self.data, self.all(), self.rows)
         self._forget(touched, joints, self.fit.residual - before)
-        changed = np.sqrt(np.mean((self.torque() - torque) ** 2, axis=0)) > SLIGHT * self.data.floor
+        torque = self.torque()
+        changed = np.sqrt(np.mean((torque - self.arrived) ** 2, axis=0)) > SLIGHT * self.data.floor
+        self.arrived = np.where(changed, torque, self.arrived)
         self.columns = {c: m for c, m in self.columns.items() if not changed[list(m.joints)].any()}
         self.simulated = {key: x for key, x in self.simulated.items() if not changed[key[1]]}
         self._weigh()

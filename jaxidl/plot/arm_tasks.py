@@ -7,7 +7,7 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from jaxidl.arm.hidden import FAMILIES
+from jaxidl.arm.found import STATES, judge
 from jaxidl.arm.pick import LIFTED
 from jaxidl.plot.style import SOURCE_STYLE
 
@@ -83,62 +83,26 @@ def with_and_without_load(result: dict[str, Any]) -> Figure:
     return figure
 
 
-STATES = (
-    "nothing hidden, nothing named",
-    "named",
-    "among equal explanations",
-    "missed",
-    "named, but not hidden",
-    "too small to tell",
-)
-COLORS = ("#f2f2f2", "#9fd8c0", "#f5dc8c", "#f0a58a", "#c9a3cc", "#cfd8e6")
-TOO_SMALL = 2.0  # noise floors: what makes less torque than that along the log
+COLORS = dict(zip(STATES, ("#f2f2f2", "#9fd8c0", "#b9d7e8", "#f5dc8c", "#d9d9e3", "#f0a58a", "#c9a3cc"), strict=True))
 
 
-def states(report: dict[str, Any], joints: int = 7) -> tuple[list[str], np.ndarray, list[list[str]]]:
-    """Rows (effects), their state on each joint and on the whole arm (R, J + 1), and what to write there."""
-    hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
-    named = {(e["effect"], e["joint"]): e for e in report["effects"]}
-    equal = {(c["effect"], c["joint"]) for a in report["ambiguous"] for c in a["candidates"]}
-    rows = [*FAMILIES, *sorted({name for name, _ in named if name not in FAMILIES})]
-    state, words = np.zeros((len(rows), joints + 1), int), [[""] * (joints + 1) for _ in rows]
-    for i, name in enumerate(rows):
-        for k, joint in enumerate([*range(joints), None]):
-            key = name, joint
-            if key in hidden:
-                missed = 5 if hidden[key]["visible"] < TOO_SMALL else 3
-                state[i, k] = 1 if key in named else 2 if key in equal else missed
-                words[i][k] = f"{hidden[key]['size']:g}"
-            elif key in named:
-                state[i, k] = 4
-            if key in named:
-                value = _size(named[key])
-                words[i][k] += ("\n" if words[i][k] else "") + f"→ {value:.3g}"
-    return rows, state, words
-
-
-def _size(effect: dict[str, Any]) -> float:
-    """One number for an effect: its first parameter, of a ripple the amplitude."""
-    values = {name: p["value"] for name, p in effect["parameters"].items()}
-    if effect["effect"] == "torque_ripple":
-        return float(np.hypot(values["sine"], values["cosine"]))
-    return float(np.ravel(next(iter(values.values())))[0])
-
-
-def gap_on_the_arm(report: dict[str, Any]) -> Figure:
+def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
     """Which hidden effects the gap workflow names on which joint: hidden size → found size."""
-    rows, state, words = states(report)
+    judged = judge(report)
+    rows = list(dict.fromkeys(row.effect for row in judged))
+    state = np.zeros((len(rows), joints + 1), int)
     figure = Figure(figsize=(8.6, 0.5 * len(rows) + 1.3), layout="constrained")
     axes = figure.subplots()
-    axes.imshow(state, cmap=ListedColormap(COLORS), vmin=0, vmax=len(COLORS) - 1, aspect="auto")
-    for i, line in enumerate(words):
-        for k, text in enumerate(line):
-            axes.text(k, i, text, ha="center", va="center", fontsize=7)
+    for one in judged:
+        i, k = rows.index(one.effect), joints if one.joint is None else one.joint
+        state[i, k] = list(STATES).index(one.state)
+        words = ["" if one.hidden is None else f"{one.hidden:g}", "" if one.found is None else f"→ {one.found:.3g}"]
+        axes.text(k, i, "\n".join(filter(None, words)), ha="center", va="center", fontsize=7)
+    axes.imshow(state, cmap=ListedColormap(list(COLORS.values())), vmin=0, vmax=len(COLORS) - 1, aspect="auto")
     axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
-    axes.set_xticks(range(state.shape[1]), [*(f"joint {j + 1}" for j in range(state.shape[1] - 1)), "whole arm"])
+    axes.set_xticks(range(joints + 1), [*(f"joint {j + 1}" for j in range(joints)), "whole arm"])
     axes.grid(False)
     axes.tick_params(length=0)
-    pairs = zip(COLORS, STATES, strict=True)
-    patches = [axes.scatter([], [], marker="s", s=60, color=color, label=label) for color, label in pairs]
-    figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
+    patches = [axes.scatter([], [], marker="s", s=60, color=COLORS[name], label=STATES[name]) for name in STATES]
+    figure.legend(handles=patches, loc="outside lower center", ncols=4, frameon=False)
     return figure

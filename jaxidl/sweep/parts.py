@@ -1,8 +1,8 @@
 """Finished pieces of a long job, each a file of named arrays: what is there need not be computed again."""
 
+import hashlib
 import io
 import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ class Parts:
     """A folder of pieces, by name. Use as a context manager: it holds the folder's lock.
 
     Every piece carries the ``identity`` of what made it (all that determines a result, ready for JSON) and a checksum; one that
-    was made otherwise, or is damaged, is as good as none.
+    is damaged is as good as none. Pieces of one name made otherwise lie beside each other: their files' names tell them apart.
 
     Raises:
         StoreError: when another process is at work in the folder, or it cannot be written.
@@ -51,9 +51,9 @@ class Parts:
     def load(self, name: str) -> Arrays | None:
         """The piece ``name`` if it is there, whole, and of the same identity."""
         try:
-            with np.load(io.BytesIO((self.folder / f"{name}.npz").read_bytes()), allow_pickle=False) as file:
+            with np.load(io.BytesIO(self.path(name).read_bytes()), allow_pickle=False) as file:
                 arrays = {key: file[key] for key in file.files}
-        except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile):
+        except Exception:  # whatever a broken file makes of NumPy, zip and zlib
             return None
         checksum, identity = str(arrays.pop("digest", "")), str(arrays.pop("identity", ""))
         return arrays if identity == self.identity and checksum == digest(arrays) else None
@@ -62,4 +62,8 @@ class Parts:
         """Keep a piece, safe at once."""
         buffer = io.BytesIO()
         np.savez_compressed(buffer, allow_pickle=False, identity=self.identity, digest=digest(arrays), **arrays)
-        write_bytes(self.folder / f"{name}.npz", buffer.getvalue())
+        write_bytes(self.path(name), buffer.getvalue())
+
+    def path(self, name: str) -> Path:
+        """Where a piece lies."""
+        return self.folder / f"{name}.{hashlib.sha256(self.identity.encode()).hexdigest()[:8]}.npz"

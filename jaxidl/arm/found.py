@@ -1,0 +1,74 @@
+"""What the gap workflow found of what is hidden in the arm, effect by effect, and why not the rest."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+TOO_SMALL = 2.0  # noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
+CLOSE = 0.2  # of a size: what is named within it is found
+
+STATES = {
+    "nothing": "nothing hidden, nothing named",
+    "found": "named, size within 20 %",
+    "off": "named, another size",
+    "equal": "among equal explanations",
+    "small": "too small for this log",
+    "missed": "missed",
+    "extra": "named, but not hidden",
+}
+
+
+class Judged(NamedTuple):
+    """One effect on one joint, or on the whole arm (None)."""
+
+    effect: str
+    joint: int | None
+    hidden: float | None  # size, in the effect's unit; None: not hidden
+    found: float | None  # None: not named
+    state: str  # see ``STATES``
+    why: str
+
+
+def judge(report: dict[str, Any]) -> list[Judged]:
+    """Every effect that is hidden or named, of a report with its ``truth`` (see :func:`jaxidl.arm.hidden.find`)."""
+    hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
+    named = {(e["effect"], e["joint"]): size_of(e) for e in report["effects"]}
+    ties = [[(c["effect"], c["joint"]) for c in a["candidates"]] for a in report["ambiguous"]]
+    rows = []
+    for key, row in hidden.items():
+        tied = [_words(x) for tie in ties if key in tie for x in tie if x != key]
+        found, why = named.get(key), f"as good an explanation: {', '.join(tied)}" if tied else ""
+        if found is not None:
+            state = "found" if abs(found - row["size"]) <= CLOSE * abs(row["size"]) else "off"
+        elif tied:
+            state = "equal"
+        elif row["visible"] < TOO_SMALL:
+            state, why = "small", f"its torque is {row['visible']:.1f} noise floors"
+        else:
+            state, why = "missed", f"its torque is {row['visible']:.1f} noise floors, but others named there take its place"
+        if key[0] == "actuator_delay" and found is None:
+            why += "; one sampling interval: where within it a command acts, a log does not say"
+        rows.append(Judged(*key, row["size"], found, state, why))
+    return rows + [Judged(*key, None, size, "extra", "") for key, size in named.items() if key not in hidden]
+
+
+def size_of(effect: dict[str, Any]) -> float:
+    """One number for a named effect: its first parameter, of a ripple the amplitude."""
+    values = {name: p["value"] for name, p in effect["parameters"].items()}
+    if effect["effect"] == "torque_ripple":
+        return float(np.hypot(values["sine"], values["cosine"]))
+    return float(np.ravel(next(iter(values.values())))[0])
+
+
+def as_text(report: dict[str, Any]) -> str:
+    """The judgement as a Markdown table."""
+    lines = ["| effect | joint | hidden | found | | why |", "| --- | --- | --- | --- | --- | --- |"]
+    for row in judge(report):
+        joint = "" if row.joint is None else row.joint + 1
+        sizes = ("" if x is None else f"{x:.3g}" for x in (row.hidden, row.found))
+        lines.append(f"| {row.effect} | {joint} | {' | '.join(sizes)} | {STATES[row.state]} | {row.why} |")
+    return "\n".join(lines)
+
+
+def _words(key: tuple[str, int | None]) -> str:
+    return key[0] if key[1] is None else f"{key[0]} on joint {key[1] + 1}"
