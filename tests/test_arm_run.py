@@ -61,11 +61,24 @@ def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_fo
             pass
     with Parts(tmp_path, {"a": 2}) as parts:
         assert parts.load("x") is None
+        parts.save("x", {"value": np.zeros(1)})  # beside the other one, not in its place
         parts.of({"b": 1}).save("y", {"value": np.arange(4)})
         assert parts.load("y") is None
         np.testing.assert_array_equal((parts.of({"b": 1}).load("y") or {})["value"], np.arange(4))
     with Parts(tmp_path, {"a": 1}) as parts:
         np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
+
+
+def test_a_piece_damaged_anywhere_is_none(tmp_path):
+    with Parts(tmp_path, {"a": 1}) as parts:
+        parts.save("x", {"value": np.arange(40)})
+        whole = parts.path("x").read_bytes()
+        for at in range(0, len(whole), 7):
+            parts.path("x").write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
+            found = parts.load("x")
+            assert found is None or np.array_equal(found["value"], np.arange(40))  # some bytes of a zip file say nothing
+        parts.path("x").write_bytes(whole[: len(whole) // 2])
+        assert parts.load("x") is None
 
 
 def conditions() -> xr.Dataset:
