@@ -9,6 +9,8 @@ from matplotlib.ticker import MaxNLocator
 
 from jaxidl.arm.found import STATES, judge
 from jaxidl.arm.pick import LIFTED
+from jaxidl.effects import CATALOGUE
+from jaxidl.gap.diagnose import unit_of
 from jaxidl.plot.style import SOURCE_STYLE
 
 BEFORE, AFTER = "#D55E00", "#009E73"
@@ -86,6 +88,13 @@ def with_and_without_load(result: dict[str, Any]) -> Figure:
 COLORS = dict(zip(STATES, ("#f2f2f2", "#9fd8c0", "#b9d7e8", "#f5dc8c", "#d9d9e3", "#f0a58a", "#c9a3cc"), strict=True))
 
 
+def _unit(effect: str) -> str:
+    """Of the number that stands for the effect, on a hinge."""
+    parameters = CATALOGUE[effect].parameters
+    unit = unit_of(parameters["mass" if "mass" in parameters else next(iter(parameters))].unit, "hinge")
+    return {"1": "-", "kg m^2": "kg"}.get(unit, unit)
+
+
 def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
     """Which hidden effects the gap workflow names on which joint: hidden size → found size."""
     judged = judge(report)
@@ -99,7 +108,7 @@ def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
         words = ["" if one.hidden is None else f"{one.hidden:g}", "" if one.found is None else f"→ {one.found:.3g}"]
         axes.text(k, i, "\n".join(filter(None, words)), ha="center", va="center", fontsize=7)
     axes.imshow(state, cmap=ListedColormap(list(COLORS.values())), vmin=0, vmax=len(COLORS) - 1, aspect="auto")
-    axes.set_yticks(range(len(rows)), [name.replace("_", " ") for name in rows])
+    axes.set_yticks(range(len(rows)), [f"{name.replace('_', ' ')} [{_unit(name)}]" for name in rows])
     axes.set_xticks(range(joints + 1), [*(f"joint {j + 1}" for j in range(joints)), "whole arm"])
     axes.grid(False)
     axes.tick_params(length=0)
