@@ -163,6 +163,7 @@ def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, 
         "gap": 1,
     }
     result: dict[str, Any] = {}
+    code = revision()  # as it is now: the code on disk may change while this runs
     with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
         task = bar.add_task("", total=sum(counts[name] for name in experiments))
         say = lambda what: bar.update(task, description=what)  # noqa: E731
@@ -170,7 +171,7 @@ def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, 
         for name in dict.fromkeys(experiments):
             say(name)
             result[name] = getattr(job, name)()
-    result["about"] = provenance() | {"revision": revision(), "title": "The robot experiments on a simulated arm"}
+    result["about"] = provenance() | {"revision": code, "title": "The robot experiments on a simulated arm"}
     _write(out, run, result)
     return result
 
