@@ -2,7 +2,6 @@
 
 import json
 import sys
-import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +24,25 @@ from jaxidl.sweep.run import Kind
 from jaxidl.sweep.store import Store
 
 T = TypeVar("T")
-STOP = threading.Event()  # set by a signal handler: a KeyboardInterrupt raised inside JAX's callbacks can get lost
+
+
+class Flag:
+    """Set by a signal handler; without a lock, on which a handler that interrupts another one would wait forever."""
+
+    def __init__(self) -> None:
+        self._on = False
+
+    def set(self) -> None:
+        self._on = True
+
+    def clear(self) -> None:
+        self._on = False
+
+    def is_set(self) -> bool:
+        return self._on
+
+
+STOP = Flag()  # a KeyboardInterrupt raised inside JAX's callbacks can get lost
 
 
 def run_sweep(
