@@ -6,9 +6,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from jaxidl.arm import EXPERIMENTS
 from jaxidl.backend import choose_devices
-
-EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")  # as in jaxidl.arm.run, which is slow to import
 
 
 def arm(

@@ -14,7 +14,7 @@ import xarray as xr
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from jaxidl.arm import hidden, limits, pick, study
+from jaxidl.arm import EXPERIMENTS, hidden, limits, pick, study
 from jaxidl.arm.found import as_text as gap_as_text
 from jaxidl.arm.real_time import latency
 from jaxidl.arm.table import as_text, falls, ranking
@@ -131,9 +131,6 @@ class Job:
         of = {"logged": asdict(logged), "arm": logged.study().to_dict()}
         found = self.piece("gap", lambda: {"report": np.array(json.dumps(find()))}, of)
         return json.loads(str(found["report"]))
-
-
-EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")
 
 
 def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, quiet: bool = False) -> dict[str, Any]:
