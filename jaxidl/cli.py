@@ -1,4 +1,4 @@
-"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | arm | gap | gap-benchmark | bench``.
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | arm | gap | gap-benchmark | bench``.
 
 Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130.
 """
@@ -21,6 +21,7 @@ from tyro.conf import arg
 from jaxidl import __version__
 from jaxidl.backend import choose_devices, keep_programs
 from jaxidl.bench import run_benchmarks
+from jaxidl.cli_ablate import ablate
 from jaxidl.cli_arm import arm
 from jaxidl.cli_gap import gap, gap_benchmark
 from jaxidl.errors import ConfigurationError, JaxidlError
@@ -199,6 +200,7 @@ COMMANDS = {
     "figures": figures,
     "claims": claims,
     "reproduce": reproduce,
+    "ablate": ablate,
     "arm": arm,
     "gap": gap,
     "gap-benchmark": gap_benchmark,

@@ -20,7 +20,7 @@ GRID = Grid(("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("jo
 
 def test_compiler_options_change_no_bit(small_study):
     labels = list(GRID.labels())
-    inputs, kind = inputs_of(labels, small_study, GRID.iterations), Kind.of(labels[0])
+    inputs, kind = inputs_of(labels, small_study, GRID.iterations), Kind.of(labels[0], small_study)
 
     def run(options):
         mapped = jax.jit(lambda i: jax.lax.map(lambda one: one_run(small_study, kind, one)[0], i), compiler_options=options)
@@ -39,7 +39,9 @@ def test_an_option_that_xla_no_longer_knows_is_left_out(monkeypatch):
 def test_networks_are_computed_in_full_single_precision(small_study):
     """On a GPU the default would be TF32."""
     labels = list(GRID.labels())
-    text = program(small_study, Kind.of(labels[0]), 1).lower(inputs_of(labels, small_study, GRID.iterations)).as_text()
+    text = (
+        program(small_study, Kind.of(labels[0], small_study), 1).lower(inputs_of(labels, small_study, GRID.iterations)).as_text()
+    )
     products = [line for line in text.splitlines() if "dot_general" in line and "xf32" in line]
     assert len(products) > 10
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
@@ -77,7 +79,7 @@ EIGHT_DEVICES = """
     inputs = inputs_of(labels, study, grid.iterations)
     runs = {}
     for devices in (1, 2, 8):
-        metrics = program(study, Kind.of(labels[0]), devices)(inputs)
+        metrics = program(study, Kind.of(labels[0], study), devices)(inputs)
         assert len(metrics.q_error.sharding.device_set) == devices
         runs[devices] = metrics.q_error.tolist()
     print(json.dumps([len(jax.devices()), runs[1], runs[2], runs[8]]))

@@ -20,7 +20,7 @@ from jaxidl.learning.iterate import Metrics
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
-from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.grid import AXES, Grid, Label
 from jaxidl.sweep.launch import run_sweep, settings_of
 from jaxidl.sweep.results import Origin, read
 from jaxidl.sweep.store import Store
@@ -68,7 +68,7 @@ def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survi
         return
     labels = list(grid.labels())
     assert len(labels) == len(set(labels)) == len(grid) == math.prod(len(values) for values in grid.axes().values()) > 0
-    assert [Label(*row) for row in json.loads(json.dumps(labels))] == labels
+    assert [Label.of(row) for row in json.loads(json.dumps(labels))] == labels
     assert type(grid.iterations) is int
 
 
@@ -234,7 +234,7 @@ def test_a_valid_grid_runs_and_its_results_carry_what_was_asked(chosen):
         assert os.listdir(folder) == ["r.nc"]
         stored = read(path)
         again = run_sweep(asked, path, STUDY, per_device=1, quiet=True)
-    for dim, wanted in zip(Label._fields, asked.axes().values(), strict=True):
+    for dim, wanted in zip(AXES, asked.axes().values(), strict=True):
         assert repr(stored[dim].values.tolist()) == repr(list(wanted))  # in the order asked, to the sign of zero
     for name in Metrics._fields:
         assert stored[name].sizes["iteration"] == asked.iterations

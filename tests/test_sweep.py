@@ -77,10 +77,10 @@ def test_impossible_grids_are_refused(axis, values, complaint):
 
 def test_chunks_hold_one_kind_cover_every_run_once_and_keep_one_size_per_kind():
     grid = replace(SMALL, controllers=("pid", "doomed"), sources=("joint", "direct"), seeds=(1, 2, 3))
-    found = list(chunks(list(grid.labels()), devices=2, per_device=2))
+    found = list(chunks(list(grid.labels()), PaperStudy(), devices=2, per_device=2))
     assert sorted(label for chunk in found for label in chunk.labels) == sorted(grid.labels())
     for chunk in found:
-        assert {Kind.of(label) for label in chunk.labels} == {chunk.kind}
+        assert {Kind.of(label, PaperStudy()) for label in chunk.labels} == {chunk.kind}
         assert len(chunk.padded()) == chunk.size
     assert len({(chunk.kind, chunk.size) for chunk in found}) == 4
 
@@ -127,7 +127,7 @@ def test_a_traced_run_is_the_grids_run(whole):
     label = next(SMALL.labels())
     inputs = jax.tree.map(lambda leaf: leaf[0], inputs_of([label], study, SMALL.iterations))
     metrics, _ = trace(study, label, inputs)
-    row = data.q_error.sel(label._asdict())
+    row = data.q_error.sel(label.place())
     np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)  # another program: other rounding
 
 

@@ -30,7 +30,7 @@ def child() -> None:
         lambda event, _, **about: compiled.append(str(about)) if event.endswith("backend_compile_duration") else None
     )
     study, grid, plan = PaperStudy(), Grid(), layout(None, None, None)
-    first = {chunk.kind: chunk for chunk in chunks(list(grid.labels()), plan.devices, plan.per_device)}
+    first = {chunk.kind: chunk for chunk in chunks(list(grid.labels()), study, plan.devices, plan.per_device)}
     began = time.perf_counter()
     for kind, chunk in first.items():
         program(study, kind, plan.devices, plan.width).lower(inputs_of(chunk.padded(), study, grid.iterations)).compile()

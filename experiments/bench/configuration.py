@@ -26,7 +26,7 @@ def main() -> None:
     grid = Grid(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,))
     study, calls, compiling = PaperStudy(), {}, {}
     for label in grid.labels():
-        inputs, run = inputs_of([label], study, grid.iterations), program(study, Kind.of(label))
+        inputs, run = inputs_of([label], study, grid.iterations), program(study, Kind.of(label, study))
         began = time.perf_counter()
         compiled = run.lower(inputs).compile()
         compiling[label.source] = time.perf_counter() - began

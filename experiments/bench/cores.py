@@ -31,7 +31,7 @@ def child(devices: int, chunks: int) -> None:
     jax.config.update("jax_enable_x64", True)
     grid = Grid(("pid",), ("low", "high"), (5e-4, 8e-4), (5.0,), (5.0,), (20,), tuple(range(1, 1 + devices)), ("indirect",))
     labels = list(grid.labels())  # 4 on each device
-    chunk = Chunk(Kind.of(labels[0]), labels, len(labels))
+    chunk = Chunk(Kind.of(labels[0], PaperStudy()), labels, len(labels))
     run = lambda: jax.block_until_ready(dispatch(PaperStudy(), chunk, ITERATIONS, devices, 1))
     run()
     print("ready", flush=True)

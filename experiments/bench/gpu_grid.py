@@ -25,7 +25,7 @@ jax.config.update("jax_enable_x64", True)
 
 def whole_grid(study: PaperStudy, grid: Grid, plan, profile: bool) -> tuple[float, float, int]:
     """Seconds of compilation, of everything else, and the number of chunks."""
-    todo = list(chunks(list(grid.labels()), plan.devices, plan.per_device))
+    todo = list(chunks(list(grid.labels()), study, plan.devices, plan.per_device))
     began, compiled = time.perf_counter(), {}
     for chunk in todo:
         if chunk.kind not in compiled:
@@ -48,7 +48,7 @@ def precision_rows(study: PaperStudy, plan) -> list[dict]:
     """The same 32 runs in TF32 and in full single precision: relative difference of q_error at three executions."""
     grid = Grid(("pid",), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3, 4), sources=("joint",))
     labels = list(grid.labels())
-    chunk = Chunk(programs.Kind.of(labels[0]), labels, len(labels))
+    chunk = Chunk(programs.Kind.of(labels[0], study), labels, len(labels))
     found = {}
     for precision in (programs.MATMUL_PRECISION, "tensorfloat32"):
         programs.MATMUL_PRECISION = precision
@@ -75,10 +75,14 @@ def main() -> int:
         return 2
     study, grid = PaperStudy(), Grid(seeds=tuple(range(1, 1 + options.seeds)))
     plan = layout(None, options.runs_per_device, None)
+    kinds = len({programs.Kind.of(label, study) for label in grid.labels()})
     compiling, running, count = whole_grid(study, grid, plan, bool(options.profile))
     memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0) / 2**30
     table = [
-        {"what": f"compilation of {len({programs.Kind.of(label) for label in grid.labels()})} programs [s]", "figure": compiling},
+        {
+            "what": f"compilation of {kinds} programs [s]",
+            "figure": compiling,
+        },
         {"what": f"{len(grid)} learning runs in {count} chunks [s]", "figure": running},
         {"what": "peak memory of the first GPU [GiB]", "figure": memory},
         *precision_rows(study, plan),

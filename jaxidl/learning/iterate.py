@@ -7,14 +7,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from flax import struct
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
-from jaxidl.types import History, Key, Trajectory
+from jaxidl.types import Dataset, History, Key, Trajectory
 
 
 class Setting(struct.PyTreeNode):
@@ -58,6 +58,7 @@ def learn(
     train_on: str = "true_state",
     keep: bool = False,
     starts: Float[Array, "K J"] | None = None,
+    kept: int = 0,
     refine: Callable[[Trajectory], Trajectory] = lambda run: run,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
     """K executions with K − 1 trainings between them.
@@ -69,6 +70,7 @@ def learn(
         source: "indirect", "direct" or "joint".
         keep: also return every execution.
         starts: (K, J) where the mechanism truly is at the start of each execution, if not just where the task says.
+        kept: of how many earlier executions the data are learned from, too, beside the last one's.
         refine: what is made of an execution before it is learned from: estimates that need its future, for one.
 
     Returns:
@@ -83,18 +85,32 @@ def learn(
         return data, (measure(run, setting.reference), run if keep else None)
 
     def iteration(carry, inputs):
-        learner, data = carry
+        learner, memory = carry
         k, *now = inputs
-        rows = int(training.train_mask(data.x.shape[0]).sum())
+        known = recall(memory, k)
+        rows = int(training.train_mask(known.x.shape[0]).sum())
         batches = draw_batches(jax.random.fold_in(key, k), rows, training)
-        learner, progress = fit(error_model, training, learner, data, batches)
+        learner, progress = fit(error_model, training, learner, known, batches)
         data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
         finite = metrics.finite & jnp.isfinite(progress.validation)  # a training that failed is a failed iteration
-        return (learner, data), (metrics._replace(finite=finite), run)
+        memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
+        return (learner, memory), (metrics._replace(finite=finite), run)
 
     everything = noise, starts
     data, first = run_once(jax.tree.map(lambda x: x[0], everything))
     rest = jax.tree.map(lambda x: x[1:], everything)
-    (learner, _), later = jax.lax.scan(iteration, (learner, data), (jnp.arange(1, noise.shape[0]), *rest))
+    memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
+    (learner, _), later = jax.lax.scan(iteration, (learner, memory), (jnp.arange(1, noise.shape[0]), *rest))
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
     return metrics, learner, runs
+
+
+def recall(memory: Dataset, k: Int[Array, ""]) -> Dataset:
+    """The rows of the last executions, (kept + 1, N) each, as one data set; before iteration ``k`` there have been k of them.
+
+    As long as there are fewer than are kept, each is taken several times, as evenly as can be.
+    """
+    slots = memory.x.shape[0]
+    if slots > 1:
+        memory = jax.tree.map(lambda x: x[jnp.arange(slots) % jnp.minimum(k, slots)], memory)
+    return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), memory)

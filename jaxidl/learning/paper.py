@@ -32,37 +32,45 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """What all configurations of the study share. Host-side and hashable: a static argument of jitted programs."""
+    """What all configurations of the study share. Host-side and hashable: a static argument of jitted programs.
 
-    true_mass: float = 5.0  # per axis [kg]
-    modelled_mass: float = 0.5  # per axis [kg]
-    target: tuple[float, float] = (1.0, 1.0)  # [m]
-    policy_gains: tuple[float, float] = (100.0, 10.0)  # [1/s^2, 1/s]
-    torque_limit: float = 5000.0  # [N]
+    Within a program those numbers that set no shape may be traced: :mod:`jaxidl.learning.vary`.
+    """
+
+    true_mass: Scalar = 5.0  # per axis [kg]
+    modelled_mass: Scalar = 0.5  # per axis [kg]
+    target: tuple[Scalar, Scalar] = (1.0, 1.0)  # [m]
+    policy_gains: tuple[Scalar, Scalar] = (100.0, 10.0)  # [1/s^2, 1/s]
+    torque_limit: Scalar = 5000.0  # [N]
     dt: float = 0.001  # [s]
     steps: int = 1000
-    pid_gains: tuple[tuple[float, float, float], ...] = ((25.0, 2.5, 0.005), (500.0, 50.0, 0.01))  # low, high
-    pid_learner: tuple[float, float, float] = (500.0, 50.0, 0.01)
-    doomed_rates: tuple[float, ...] = (0.01, 0.2)  # low, high
-    doomed_learner: float = 0.5
-    smoothing: float = 0.1  # filter of the learning feedback
+    pid_gains: tuple[tuple[Scalar, Scalar, Scalar], ...] = ((25.0, 2.5, 0.005), (500.0, 50.0, 0.01))  # low, high
+    pid_learner: tuple[Scalar, Scalar, Scalar] = (500.0, 50.0, 0.01)
+    doomed_rates: tuple[Scalar, ...] = (0.01, 0.2)  # low, high
+    doomed_learner: Scalar = 0.5
+    smoothing: Scalar = 0.1  # filter of the learning feedback
     train_on: str = "true_state"
+    kept: int = 0  # earlier executions whose data are learned from, too, beside the last one's
     error_model: ErrorModel = field(default_factory=ErrorModel)
     training: Training = field(default_factory=Training)  # its epochs are an axis of the grid
 
     def __post_init__(self) -> None:
         if self.train_on not in TRAIN_ON:
             raise one_of("train_on", self.train_on, TRAIN_ON)
-        for name in ("true_mass", "modelled_mass", "dt", "torque_limit"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ConfigurationError(f"{name} > 0", str(value), "make it positive")
+        for name in ("true_mass", "dt", "torque_limit"):
+            _check(name, getattr(self, name), above=0.0)
+        for name in ("modelled_mass", "policy_gains", "pid_gains", "pid_learner", "doomed_rates", "doomed_learner", "kept"):
+            _check(name, getattr(self, name), least=0.0)
+        _check("smoothing", self.smoothing, above=0.0, most=1.0)
         if self.steps < 2:
             raise ConfigurationError("at least 2 control steps", str(self.steps), "lengthen the execution")
 
     def to_dict(self) -> dict[str, Any]:
-        """All numbers, nested, ready for JSON: with the condition this determines a result."""
-        return asdict(self)
+        """All numbers, nested, ready for JSON: with the condition this determines a result.
+
+        A setting that earlier versions did not have is left out where it is as it was then: their results can be extended.
+        """
+        return {name: value for name, value in asdict(self).items() if name != "kept" or value}
 
     def task(self) -> Task:
         rest = State(jnp.zeros(2), jnp.zeros(2))
@@ -98,6 +106,16 @@ class PaperStudy:
             task=self.task(),
             reference=self.reference(),
         )
+
+
+def _check(name: str, value: Any, *, above: float = -np.inf, least: float = -np.inf, most: float = np.inf) -> None:
+    """Refuse a number out of its bounds, in tuples each; one that is traced, an axis of an ablation, has been checked before."""
+    if isinstance(value, tuple):
+        for part in value:
+            _check(name, part, above=above, least=least, most=most)
+    elif isinstance(value, int | float | np.number) and not (np.isfinite(value) and above < value <= most and value >= least):
+        lower = f"{name} > {above:g}" if above > -np.inf else f"{name} >= {least:g}"
+        raise ConfigurationError(lower + (f" and <= {most:g}" if most < np.inf else ""), str(value), "mend it")
 
 
 def draw_noise(seed: int, iterations: int, steps: int, joints: int = 2) -> Float[np.ndarray, "K T J"]:

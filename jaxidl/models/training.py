@@ -9,6 +9,7 @@ import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
+from jaxidl.errors import ConfigurationError
 from jaxidl.models.mlp import ErrorModel, Params
 from jaxidl.types import Dataset, Key, Scalar
 
@@ -19,9 +20,17 @@ class Training:
 
     epochs: int = 20
     batch: int = 64
-    learning_rate: float = 1e-3
+    learning_rate: Scalar = 1e-3  # a number, or traced: an axis of an ablation, or what one differentiates by
     holdout_every: int = 5  # rows 6, 11, 16, ... are held out; 0: none
     snapshot_epochs: float = 10.0  # validation is read about this often
+
+    def __post_init__(self) -> None:
+        rate = self.learning_rate
+        if isinstance(rate, float) and not 0.0 <= rate < np.inf:  # a traced one has been checked before
+            raise ConfigurationError("learning_rate >= 0", str(rate), "mend it")
+        for name, least in (("batch", 1), ("holdout_every", 0)):
+            if getattr(self, name) < least:
+                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
 
     def steps(self, rows: int) -> int:
         """Training steps of one iteration for a data set of ``rows`` rows."""
@@ -57,7 +66,7 @@ class Progress(NamedTuple):
     validation: Scalar  # the best validation loss among the snapshots, scaled units
 
 
-def adam(learning_rate: float, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8) -> optax.GradientTransformation:
+def adam(learning_rate: Scalar, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8) -> optax.GradientTransformation:
     """Adam as the reference program has it: θ ← θ − rate·√(1−β₂ᵗ)/(1−β₁ᵗ) · m/(√v + ε).
 
     ``optax.adam`` adds ε after the bias correction instead; that alone moves losses by 2 % within 50 steps, and its two
@@ -75,12 +84,28 @@ def adam(learning_rate: float, beta1: float = 0.9, beta2: float = 0.999, eps: fl
 
         def move(m: Array, v: Array) -> Array:
             t = count.astype(m.dtype)
-            rate = learning_rate * jnp.sqrt(1 - jnp.asarray(beta2, m.dtype) ** t) / (1 - jnp.asarray(beta1, m.dtype) ** t)
-            return -rate * m * reciprocal(jnp.sqrt(v) + eps)
+            rate = (
+                jnp.asarray(learning_rate, m.dtype)
+                * jnp.sqrt(1 - jnp.asarray(beta2, m.dtype) ** t)
+                / (1 - jnp.asarray(beta1, m.dtype) ** t)
+            )
+            return -rate * m * reciprocal(root(v) + eps)
 
         return jax.tree.map(move, mu, nu), optax.ScaleByAdamState(count=count, mu=mu, nu=nu)
 
     return optax.GradientTransformation(init, update)
+
+
+@jax.custom_jvp
+def root(v: Float[Array, "..."]) -> Float[Array, "..."]:
+    """√v, with derivative 0 at v = 0: of a weight that no sample has moved yet, where √'s own is infinite and 0·∞ no number."""
+    return jnp.sqrt(v)
+
+
+@root.defjvp
+def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    r = jnp.sqrt(primals[0])
+    return r, jnp.where(r > 0, tangents[0] / (2 * jnp.where(r > 0, r, 1)), 0)
 
 
 @jax.custom_jvp

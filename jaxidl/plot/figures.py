@@ -15,7 +15,7 @@ from jaxidl.errors import StoreError
 from jaxidl.learning.paper import PaperStudy
 from jaxidl.plot import panels
 from jaxidl.plot.style import CONTROLLER_NAME, house_style, save
-from jaxidl.sweep.grid import QUICK, Grid, Label
+from jaxidl.sweep.grid import AXES, QUICK, Grid
 from jaxidl.sweep.launch import settings_of
 from jaxidl.sweep.view import LAST
 
@@ -35,7 +35,7 @@ def caption(data: xr.Dataset) -> str:
 
 
 def _coverage(data: xr.Dataset) -> str:
-    axes = {name: set(data[dim].values.tolist()) for name, dim in zip(Grid().axes(), Label._fields, strict=True)}
+    axes = {name: set(data[dim].values.tolist()) for name, dim in zip(Grid().axes(), AXES, strict=True)}
 
     def is_grid(grid: Grid, but: str = "") -> bool:
         same = all(axes[name] == set(values) for name, values in grid.axes().items() if name != but)
@@ -103,7 +103,7 @@ def single_run(data: xr.Dataset) -> Figure:
     """One learning run: positions and what the torque is made of, first against last execution."""
     if "example_q" not in data:
         raise StoreError("results with an example run", "none in this file", "run `jaxidl sweep` again with this version")
-    about = {name: data.attrs[f"example_{name}"] for name in Label._fields}
+    about = {name: data.attrs[f"example_{name}"] for name in AXES}
     figure = Figure(figsize=(7.2, 6.2), layout="constrained")
     grid = figure.subplots(3, data.sizes["execution"], sharex=True, sharey="row", squeeze=False)
     for column, execution in enumerate(data.execution.values):

@@ -62,13 +62,13 @@ def layout(
     return Layout(devices, per_device, width)
 
 
-def chunks(labels: Sequence[Label], devices: int, per_device: int) -> Iterator[Chunk]:
+def chunks(labels: Sequence[Label], study: PaperStudy, devices: int, per_device: int) -> Iterator[Chunk]:
     """Runs of one kind together, in the order given; every chunk of a kind has the same size, so it compiles once."""
-    totals = Counter(Kind.of(label) for label in labels)
+    totals = Counter(Kind.of(label, study) for label in labels)
     sizes = {kind: devices * min(per_device, -(-count // devices)) for kind, count in totals.items()}
     waiting: dict[Kind, list[Label]] = defaultdict(list)
     for label in labels:
-        kind = Kind.of(label)
+        kind = Kind.of(label, study)
         waiting[kind].append(label)
         if len(waiting[kind]) == sizes[kind]:
             yield Chunk(kind, waiting.pop(kind), sizes[kind])

@@ -110,7 +110,7 @@ class Cluster:
         task = self.ray.remote(max_retries=RETRIES, max_calls=0, **wants)(compute)
         fixed = (iterations, plan.width, str(parts.resolve()), identity, versions())
         study_on_cluster = self.ray.put(study)
-        queue, running = chunks(missing, 1, plan.per_device), {}
+        queue, running = chunks(missing, study, 1, plan.per_device), {}
         while True:
             for chunk in queue:
                 running[task.remote(study_on_cluster, chunk, *fixed)] = chunk

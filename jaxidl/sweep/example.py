@@ -48,5 +48,5 @@ def example(study: PaperStudy, grid: Grid) -> xr.Dataset:
     }
     variables["example_reference"] = (("time", "joint"), np.asarray(study.reference()), {"units": "m"})
     time = ("time", study.dt * np.arange(study.steps), {"units": "s"})
-    attrs = {f"example_{key}": value for key, value in label._asdict().items()}
+    attrs = {f"example_{key}": value for key, value in label.place().items()}
     return xr.Dataset(variables, {"execution": shown, "time": time, "joint": [0, 1]}, attrs)

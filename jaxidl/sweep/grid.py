@@ -2,7 +2,7 @@
 
 import itertools
 import operator
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
@@ -10,6 +10,7 @@ from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise
 from jaxidl.errors import ConfigurationError, EffectError, one_of
 from jaxidl.learning.paper import CONTROLLERS, GAINS
 from jaxidl.learning.sources import SOURCES
+from jaxidl.learning.vary import ALIASES, Value
 
 NOISE_LEVELS = {
     "program": (1e-4, 5e-4, 7e-4, 8e-4),  # what the reference program used
@@ -36,11 +37,27 @@ class Label(NamedTuple):
     epochs: int
     seed: int
     source: str
+    varied: tuple[tuple[str, Value], ...] = ()  # numbers of the study by name, for the axes that an ablation adds
+
+    @classmethod
+    def of(cls, row: Sequence[Any]) -> "Label":
+        """The label that JSON has made a list of."""
+        plain: Any = row[: len(AXES)]
+        return cls(*plain, varied=tuple((name, value) for name, value in (row[len(AXES)] if len(row) > len(AXES) else ())))
+
+    def place(self) -> dict[str, Any]:
+        """Where the run stands in a results file: its value on each axis, by the axis' name."""
+        return dict(zip(AXES, self, strict=False)) | dict(self.varied)
+
+
+AXES = Label._fields[:-1]  # that every results file has
 
 
 @dataclass(frozen=True)
 class Grid:
     """Named axes; every combination is one learning run. The defaults are the paper's 1280 configurations × 3 sources.
+
+    ``vary`` adds axes: names of the study's numbers (:mod:`jaxidl.learning.vary`), each with its values.
 
     Raises:
         ConfigurationError: for an empty axis, a value twice on an axis, an unknown name, or a value out of bounds.
@@ -55,13 +72,18 @@ class Grid:
     seeds: tuple[int, ...] = tuple(range(1, 11))
     sources: tuple[str, ...] = tuple(SOURCES)
     iterations: int = 20  # executions of each run; not an axis of configurations but of the results
+    vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
 
     def __post_init__(self) -> None:
-        for name in (f.name for f in fields(self)):
+        object.__setattr__(self, "vary", tuple((name, tuple(values)) for name, values in self.vary))
+        for name in (f.name for f in fields(self) if f.name != "vary"):
             given: Any = getattr(self, name)  # lists, ranges, arrays are welcome
             plain = _plain(name, given) if name == "iterations" else tuple(_plain(name, value) for value in given)
             object.__setattr__(self, name, plain)
-        for name, values in self.axes().items():
+        added = [name for name, _ in self.vary]
+        if len({ALIASES.get(name, name) for name in added}) < len(added) or set(added) & {*AXES, *self.axes(), "iteration"}:
+            raise ConfigurationError("each number to vary once, and no axis of the grid", ", ".join(added), "drop one of them")
+        for name, values in (*self.axes().items(), *self.vary):
             if len(values) == 0:
                 raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
             if len(set(values)) < len(values):
@@ -79,18 +101,24 @@ class Grid:
 
     def axes(self) -> dict[str, tuple]:
         """The axes of configurations by name, in the order of :class:`Label`."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name != "iterations"}
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("iterations", "vary")}
+
+    def dims(self) -> dict[str, tuple]:
+        """All axes of configurations by their names in a results file."""
+        return dict(zip(AXES, self.axes().values(), strict=True)) | dict(self.vary)
 
     def labels(self) -> Iterator[Label]:
         """All runs, the seed slowest: with chunks smaller than a seed, an interrupted sweep has whole seeds finished."""
-        values = dict(zip(Label._fields, self.axes().values(), strict=True))
-        order = ["seed", *(name for name in Label._fields if name != "seed")]
+        values = self.dims()
+        order = ["seed", *(name for name in values if name != "seed")]
         for combination in itertools.product(*(values[name] for name in order)):
-            yield Label(**dict(zip(order, combination, strict=True)))
+            at = dict(zip(order, combination, strict=True))
+            plain: Any = (at[name] for name in AXES)
+            yield Label(*plain, varied=tuple((name, at[name]) for name, _ in self.vary))
 
     def __len__(self) -> int:
         size = 1
-        for values in self.axes().values():
+        for values in self.dims().values():
             size *= len(values)
         return size
 

@@ -88,13 +88,15 @@ def run_sweep(
                 with Cluster(str(cluster)) as there:
                     plan = layout(1, per_device, width, there.kind(), 1)
                     _watch(grid, study, missing, quiet, _there(grid, study, store, missing, plan, there))
-            return store.finish(grid, provenance(), example(study, grid))
+            kinds = {Kind.of(label, study) for label in grid.labels()}
+            about = provenance() | {"programs": str(len(kinds))}  # each of them compiled once
+            return store.finish(grid, about, xr.Dataset() if grid.vary else example(study, grid))
 
 
 def _here(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], plan: Layout) -> Iterator[Chunk]:
     """Compute chunks on this process's devices; yield each when it is saved."""
     code, where = revision(), device(plan.width)  # as they are now: the code on disk may change while this runs
-    for chunk in chunks(missing, plan.devices, plan.per_device):
+    for chunk in chunks(missing, study, plan.devices, plan.per_device):
         began = time.monotonic()
         metrics = wait(dispatch(study, chunk, grid.iterations, plan.devices, plan.width))
         store.add(chunk.labels, without_padding(metrics, chunk), Origin(code, where, time.monotonic() - began))
@@ -114,8 +116,9 @@ def _there(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], pl
 
 def _watch(grid: Grid, study: PaperStudy, missing: list[Label], quiet: bool, finished: Iterator[Chunk]) -> None:
     """Draw chunks from ``finished`` to its end, and show how far it is."""
-    cost = {kind: _cost(study, kind, grid.iterations) for kind in {Kind.of(label) for label in grid.labels()}}
-    left = sum(cost[Kind.of(label)] for label in missing)
+    kinds = {label: Kind.of(label, study) for label in missing}
+    cost = {kind: _cost(study, kind, grid.iterations) for kind in set(kinds.values())}
+    left = sum(cost[kind] for kind in kinds.values())
     done, said = len(grid) - len(missing), time.monotonic()
     with _progress(quiet) as bar:
         task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
@@ -141,8 +144,9 @@ def settings_of(study: PaperStudy) -> dict:
 
 def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
     """Training steps of one run, and the executions in the same unit: for the progress bar only."""
+    study = kind.study(study)
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
-    train_rows = study.training.train_mask(rows[kind.source]).sum()
+    train_rows = study.training.train_mask((1 + study.kept) * rows[kind.source]).sum()
     return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
 
 

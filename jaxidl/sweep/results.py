@@ -4,7 +4,7 @@ import hashlib
 import io
 import json
 from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,9 +12,9 @@ import numpy as np
 import xarray as xr
 
 from jaxidl.errors import StoreError
-from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.grid import AXES, Grid, Label
 
-DIMS = (*Label._fields, "iteration")
+DIMS = (*AXES, "iteration")  # of every file; an ablation's has more before the last
 META = {
     "q_error": ("m", "mean |position - frictionless reference|"),
     "feedback_applied": ("N", "mean |applied feedback|"),
@@ -42,8 +42,8 @@ def merge_origins(origins: Sequence[Origin]) -> list[Origin]:
 
 
 def assemble(grid: Grid, runs: dict[Label, dict[str, np.ndarray]]) -> xr.Dataset:
-    """The labelled results of ``grid``: dims (controller, …, source, iteration)."""
-    coords = {dim: list(values) for dim, values in zip(Label._fields, grid.axes().values(), strict=True)}
+    """The labelled results of ``grid``: dims (controller, …, source, what an ablation varies, iteration)."""
+    coords = {dim: list(values) for dim, values in grid.dims().items()}
     shape = tuple(len(values) for values in coords.values())
     place = {dim: {value: i for i, value in enumerate(values)} for dim, values in coords.items()}
     variables = {}
@@ -51,8 +51,8 @@ def assemble(grid: Grid, runs: dict[Label, dict[str, np.ndarray]]) -> xr.Dataset
         kind = bool if name == "finite" else np.float64
         block = np.zeros((*shape, grid.iterations), kind)
         for label in grid.labels():
-            block[tuple(place[dim][value] for dim, value in label._asdict().items())] = runs[label][name]
-        variables[name] = (DIMS, block, {"units": unit, "long_name": text})
+            block[tuple(place[dim][value] for dim, value in label.place().items())] = runs[label][name]
+        variables[name] = ((*coords, "iteration"), block, {"units": unit, "long_name": text})
     data = xr.Dataset(variables, coords | {"iteration": np.arange(grid.iterations)})
     for dim, unit in UNITS.items():
         data[dim].attrs["units"] = unit
@@ -112,14 +112,19 @@ def _is_json(text: object) -> bool:
     return text is not None
 
 
+def added(data: xr.Dataset) -> list[str]:
+    """The axes that an ablation has added to those of every results file."""
+    return [str(dim) for dim in data["q_error"].dims if dim not in DIMS]
+
+
 def runs_of(data: xr.Dataset) -> dict[Label, dict[str, np.ndarray]]:
     """The runs in a results file, by label."""
     table = {}
-    columns = {name: data[name].transpose(*DIMS).values for name in META}
-    axes: Iterable[np.ndarray] = [data[dim].values for dim in Label._fields]
-    grids = Grid(*(tuple(values.tolist()) for values in axes), iterations=data.sizes["iteration"])
-    values = list(grids.axes().values())
-    for label in grids.labels():
-        index = tuple(axis.index(value) for axis, value in zip(values, label, strict=True))
+    values = {dim: tuple(data[dim].values.tolist()) for dim in (*AXES, *added(data))}
+    vary = tuple((dim, values[dim]) for dim in added(data))
+    grid = Grid(*(values[dim] for dim in AXES), iterations=data.sizes["iteration"], vary=vary)
+    columns = {name: data[name].transpose(*values, "iteration").values for name in META}
+    for label in grid.labels():
+        index = tuple(values[dim].index(value) for dim, value in label.place().items())
         table[label] = {name: column[index] for name, column in columns.items()}
     return table

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from jaxidl.backend import compiler_options
 from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.learning.paper import GAINS, Condition, PaperStudy, draw_noise
+from jaxidl.learning.vary import Value, traced, varied
 from jaxidl.sweep.grid import Label
 from jaxidl.types import Trajectory
 
@@ -25,6 +26,7 @@ class Inputs(NamedTuple):
     condition: Condition  # leaves (R,)
     seed: Int[Array, " R"]  # root of weights and batches
     noise: Float[Array, "R K T J"]  # standard-normal draws of every execution
+    varied: dict[str, Float[Array, " R"]]  # the study's numbers that an ablation varies
 
 
 class Kind(NamedTuple):
@@ -33,20 +35,30 @@ class Kind(NamedTuple):
     controller: str
     source: str
     epochs: int
+    fixed: tuple[tuple[str, Value], ...] = ()  # numbers that an ablation varies and a program cannot: sizes, whole numbers
 
     @classmethod
-    def of(cls, label: Label) -> "Kind":
-        return cls(label.controller, label.source, label.epochs)
+    def of(cls, label: Label, study: PaperStudy) -> "Kind":
+        """The kind of a run, which may differ from ``study`` in what its label says."""
+        fixed = tuple((name, value) for name, value in label.varied if not traced(study, name))
+        return cls(label.controller, label.source, label.epochs, fixed)
+
+    def study(self, study: PaperStudy) -> PaperStudy:
+        """``study`` as the runs of this kind have it, but for what is traced."""
+        return varied(replace(study, training=replace(study.training, epochs=self.epochs)), dict(self.fixed))
 
 
 def inputs_of(labels: Sequence[Label], study: PaperStudy, iterations: int) -> Inputs:
-    """The traced half of the given runs, stacked on the host."""
+    """The traced half of the given runs of one kind, stacked on the host."""
+    steps = Kind.of(labels[0], study).study(study).steps
     levels: dict[str, Any] = {name: np.array([getattr(run, name) for run in labels], float) for name in Condition._fields[1:]}
     gains: Any = np.array([GAINS.index(run.gain) for run in labels], np.int32)
     seeds: Any = np.array([run.seed for run in labels], np.uint32)
-    draws = {seed: draw_noise(seed, iterations, study.steps) for seed in {run.seed for run in labels}}
+    draws = {seed: draw_noise(seed, iterations, steps) for seed in {run.seed for run in labels}}
     noise: Any = np.stack([draws[run.seed] for run in labels])
-    return Inputs(Condition(gains, **levels), seeds, noise)
+    names = [name for name, _ in labels[0].varied if traced(study, name)]
+    leaves: dict[str, Any] = {name: np.array([dict(run.varied)[name] for run in labels], float) for name in names}
+    return Inputs(Condition(gains, **levels), seeds, noise, leaves)
 
 
 def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -> tuple[Metrics, Trajectory | None]:
@@ -55,6 +67,7 @@ def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -
     The key is the seed's alone: runs of one seed share initial weights and batch order whatever their condition, so
     differences between conditions and sources are paired, and a run's result does not depend on the grid around it.
     """
+    study = varied(kind.study(study), inputs.varied)
     with jax.default_matmul_precision(MATMUL_PRECISION):
         metrics, _, runs = learn(
             study.setting(kind.controller, inputs.condition),
@@ -62,9 +75,10 @@ def one_run(study: PaperStudy, kind: Kind, inputs: Inputs, keep: bool = False) -
             jax.random.key(inputs.seed),
             source=kind.source,
             error_model=study.error_model,
-            training=replace(study.training, epochs=kind.epochs),
+            training=study.training,
             train_on=study.train_on,
             keep=keep,
+            kept=study.kept,
         )
     return metrics, runs
 
@@ -94,6 +108,6 @@ def trace(study: PaperStudy, label: Label, inputs: Inputs) -> tuple[Metrics, Tra
     Another program than a sweep's, so its rounding differs, and twenty trainings in float32 make that visible: the same run
     in kind, not digit by digit.
     """
-    metrics, runs = jax.jit(one_run, static_argnums=(0, 1, 3))(study, Kind.of(label), inputs, True)
+    metrics, runs = jax.jit(one_run, static_argnums=(0, 1, 3))(study, Kind.of(label, study), inputs, True)
     assert runs is not None
     return metrics, runs

@@ -106,7 +106,7 @@ class Store:
                 if digest(about | columns) != str(file["digest"]):
                     raise ValueError("changed on disk")
                 identity, origin = about["identity"], Origin(*json.loads(about["origin"]))
-                labels = [Label(*row) for row in json.loads(about["labels"])]
+                labels = [Label.of(row) for row in json.loads(about["labels"])]
         except Exception:  # whatever zipfile and numpy make of a broken file: its runs are computed again
             part.unlink(missing_ok=True)
             return False

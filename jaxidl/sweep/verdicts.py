@@ -17,25 +17,18 @@ import xarray as xr
 from rich import box
 from rich.console import Console
 from rich.table import Table
-from scipy import stats
 
+from jaxidl.sweep.ablation import Mean, geometric
 from jaxidl.sweep.claims import CLAIMS, Claim
 from jaxidl.sweep.view import View
 
 
-@dataclass(frozen=True)
-class Number:
-    """One ratio over seeds."""
-
-    value: float  # geometric mean
-    interval: tuple[float, float] | None  # 95 % over seeds; None with fewer than two
-    seeds: int
-
-    def within(self, low: float, high: float) -> str:
-        bottom, top = self.interval or (self.value, self.value)
-        if low < bottom and top < high:
-            return "holds"
-        return "does not hold" if top <= low or bottom >= high else "undecided"
+def within(number: Mean, low: float, high: float) -> str:
+    """Is a ratio in the range in which its statement is true?"""
+    bottom, top = number.interval or (number.value, number.value)
+    if low < bottom and top < high:
+        return "holds"
+    return "does not hold" if top <= low or bottom >= high else "undecided"
 
 
 @dataclass(frozen=True)
@@ -46,8 +39,8 @@ class Verdict:
     statement: str
     measure: str
     true_if: str
-    average: Number | None
-    typical: Number | None
+    average: Mean | None
+    typical: Mean | None
     verdict: str  # holds, does not hold, only partly, not in these results
     why: str  # of "only partly": what each of the two numbers says
     left_out: int  # diverged iterations in the whole file
@@ -66,25 +59,17 @@ def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
     numbers = average, typical = _number(claim, mean), _number(claim, median)
     verdict, why = "not in these results", ""
     if average and typical:
-        found = [number.within(claim.low, claim.high) for number in (average, typical)]
+        found = [within(number, claim.low, claim.high) for number in (average, typical)]
         verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
         why = f"on average {found[0]}, typically {found[1]}" if verdict == "only partly" else ""
     return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, why, left_out)
 
 
-def _number(claim: Claim, view: View) -> Number | None:
+def _number(claim: Claim, view: View) -> Mean | None:
     try:
-        ratios = np.atleast_1d(claim.statistic(view).values).astype(float)
+        return geometric(np.atleast_1d(claim.statistic(view).values).astype(float))
     except KeyError:
         return None
-    logs = np.log(np.clip(ratios[~np.isnan(ratios)], 1e-12, 1e12))  # a share of none, or a ratio to it
-    if len(logs) == 0:
-        return None
-    value, interval = float(np.exp(logs.mean())), None
-    if len(logs) > 1:
-        half = stats.t.ppf(0.975, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs))
-        interval = (float(np.exp(logs.mean() - half)), float(np.exp(logs.mean() + half)))
-    return Number(value, interval, len(logs))
 
 
 def _range(claim: Claim) -> str:
@@ -108,7 +93,7 @@ def _cells(row: Verdict) -> tuple[str, ...]:
     return row.statement, row.measure, row.true_if, _text(row.average), _text(row.typical), verdict
 
 
-def _text(number: Number | None) -> str:
+def _text(number: Mean | None) -> str:
     if number is None:
         return "-"
     interval = number.interval

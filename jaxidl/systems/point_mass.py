@@ -37,6 +37,6 @@ class PointMass(struct.PyTreeNode):
         return PointMass(self.mass + mass)
 
 
-def point_mass(mass: float, joints: int = 2) -> PointMass:
+def point_mass(mass: Scalar, joints: int = 2) -> PointMass:
     """The same ``mass`` [kg] on each of ``joints`` axes."""
     return PointMass(jnp.full(joints, mass, jnp.result_type(float)))

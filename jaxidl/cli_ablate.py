@@ -1,0 +1,106 @@
+"""The command ``jaxidl ablate``."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import UseAppendAction, arg
+
+from jaxidl.backend import choose_devices
+from jaxidl.errors import ConfigurationError
+from jaxidl.files import write_bytes
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.learning.sources import SOURCES
+from jaxidl.learning.vary import Value, parsed
+from jaxidl.sweep.ablation import as_markdown
+from jaxidl.sweep.grid import COUNTS, LEVELS, Grid
+from jaxidl.sweep.launch import run_sweep
+
+Names = tuple[str, ...]
+Floats = tuple[float, ...]
+Integers = tuple[int, ...]
+AXIS = {"controller": "controllers", "gain": "gains", "seed": "seeds", "source": "sources"}  # one's name for the grid's
+
+
+def ablate(
+    *,
+    vary: Annotated[tuple[Names, ...], UseAppendAction, arg(metavar="NAME VALUE ...")],
+    out: Annotated[Path, arg(metavar="FILE.nc")],
+    controllers: Annotated[Names, arg(metavar="pid|doomed ...")] = ("pid",),
+    gains: Annotated[Names, arg(metavar="low|high ...")] = ("low",),
+    noise: Annotated[Floats, arg(metavar="SIGMA ...")] = (5e-4,),
+    friction: Annotated[Floats, arg(metavar="F ...")] = (5.0,),
+    stiction: Annotated[Floats, arg(metavar="S ...")] = (5.0,),
+    epochs: Annotated[Integers, arg(metavar="N ...")] = (20,),
+    seeds: Annotated[Integers, arg(metavar="N ...")] = (1, 2, 3, 4, 5),
+    sources: Annotated[Names, arg(metavar="indirect|direct|joint ...")] = tuple(SOURCES),
+    iterations: int = 20,
+    devices: int | None = None,
+    runs_per_device: int | None = None,
+    width: int | None = None,
+    overwrite: bool = False,
+) -> None:
+    """Vary any number of the study: each --vary is one more axis of a sweep, and the figure shows what it does.
+
+    Numbers that set no size (gains, masses, filter constants, rates) are axes within one compiled program; sizes and whole
+    numbers (layers, batch, kept, steps) take a program for each value. The study's own axes, like noise, may be named, too.
+
+    Args:
+        vary: a number's name and its values; give it again for another. Any name of the study's settings, for instance
+            learner_gain, applied_gain (kp [N/m], their other gains in proportion), alpha (filter of the learning feedback),
+            prior_mass [kg], learning_rate, layers (as 200,100,50,20,1), batch, kept (earlier executions whose data are learned
+            from, too), train_on, policy_gains.0, pid_gains.0.1. A wrong name lists them all.
+        out: where the results go; figure and table (FILE.png, FILE.pdf, FILE.md) beside it.
+        controllers: feedback laws.
+        gains: gain settings.
+        noise: sensing noise scales [m].
+        friction: friction levels.
+        stiction: stiction levels.
+        epochs: training epochs of each iteration.
+        seeds: run seeds.
+        sources: data sources.
+        iterations: executions of each learning run.
+        devices: how many CPU cores or accelerators to use, all unless told.
+        runs_per_device: runs of one chunk on each, a chunk being what an interruption can lose; 4 on a CPU, 320 on a GPU.
+        width: runs side by side in a device's program: 1 on a CPU, a whole chunk on a GPU, unless told.
+        overwrite: begin anew; what lies at --out is kept as FILE.nc.old.
+    """
+    from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
+
+    grid = varying(Grid(controllers, gains, noise, friction, stiction, epochs, seeds, sources, iterations), PaperStudy(), vary)
+    choose_devices(devices)
+    data = run_sweep(grid, out, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
+    table = as_markdown(data)
+    write_bytes(out.with_suffix(".md"), f"{table}\n".encode())
+    for path in (out, out.with_suffix(".md"), *draw_ablation(data, out.parent, out.stem)):
+        print(f"wrote {path}")
+    print(table)
+
+
+def varying(grid: Grid, study: PaperStudy, vary: tuple[Names, ...]) -> Grid:
+    """The grid with what ``--vary`` asks for: (name, value, …) each, one of the grid's own axes or a number of the study.
+
+    Raises:
+        ConfigurationError: for an unknown name, no values, or a value of another kind or out of bounds.
+    """
+    added: list[tuple[str, tuple[Value, ...]]] = []
+    for name, *given in ((words or ("",)) for words in vary):
+        if not given:
+            raise ConfigurationError("a name and values for --vary", name or "nothing", "write --vary NAME VALUE VALUE …")
+        axis = AXIS.get(name, name)
+        if axis not in grid.axes():
+            added.append((name, tuple(parsed(study, name, value) for value in given)))
+            continue
+        values: tuple = tuple(given)
+        if axis in COUNTS or axis in LEVELS:
+            values = tuple(_number(name, text, int if axis in COUNTS else float) for text in given)
+        grid = replace(grid, **{axis: values})
+    return replace(grid, vary=tuple(added))
+
+
+def _number(name: str, text: str, kind: type) -> float | int:
+    try:
+        return kind(text)
+    except ValueError:
+        what = "a whole number" if kind is int else "a number"
+        raise ConfigurationError(f"{what} for {name}", repr(text), "mend the value") from None

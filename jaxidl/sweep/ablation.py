@@ -1,0 +1,97 @@
+"""What an ablation found: the final error of every setting, over seeds, with intervals."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import xarray as xr
+from scipy import stats
+
+from jaxidl.errors import StoreError
+from jaxidl.sweep.results import META, added
+from jaxidl.sweep.view import LAST
+
+INNER = ("seed", "source", "iteration")  # dims that are within a panel
+
+
+@dataclass(frozen=True)
+class Mean:
+    """A geometric mean over seeds."""
+
+    value: float
+    interval: tuple[float, float] | None  # 95 %, Student's, of the logarithm; None with fewer than two seeds
+    seeds: int  # that it is made of
+
+
+def geometric(values: np.ndarray) -> Mean | None:
+    """Geometric mean of positive ``values`` (seeds,), NaN left out; None if there are none."""
+    logs = np.log(np.clip(values[~np.isnan(values)], 1e-12, 1e12))  # a share of none, or a ratio to it
+    if len(logs) == 0:
+        return None
+    interval = None
+    if len(logs) > 1:
+        half = stats.t.ppf(0.975, len(logs) - 1) * logs.std(ddof=1) / np.sqrt(len(logs))
+        interval = (float(np.exp(logs.mean() - half)), float(np.exp(logs.mean() + half)))
+    return Mean(float(np.exp(logs.mean())), interval, len(logs))
+
+
+def final(data: xr.Dataset, variable: str) -> xr.DataArray:
+    """A variable's mean over the last executions of each run, of the last half where there are few; diverged ones as NaN."""
+    last = max(1, min(LAST, (data.sizes["iteration"] - 1) // 2))
+    return data[variable].where(data["finite"]).isel(iteration=slice(-last, None)).mean("iteration", skipna=False)
+
+
+def axes(data: xr.Dataset) -> tuple[str, list[str]]:
+    """The axis that was varied first, for the abscissa, and the others that have more than one value.
+
+    Raises:
+        StoreError: if nothing is varied.
+    """
+    base = [str(dim) for dim in data["q_error"].dims if dim not in (*INNER, *added(data)) and data.sizes[dim] > 1]
+    found = [*added(data), *base]
+    if not found:
+        raise StoreError("results in which something varies", "one setting only", "run `jaxidl ablate --vary NAME VALUES …`")
+    return found[0], [dim for dim in found[1:] if data.sizes[dim] > 1]
+
+
+def panels_of(data: xr.Dataset) -> list[dict[str, object]]:
+    """Every combination of values on the axes beside the abscissa: one panel each."""
+    _, others = axes(data)
+    index = np.ndindex(*(data.sizes[dim] for dim in others))
+    return [{dim: data[dim].values[i] for dim, i in zip(others, at, strict=True)} for at in index]
+
+
+def chosen(data: xr.Dataset, where: dict[str, object]) -> xr.Dataset:
+    """The settings of one panel: dims (abscissa, seed, source, iteration)."""
+    return data[list(META)].sel(where).squeeze([d for d in data["q_error"].dims if d not in (*INNER, axes(data)[0], *where)])
+
+
+def rows(data: xr.Dataset) -> list[dict[str, object]]:
+    """One row for each setting and source: its values, final error and feedback over seeds, and diverged executions."""
+    first, _ = axes(data)
+    out = []
+    for where in panels_of(data):
+        part = chosen(data, where)
+        for value in part[first].values:
+            for source in part.source.values:
+                run = part.sel({first: value, "source": source})
+                numbers = {name: geometric(final(run, name).values) for name in ("q_error", "feedback_applied")}
+                out.append({first: value, **where, "source": source, **numbers, "diverged": int((~run["finite"]).sum())})
+    return out
+
+
+def as_markdown(data: xr.Dataset) -> str:
+    """The rows as a Markdown table."""
+    table = rows(data)
+    units = {name: unit for name, (unit, _) in META.items()}
+    heads = [f"{name} [{units[name]}]" if name in units else name for name in table[0]]
+    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
+    return "\n".join([*lines, *("| " + " | ".join(_cell(value) for value in row.values()) + " |" for row in table)])
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, Mean):
+        interval = value.interval
+        return f"{value.value:.2g}" + (f" [{interval[0]:.2g}, {interval[1]:.2g}]" if interval else "")
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,248 @@
+"""Ablations: any number of the study as one more axis of a sweep."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl.cli import main
+from jaxidl.cli_ablate import varying
+from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.learning.iterate import recall
+from jaxidl.learning.paper import PaperStudy
+from jaxidl.learning.vary import leaves, parsed, traced, varied
+from jaxidl.sweep.ablation import as_markdown, final, rows
+from jaxidl.sweep.grid import Grid, Label
+from jaxidl.sweep.launch import run_sweep
+from jaxidl.sweep.results import read
+from jaxidl.sweep.run import Kind, program
+from jaxidl.types import Dataset
+
+SMALL = Grid(("pid",), ("high",), (1e-4,), (5.0,), (5.0,), (1,), (1, 2), ("joint",), 3)
+ONE = replace(SMALL, seeds=(1,))
+
+
+def run(path, study, grid, **options):
+    return run_sweep(grid, path, study, quiet=True, **options)
+
+
+def test_every_number_of_the_study_has_a_name_and_can_be_replaced_by_itself():
+    study = PaperStudy()
+    for name, value in leaves(study).items():
+        if name == "applied_gain":  # sets low and high alike
+            continue
+        assert varied(study, {name: parsed(study, name, str(value))}) == study, name
+    numbers = jax.tree.leaves(study.to_dict())
+    named = leaves(study)
+    assert len(numbers) - len(study.error_model.layers) - 2 <= len(named)  # layers are one, joints and epochs none
+    assert {"alpha", "learner_gain", "pid_gains.1.2", "training.learning_rate", "train_on", "kept"} <= named.keys()
+
+
+def test_gains_keep_their_proportions():
+    study = PaperStudy()
+    learner = varied(study, {"learner_gain": 250.0})
+    np.testing.assert_allclose(learner.pid_learner, (250.0, 25.0, 0.005))
+    assert learner.doomed_learner == 0.25
+    applied = varied(study, {"applied_gain": 100.0})
+    np.testing.assert_allclose(applied.pid_gains, ((100.0, 10.0, 0.02), (100.0, 10.0, 0.002)))
+    np.testing.assert_allclose(applied.doomed_rates, (0.04, 0.04))
+    assert varied(study, {"learner_gain": 500.0}) == study
+
+
+def test_what_sets_no_size_is_traced():
+    study = PaperStudy()
+    for name in ("alpha", "prior_mass", "learner_gain", "applied_gain", "pid_gains.0.1", "learning_rate", "target.0"):
+        assert traced(study, name)
+    for name in ("layers", "kept", "steps", "dt", "batch", "train_on", "error_model.torque_scale", "training.holdout_every"):
+        assert not traced(study, name)
+
+
+CHANGES = {
+    "alpha": replace(PaperStudy(), smoothing=0.3),
+    "prior_mass": replace(PaperStudy(), modelled_mass=2.0),
+    "learner_gain": replace(PaperStudy(), pid_learner=(100.0, 10.0, 0.002), doomed_learner=0.1),
+    "learning_rate": replace(PaperStudy(), training=replace(PaperStudy().training, learning_rate=3e-3)),
+    "policy_gains.1": replace(PaperStudy(), policy_gains=(100.0, 15.0)),
+}
+VALUES = {"alpha": 0.3, "prior_mass": 2.0, "learner_gain": 100.0, "learning_rate": 3e-3, "policy_gains.1": 15.0}
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small_study, tmp_path):
+    changed = replace(
+        CHANGES[name],
+        steps=small_study.steps,
+        error_model=small_study.error_model,
+        training=replace(small_study.training, learning_rate=CHANGES[name].training.learning_rate),
+    )
+    assert varied(small_study, {name: VALUES[name]}) == changed
+    grid = replace(ONE, vary=((name, (leaves(small_study)[name], VALUES[name])),))
+    data = run(tmp_path / "a.nc", small_study, grid)
+    plain, other = (run(tmp_path / f"{i}.nc", study, ONE) for i, study in enumerate((small_study, changed)))
+    for place, wanted in enumerate((plain, other)):  # other programs, whose rounding training amplifies
+        got = data.isel({name: place})
+        for metric in ("q_error", "feedback_applied"):
+            np.testing.assert_allclose(got[metric][..., 0], wanted[metric][..., 0], rtol=1e-9)
+            np.testing.assert_allclose(got[metric], wanted[metric], rtol=2e-2)
+    assert abs(plain.q_error - other.q_error).max() > 1e-6
+
+
+def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(small_study, tmp_path):
+    study = replace(small_study, target=(0.8, 0.9))  # nobody else's program
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: compiled.append(event))
+    try:
+        before = program.cache_info().misses
+        grid = replace(SMALL, vary=(("alpha", (0.1, 0.2, 0.4)), ("prior_mass", (0.0, 0.5))))
+        data = run(tmp_path / "a.nc", study, grid)
+        assert program.cache_info().misses - before == 1 == int(data.attrs["programs"])
+        kinds = {Kind.of(label, study) for label in grid.labels()}
+        assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [1]
+        before = program.cache_info().misses
+        grid = replace(ONE, vary=(("layers", ("4,1", "6,1")), ("kept", (0, 1)), ("alpha", (0.1, 0.3))))
+        data = run(tmp_path / "b.nc", study, grid)
+        assert program.cache_info().misses - before == 4 == int(data.attrs["programs"])
+    finally:
+        jax.monitoring.clear_event_listeners()
+
+
+def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
+    grid = replace(SMALL, vary=(("train_on", ("true_state", "sensed_state")), ("alpha", (0.1, 0.2))))
+    path = tmp_path / "a.nc"
+    data = run(path, small_study, grid, per_device=1)
+    assert data.q_error.dims[-3:] == ("train_on", "alpha", "iteration")
+    assert data.train_on.values.tolist() == ["true_state", "sensed_state"]
+    wider = replace(grid, vary=(grid.vary[0], ("alpha", (0.1, 0.2, 0.5))))
+    more = run(path, small_study, wider)
+    np.testing.assert_array_equal(more.q_error.sel(alpha=[0.1, 0.2]), data.q_error)
+    assert (read(path).q_error == more.q_error).all()
+    whole = run(tmp_path / "b.nc", small_study, wider)
+    np.testing.assert_array_equal(whole.q_error, more.q_error)
+    with pytest.raises(StoreError, match="leaves out"):
+        run(path, small_study, SMALL)
+    label = next(wider.labels())
+    assert Label.of([*label[:8], [list(pair) for pair in label.varied]]) == label
+
+
+def test_earlier_data_come_back_as_evenly_as_can_be():
+    memory = Dataset(jnp.arange(4.0).reshape(4, 1, 1), 10.0 * jnp.arange(4.0).reshape(4, 1, 1))
+    for k, wanted in ((1, [0, 0, 0, 0]), (2, [0, 1, 0, 1]), (3, [0, 1, 2, 0]), (4, [0, 1, 2, 3]), (9, [0, 1, 2, 3])):
+        rows = recall(memory, jnp.array(k))
+        np.testing.assert_array_equal(rows.x[:, 0], wanted)
+        np.testing.assert_array_equal(rows.y[:, 0], 10.0 * np.array(wanted))
+
+
+def test_kept_data_are_those_of_the_executions_before(small_study, tmp_path):
+    """Until there are earlier executions keeping makes copies only: the same first learned execution but for the batches."""
+    data = run(tmp_path / "a.nc", small_study, replace(ONE, iterations=4, vary=(("kept", (0, 2)),)))
+    np.testing.assert_array_equal(data.q_error[..., 0, 0], data.q_error[..., 1, 0])
+    assert (data.q_error[..., 0, 2:] != data.q_error[..., 1, 2:]).all()
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["learner_gian", "1"], "one of alpha, prior_mass, .*learner_gain.*; got 'learner_gian'"),
+        (["alpha"], "a name and values"),
+        (["alpha", "zero"], "a number for alpha"),
+        (["alpha", "0"], "smoothing > 0 and <= 1; got 0.0"),
+        (["alpha", "nan"], "smoothing"),
+        (["prior_mass", "-1"], "modelled_mass >= 0"),
+        (["kept", "1.5"], "a whole number for kept"),
+        (["batch", "0"], "batch >= 1"),
+        (["batch", "5000"], "a batch no larger than"),
+        (["layers", "20,2"], "end with 1"),
+        (["train_on", "guess"], "one of true_state, sensed_state"),
+        (["learning_rate", "inf"], "learning_rate"),
+        (["epochs", "few"], "a whole number for epochs"),
+        (["noise", "-1"], "noise"),
+        (["alpha", "0.1", "0.1"], "each value of alpha once"),
+    ],
+)
+def test_what_cannot_be_varied_is_refused_in_one_line(words, complaint, tmp_path, capsys):
+    with pytest.raises(ConfigurationError, match=complaint):
+        varying(Grid(), PaperStudy(), (tuple(words),))
+    assert main(["ablate", "--vary", *words, "--out", str(tmp_path / "a.nc")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "Traceback" not in error
+    assert not list(tmp_path.iterdir())
+
+
+def test_one_number_under_two_names_is_refused():
+    with pytest.raises(ConfigurationError, match="once"):
+        varying(Grid(), PaperStudy(), (("alpha", "0.1"), ("smoothing", "0.2")))
+
+
+def test_the_grids_own_axes_can_be_varied_too():
+    grid = varying(Grid(), PaperStudy(), (("controller", "doomed"), ("noise", "1e-4"), ("epochs", "5", "7"), ("alpha", "0.5")))
+    assert (grid.controllers, grid.noise, grid.epochs) == (("doomed",), (1e-4,), (5, 7))
+    assert grid.vary == (("alpha", (0.5,)),)
+
+
+def made(values, seeds=(0, 1, 2, 3), sources=("indirect", "joint"), **axes):
+    """Results whose final error is 0.1·value·(1 + seed/10), ten times as much for indirect data."""
+    grid = Grid(("pid",), ("low",), (1e-4,), (5.0,), (5.0,), (20,), seeds, sources, 12, (("alpha", tuple(values)),))
+    grid = replace(grid, **axes)
+    from jaxidl.sweep.results import META, assemble
+
+    def run(label):
+        size = 0.1 * dict(label.varied)["alpha"] * (1 + label.seed / 10) * (10 if label.source == "indirect" else 1)
+        curve = size * np.ones(12)
+        return {name: np.ones(12, bool) if name == "finite" else curve for name in META}
+
+    return assemble(grid, {label: run(label) for label in grid.labels()})
+
+
+def test_the_table_is_the_geometric_mean_of_the_final_errors():
+    data = made((0.1, 0.5))
+    table = rows(data)
+    assert [(row["alpha"], row["source"]) for row in table] == [(a, s) for a in (0.1, 0.5) for s in ("indirect", "joint")]
+    seeds = 1 + np.arange(4) / 10
+    mean = table[3]["q_error"]
+    assert mean.value == pytest.approx(0.05 * np.exp(np.log(seeds).mean()))
+    assert mean.interval[0] < mean.value < mean.interval[1]
+    assert as_markdown(data).count("\n") == 5
+
+
+def test_a_diverged_run_is_left_out_and_counted():
+    data = made((0.1, 0.5))
+    data["finite"][{"alpha": 0, "seed": 2, "source": 1, "iteration": 10}] = False
+    assert np.isnan(final(data, "q_error").isel(alpha=0, seed=2, source=1)).all()
+    row = rows(data)[1]
+    assert (row["q_error"].seeds, row["diverged"]) == (3, 1)
+
+
+@pytest.mark.parametrize(
+    "axes", [{}, {"controllers": ("pid", "doomed")}, {"noise": (1e-4, 8e-4), "epochs": (5, 20)}, {"seeds": (1,)}]
+)
+def test_the_figure_has_a_panel_for_each_other_setting_and_draws_what_is_there(axes):
+    from jaxidl.plot.ablation import ablation
+
+    data = made((0.1, 0.2, 0.5), **axes)
+    figure = ablation(data)
+    panels = figure.axes
+    others = int(np.prod([len(values) for name, values in axes.items() if name != "seeds"]))
+    assert len(panels) == 2 * others
+    lines = {line.get_label(): line for line in panels[0].get_lines() if not line.get_label().startswith("_")}
+    assert lines.keys() == {"indirect", "joint"}
+    wanted = [row["q_error"].value for row in rows(data) if row["source"] == "joint"][:3]
+    np.testing.assert_allclose(lines["joint"].get_ydata(), wanted)
+    assert [text.get_text() for text in panels[-1].get_xticklabels()] == ["0.1", "0.2", "0.5"]
+
+
+def test_nothing_varied_is_refused():
+    with pytest.raises(StoreError, match="varies"):
+        rows(made((0.1,)).isel(alpha=0, drop=True))
+
+
+def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypatch, small_study):
+    import jaxidl.cli_ablate as command
+
+    monkeypatch.setattr(command, "run_sweep", lambda grid, out, **how: run(out, small_study, grid))
+    words = ["--vary", "alpha", "0.1", "0.2", "--seeds", "1", "2", "--iterations", "2", "--epochs", "1", "--sources", "joint"]
+    assert main(["ablate", *words, "--out", str(tmp_path / "a.nc")]) == 0
+    assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "a.md", "a.png", "a.pdf"}
+    assert (tmp_path / "a.md").read_text() in capsys.readouterr().out
