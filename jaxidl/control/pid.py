@@ -13,9 +13,9 @@ from jaxidl.types import Joints, Scalar, State
 class PidGains(NamedTuple):
     """Gains on the position error, its rate and its sum over steps."""
 
-    kp: Scalar  # [N/m]
-    kd: Scalar  # [N s/m]
-    ki: Scalar  # per control step, no dt [N/m]
+    kp: Joints | Scalar  # [N/m]
+    kd: Joints | Scalar  # [N s/m]
+    ki: Joints | Scalar  # per control step, no dt [N/m]
 
 
 class PidState(NamedTuple):

@@ -100,8 +100,8 @@ class Effect(struct.PyTreeNode):
         """
         return jnp.zeros_like(qd)
 
-    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
-        """Which joints (J,) the effect keeps from accelerating under the delivered torque ``tau`` (J,)."""
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
+        """Which joints (J,) the effect keeps from accelerating under the delivered torque ``tau`` (J,), or to which share [-]."""
         return jnp.zeros(qd.shape, bool)
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:

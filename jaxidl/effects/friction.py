@@ -1,10 +1,13 @@
 """Friction: torques that oppose, or in the paper's odd region feed, motion."""
 
+from functools import partial
 from typing import ClassVar
 
 import jax.numpy as jnp
+from flax import struct
 
 from jaxidl.effects.base import Effect, Parameter
+from jaxidl.effects.smooth import choose, inside
 from jaxidl.types import Joints, Scalar
 
 
@@ -49,11 +52,17 @@ class PaperFriction(Effect):
     3. 0.2 < q₁ < 0.4: c₁ = −f²·sin²q₁
     4. 0.4 < q₁ < 1.2: c₀ = max(0, f)·sin²q₁
 
-    Joints from the third on are free. The coefficient jumps at the borders, so a derivative through an execution sees each
-    region's own slope and nothing of the jump.
+    Joints from the third on are free.
+
+    The coefficient jumps at the borders. A derivative through an execution is then that of the regions passed, each with its own
+    slope, and knows nothing of the jumps: not that another level, gain or torque moves the instant at which a border is crossed
+    and a coefficient of thousands begins. It is exact for a change so small that no step changes region, and misleads about
+    any other: with the paper's numbers it can have the wrong sign. With ``width`` > 0 each border is a logistic of that width [m]
+    instead, which a derivative sees as it is; 0.01 to 0.05 m serve. Values converge to the sharp ones as the width goes to 0.
     """
 
     level: Scalar  # f [-]: 5 medium, 8 high
+    width: float = struct.field(pytree_node=False, default=0.0)  # of the borders [m]; 0: sharp, as in the paper
 
     name: ClassVar[str] = "paper_friction"
     sentence: ClassVar[str] = "viscous friction that changes with position and couples joint 0 to joint 1"
@@ -62,10 +71,11 @@ class PaperFriction(Effect):
     def coefficient(self, q: Joints) -> Joints:
         """c(q) (J,) [N s/m] at positions ``q`` (J,), J >= 2."""
         f, (q0, q1) = self.level, (q[0], q[1])
-        c0 = jnp.where(q0 < 0.2, 10.0 * jnp.exp(f) * jnp.sin(q0) ** 2, 0.0)
-        c1 = jnp.where(q1 < 0.2, 10.0 * f * jnp.cos(q1) ** 2, 0.0)
-        c1 = jnp.where((q1 > 0.2) & (q1 < 0.4), -(f**2) * jnp.sin(q1) ** 2, c1)
-        c0 = jnp.where((q1 > 0.4) & (q1 < 1.2), jnp.maximum(0.0, f) * jnp.sin(q1) ** 2, c0)
+        within = partial(inside, self.width)
+        c0 = choose(within(0.2 - q0), 10.0 * jnp.exp(f) * jnp.sin(q0) ** 2, 0.0)
+        c1 = choose(within(0.2 - q1), 10.0 * f * jnp.cos(q1) ** 2, 0.0)
+        c1 = choose(within(q1 - 0.2, 0.4 - q1), -(f**2) * jnp.sin(q1) ** 2, c1)
+        c0 = choose(within(q1 - 0.4, 1.2 - q1), jnp.maximum(0.0, f) * jnp.sin(q1) ** 2, c0)
         return jnp.zeros_like(q).at[0].set(c0).at[1].set(c1)
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:

@@ -61,9 +61,9 @@ class OnJoint(Effect):
         own = self.effect.dry(self._of(q), self._of(qd), self._of(tau), self._of(direction))
         return self._put(jnp.zeros_like(qd), own)
 
-    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
         own = self.effect.holds(self._of(q), self._of(qd), self._of(tau))
-        return self._put(jnp.zeros(qd.shape, bool), own)
+        return self._put(jnp.zeros(qd.shape, own.dtype), own)
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return self._put(q, self.effect.sense(memory, self._of(q), self._of(noise)))

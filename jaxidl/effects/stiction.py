@@ -5,8 +5,10 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
+from jaxtyping import Array
 
 from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.smooth import Share, choose, inside
 from jaxidl.types import JointMask, Joints, Scalar
 
 
@@ -17,12 +19,19 @@ class Stiction(Effect):
     ``signed`` it is the paper's program: a resting joint does not accelerate (its speed stays what it was) while the delivered
     torque itself, not its magnitude, is below the breakaway torque, so that it is held against every negative torque, and the
     program's results depend on it.
+
+    Whether a joint sticks is a yes or no, so breakaway torque, resting speed and position below have derivative zero in the
+    signed form, and the time at which a joint breaks away has none: a controller's gain that would free a joint looks useless.
+    With ``width`` > 0 each border is a logistic over that share of its own size (of 1 where it is 0), and a joint that sticks to
+    a share s keeps 1 − s of its acceleration, or withstands s of the breakaway torque. At rest it then creeps by exp(−1/width)
+    of its acceleration: 0.02 to 0.1 serve. Values converge to the sharp ones as the width goes to 0.
     """
 
     breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
     speed: Joints | Scalar  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
     below: Joints | Scalar  # (J,) or (): positions from here on do not stick [m]
     signed: bool = struct.field(pytree_node=False, default=False)
+    width: float = struct.field(pytree_node=False, default=0.0)  # of the borders as a share of each [-]; 0: sharp
 
     name: ClassVar[str] = "stiction"
     sentence: ClassVar[str] = "a joint at rest sticks until the torque exceeds a breakaway value"
@@ -32,18 +41,20 @@ class Stiction(Effect):
         "below": Parameter("m", -float("inf"), float("inf"), "the position below which the joint sticks"),
     }
 
-    def _rests(self, q: Joints, qd: Joints) -> JointMask:
-        return (jnp.abs(qd) < self.speed) & (q < self.below)
+    def _sticks(self, q: Joints, qd: Joints, *beyond: tuple[Joints | Scalar, Joints]) -> Share:
+        """Is each value below its border: speed, position, and those given as (border, value)?"""
+        pairs = ((self.speed, jnp.abs(qd)), (self.below, q), *beyond)
+        return inside(self.width, *((border - value) / (1.0 if self.width == 0.0 else _size(border)) for border, value in pairs))
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         if self.signed:
             return jnp.zeros_like(qd)
-        return jnp.where(self._rests(q, qd), self.breakaway, 0.0)
+        return choose(self._sticks(q, qd), self.breakaway, 0.0)
 
-    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask:
+    def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
         if not self.signed:
             return jnp.zeros(qd.shape, bool)
-        return self._rests(q, qd) & (tau < self.breakaway)
+        return self._sticks(q, qd, (self.breakaway, tau))
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -53,6 +64,12 @@ class Stiction(Effect):
 STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
 
 
-def paper_stiction(level: Scalar) -> Stiction:
+def _size(border: Joints | Scalar) -> Array:
+    """What a border's width is measured with: its own size, or 1 where that is zero or infinite."""
+    size = jnp.abs(jnp.asarray(border))
+    return jnp.where((size > 0.0) & (size < jnp.inf), size, 1.0)
+
+
+def paper_stiction(level: Scalar, width: float = 0.0) -> Stiction:
     """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed."""
-    return Stiction(jnp.asarray([100.0, 50.0]) * level, jnp.asarray(1e-4), jnp.asarray(0.2), signed=True)
+    return Stiction(jnp.asarray([100.0, 50.0]) * level, jnp.asarray(1e-4), jnp.asarray(0.2), signed=True, width=width)

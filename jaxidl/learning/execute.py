@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from flax import struct
 
 from jaxidl.control import Estimator, FeedbackLaw, FiniteDifference
+from jaxidl.scan import scan
 from jaxidl.systems import Plant, RigidBody, integrate
 from jaxidl.types import Circumstances, History, Joints, Scalar, State, Trajectory
 
@@ -54,6 +55,8 @@ def execute(
     noise: History,
     feedforward: Feedforward | None = None,
     start: Joints | None = None,
+    *,
+    checkpoint: bool = False,
 ) -> Trajectory:
     """Run the task once (Algorithm 1) as a scan over control steps.
 
@@ -65,6 +68,11 @@ def execute(
         noise: (T, J) standard-normal draws; row t makes the sensed state after step t.
         feedforward: the error model's torque at the sensed state and desired acceleration; None before any learning.
         start: (J,) where the mechanism truly is at first, if not just where the task says.
+        checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode needs no memory to speak of.
+
+    The trajectory can be differentiated, forward and in reverse, by every number in ``plant``, ``model``, ``law``, ``task`` and
+    in what ``feedforward`` closes over. The derivative is that of the branches taken: see the effects' docstrings for what that
+    means where they jump or stick. A torque at its bound passes no derivative.
     """
 
     def instant(carry, inputs):
@@ -105,4 +113,4 @@ def execute(
     true = sensed if start is None else State(start, sensed.qd)
     carry = (true, plant.start(true.q), sensed, law.init(sensed.q), task.estimator.start(sensed))
     inputs = (jnp.arange(task.steps), desired_trajectory(task), noise, task.circumstances)
-    return jax.lax.scan(instant, carry, inputs)[1]
+    return scan(instant, carry, inputs, checkpoint=checkpoint)[1]

@@ -60,6 +60,8 @@ def learn(
     starts: Float[Array, "K J"] | None = None,
     kept: int = 0,
     refine: Callable[[Trajectory], Trajectory] = lambda run: run,
+    learner: Learner | None = None,
+    derivative: str | None = None,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
     """K executions with K − 1 trainings between them.
 
@@ -72,15 +74,21 @@ def learn(
         starts: (K, J) where the mechanism truly is at the start of each execution, if not just where the task says.
         kept: of how many earlier executions the data are learned from, too, beside the last one's.
         refine: what is made of an execution before it is learned from: estimates that need its future, for one.
+        learner: what to begin with: weights of one's own, or of an earlier call; fresh ones unless given.
+        derivative: "forward" or "reverse" where the result is to be differentiated in that mode, by anything continuous in
+            ``setting``, ``training.learning_rate``, ``learner``, ``noise`` or ``starts``: through all executions and all training
+            steps. The values are the same. Which snapshots were best and which rules the effects followed count as given.
 
     Returns:
         Metrics with leaves (K,), the learner used in the last execution, and the trajectories (K, T, J) or None.
     """
-    learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
+    if learner is None:
+        learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
+    checkpoint = derivative == "reverse"
 
     def run_once(inputs, feedforward=None):
         draws, begin = inputs
-        run = execute(setting.plant, setting.model, setting.law, setting.task, draws, feedforward, begin)
+        run = execute(setting.plant, setting.model, setting.law, setting.task, draws, feedforward, begin, checkpoint=checkpoint)
         data = SOURCES[source](refine(run), train_on)
         return data, (measure(run, setting.reference), run if keep else None)
 
@@ -90,7 +98,7 @@ def learn(
         known = recall(memory, k)
         rows = int(training.train_mask(known.x.shape[0]).sum())
         batches = draw_batches(jax.random.fold_in(key, k), rows, training)
-        learner, progress = fit(error_model, training, learner, known, batches)
+        learner, progress = fit(error_model, training, learner, known, batches, derivative=derivative)
         data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
         finite = metrics.finite & jnp.isfinite(progress.validation)  # a training that failed is a failed iteration
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)

@@ -18,6 +18,7 @@ from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Scalar, State
 
 CONTROLLERS = ("pid", "doomed")
+WIDTHS = ("friction_width", "stiction_width")
 GAINS = ("low", "high")
 
 
@@ -50,6 +51,8 @@ class PaperStudy:
     doomed_learner: Scalar = 0.5
     smoothing: Scalar = 0.1  # filter of the learning feedback
     train_on: str = "true_state"
+    friction_width: float = 0.0  # of the friction's borders [m]; 0: sharp
+    stiction_width: float = 0.0  # of the stiction's, as a share of each [-]; 0: sharp
     kept: int = 0  # earlier executions whose data are learned from, too, beside the last one's
     error_model: ErrorModel = field(default_factory=ErrorModel)
     training: Training = field(default_factory=Training)  # its epochs are an axis of the grid
@@ -59,7 +62,16 @@ class PaperStudy:
             raise one_of("train_on", self.train_on, TRAIN_ON)
         for name in ("true_mass", "dt", "torque_limit"):
             _check(name, getattr(self, name), above=0.0)
-        for name in ("modelled_mass", "policy_gains", "pid_gains", "pid_learner", "doomed_rates", "doomed_learner", "kept"):
+        for name in (
+            "modelled_mass",
+            "policy_gains",
+            "pid_gains",
+            "pid_learner",
+            "doomed_rates",
+            "doomed_learner",
+            "kept",
+            *WIDTHS,
+        ):
             _check(name, getattr(self, name), least=0.0)
         _check("smoothing", self.smoothing, above=0.0, most=1.0)
         if self.steps < 2:
@@ -70,7 +82,8 @@ class PaperStudy:
 
         A setting that earlier versions did not have is left out where it is as it was then: their results can be extended.
         """
-        return {name: value for name, value in asdict(self).items() if name != "kept" or value}
+        later = ("friction_width", "stiction_width", "kept")
+        return {name: value for name, value in asdict(self).items() if name not in later or value}
 
     def task(self) -> Task:
         rest = State(jnp.zeros(2), jnp.zeros(2))
@@ -79,7 +92,8 @@ class PaperStudy:
 
     def plant(self, condition: Condition) -> Plant:
         """The true system under one condition."""
-        friction, stiction = PaperFriction(condition.friction), paper_stiction(condition.stiction)
+        friction = PaperFriction(condition.friction, self.friction_width)
+        stiction = paper_stiction(condition.stiction, self.stiction_width)
         return Plant(point_mass(self.true_mass), (friction, stiction, SensingNoise(condition.noise)))
 
     def law(self, controller: str, gain: Int[Array, ""] | int) -> FeedbackLaw:

@@ -9,7 +9,7 @@ from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from jaxidl.errors import ConfigurationError
-from jaxidl.learning.paper import PaperStudy
+from jaxidl.learning.paper import WIDTHS, PaperStudy
 from jaxidl.types import Scalar
 
 Value = float | int | str  # as it stands on an axis
@@ -21,7 +21,7 @@ ALIASES = {
     "batch": "training.batch",
     "layers": "error_model.layers",
 }
-STATIC = ("dt", "error_model.", "training.snapshot_epochs")  # numbers that are not traced, beside whole ones
+STATIC = ("dt", "error_model.", "training.snapshot_epochs", *WIDTHS)  # numbers that are not traced, beside whole ones
 
 
 def _learner_gain(study: PaperStudy, kp: Scalar) -> PaperStudy:

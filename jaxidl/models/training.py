@@ -9,9 +9,12 @@ import numpy as np
 import optax
 from jaxtyping import Array, Bool, Float, Int
 
-from jaxidl.errors import ConfigurationError
+from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.models.mlp import ErrorModel, Params
+from jaxidl.scan import scan
 from jaxidl.types import Dataset, Key, Scalar
+
+DERIVATIVES = (None, "forward", "reverse")  # that a training can be asked for
 
 
 @dataclass(frozen=True)
@@ -149,14 +152,25 @@ def draw_batches(key: Key, rows: int, training: Training) -> Int[Array, "S B"]:
 
 
 def fit(
-    model: ErrorModel, training: Training, learner: Learner, data: Dataset, batches: Int[Array, "S B"]
+    model: ErrorModel,
+    training: Training,
+    learner: Learner,
+    data: Dataset,
+    batches: Int[Array, "S B"],
+    *,
+    derivative: str | None = None,
 ) -> tuple[Learner, Progress]:
     """Train on ``data`` (N rows) with the given ``batches`` (S, B) of training rows; return the best snapshot.
 
     Best is the lowest validation loss among the snapshots; weights and optimiser state are both kept. If no snapshot has a
     finite validation loss, the learner is returned as it came and ``validation`` is infinite.
+
+    With ``derivative`` "forward" or "reverse" the result can be differentiated in that mode through all steps, by the data, the
+    weights and the learning rate: of the snapshot taken, whichever else might have been best. The values are the same.
     """
-    optimiser = adam(training.learning_rate)
+    if derivative not in DERIVATIVES:
+        raise one_of("derivative", derivative, DERIVATIVES)
+    optimiser, fast = adam(training.learning_rate), derivative != "forward"
     mask = training.train_mask(data.x.shape[0])
     dtype = jax.tree.leaves(learner.params)[0].dtype
     x = model.scale_inputs(data.x).astype(dtype).T
@@ -169,7 +183,7 @@ def fit(
         learner, best, best_loss = carry
         rows, is_snapshot = inputs
         batch = x[:, rows], y[:, rows]
-        loss, grads = jax.value_and_grad(lambda p: loss_of(model, p, *batch, in_training=True))(learner.params)
+        loss, grads = jax.value_and_grad(lambda p: loss_of(model, p, *batch, in_training=fast))(learner.params)
         updates, state = optimiser.update(grads, learner.optimiser)
         learner = Learner(optax.apply_updates(learner.params, updates), state)
 
@@ -184,5 +198,6 @@ def fit(
 
     flags = jnp.asarray(training.snapshots(data.x.shape[0]))
     carry = (learner, learner, jnp.asarray(jnp.inf, dtype))
-    (_, best, validation), losses = jax.lax.scan(one_step, carry, (batches, flags))
+    checkpoint = derivative == "reverse"
+    (_, best, validation), losses = scan(one_step, carry, (batches, flags), checkpoint=checkpoint)
     return best, Progress(losses, validation)

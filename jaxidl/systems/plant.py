@@ -8,6 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
 
 GAUSS_SEIDEL_ROUNDS = 40  # an arm of two links needs up to 12 to rest without creeping, six coupled joints more
@@ -46,12 +47,13 @@ class Plant(struct.PyTreeNode):
         Dry friction takes the velocity towards zero by as much as its level can in one step, and never through it.
         """
         q, qd = state
-        body, total, held = self.body, tau, jnp.zeros(qd.shape, bool)
+        body, total = self.body, tau
+        held: Share = jnp.zeros(qd.shape, bool)
         for effect in self.effects:
             body = effect.alter(body)
             total = total + effect.torque(q, qd, tau)
-            held = held | effect.holds(q, qd, tau)
-        qdd = jnp.where(held, 0.0, body.forward_dynamics(q, qd, total))
+            held = either(held, effect.holds(q, qd, tau))
+        qdd = choose(held, 0.0, body.forward_dynamics(q, qd, total))
         if not any(map(_grips, self.effects)):
             return qdd
         free, mobility = qd + dt * qdd, body.mobility(q)
