@@ -70,11 +70,12 @@ class Effect(struct.PyTreeNode):
     whole: ClassVar[bool] = False  # does it belong to the whole mechanism rather than to a joint?
     mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
 
-    kind: str = struct.field(pytree_node=False, default="", kw_only=True, repr=False)  # the class; nobody need set it
+    kind: type | None = struct.field(pytree_node=False, default=None, kw_only=True, repr=False)  # the class; nobody need set it
 
     def __post_init__(self) -> None:
-        # To JAX two dataclasses with as many fields are the same structure, and jit may run the program of one for the other
-        object.__setattr__(self, "kind", type(self).__name__)
+        # To JAX two dataclasses with as many fields are the same structure, and jit may run the program of one for the other;
+        # the class itself and not its name, which a cell that is run again gives to another class
+        object.__setattr__(self, "kind", type(self))
 
     def alter(self, body: Any) -> Any:
         """The rigid body that the mechanism really has, given the one it is said to have."""
