@@ -31,8 +31,7 @@ def gap(
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         effects: look for these effects only; all of the catalogue unless told.
     """
-    from jaxidl.effects import SEARCHED  # mujoco: slow to import, and only needed here
-    from jaxidl.gap.diagnose import diagnose
+    from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.gap.table import as_table
     from jaxidl.plot.report import check_folder
 
@@ -44,7 +43,7 @@ def gap(
             logs,
             model,
             held_out=held_out,
-            effects=effects or SEARCHED,
+            effects=effects or None,
             min_gain=min_gain,
             watch=lambda what, share: progress.update(bar, description=what, completed=share),
         )

@@ -77,7 +77,7 @@ def of(table):
 
 def test_every_effect_of_the_catalogue_is_described_and_exemplified():
     assert EXAMPLES.keys() == CATALOGUE.keys()
-    assert set(fx.SEARCHED) == CATALOGUE.keys() - {"paper_friction", "sensing_noise", "encoder_quantisation"}
+    assert set(fx.searched()) == CATALOGUE.keys() - {"paper_friction", "sensing_noise", "encoder_quantisation"}
     jargon = ("nonlinear", "stribeck", "coulomb", "backlash", "hysteresis", "stiction", "parameter", "qd", "_")
     for name, cls in CATALOGUE.items():
         assert cls.name == name

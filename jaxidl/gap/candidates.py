@@ -9,7 +9,6 @@ import numpy as np
 
 from jaxidl.effects import (
     CATALOGUE,
-    SEARCHED,
     AsymmetricFriction,
     CoupledFriction,
     Effect,
@@ -123,7 +122,7 @@ def scale_of(signals: Signals, joint: int, residual: float) -> Scale:
     return Scale(float(torque), float(speed), float(low), float(high), inertia, residual, signals.band, signals.dt)
 
 
-def candidates(signals: Signals, residual: np.ndarray, names: Sequence[str] = SEARCHED) -> list[Candidate]:
+def candidates(signals: Signals, residual: np.ndarray, names: Sequence[str]) -> list[Candidate]:
     """All candidates for a log whose present residual has the root mean square ``residual`` (J,)."""
     joints = signals.q.shape[1]
     out: list[Candidate] = []

@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxidl.effects import CATALOGUE, SEARCHED, Effect, OnJoint
+from jaxidl.effects import CATALOGUE, Effect, OnJoint, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.candidates import candidates
 from jaxidl.gap.choose import TRIFLE
@@ -41,7 +41,7 @@ def diagnose(
     model: Model | str | Path,
     *,
     held_out: float = 0.3,
-    effects: Sequence[str] = SEARCHED,
+    effects: Sequence[str] | None = None,
     min_gain: float = MIN_GAIN,
     rollouts: bool = True,
     watch: Watch = lambda what, share: None,
@@ -52,7 +52,7 @@ def diagnose(
         log: a :class:`jaxidl.gap.log.Log`, or files as :func:`jaxidl.gap.log.read` takes them.
         model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
         held_out: share of the log, at its end, that takes no part in fitting and ranking.
-        effects: names of the catalogue to look for.
+        effects: names of the catalogue to look for; None: all of it that is searched, with what the user registered.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         rollouts: replay the torques and compare positions, too; compiling that takes some seconds.
         watch: called with what is being done and the share done of it.
@@ -62,6 +62,7 @@ def diagnose(
         ModelError: if the model cannot be read.
         ConfigurationError: for an unknown effect or a share out of its bounds.
     """
+    effects = searched() if effects is None else effects
     _check(held_out, effects, min_gain)
     with jax.enable_x64(True):
         watch("reading", 0.0)
@@ -114,10 +115,10 @@ def diagnose(
 
 def _check(held_out: float, effects: Sequence[str], min_gain: float) -> None:
     for name in effects:
-        if name not in SEARCHED:
-            raise one_of("an effect to look for", name, SEARCHED)
+        if name not in searchable():
+            raise one_of("an effect to look for", name, searchable())
     if not effects:
-        raise ConfigurationError("at least one effect to look for", "none", f"choose among {', '.join(SEARCHED)}")
+        raise ConfigurationError("at least one effect to look for", "none", f"choose among {', '.join(searchable())}")
     if not 0.1 <= held_out <= 0.6:
         raise ConfigurationError("a held-out share between 0.1 and 0.6", f"{held_out}", "keep a tenth to six tenths aside")
     if not 0.0 < min_gain < 1.0:
