@@ -20,6 +20,7 @@ def gap(
     held_out: float = 0.3,
     min_gain: float = 0.05,
     effects: Annotated[Names, arg(metavar="NAME ...")] = (),
+    refine: bool = False,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect, show the gap shrink.
 
@@ -30,6 +31,7 @@ def gap(
         held_out: share of the log that takes no part in fitting and ranking.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         effects: look for these effects only; all of the catalogue unless told.
+        refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is so followed more closely.
     """
     from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.gap.table import as_table
@@ -47,6 +49,9 @@ def gap(
             min_gain=min_gain,
             watch=lambda what, share: progress.update(bar, description=what, completed=share),
         )
+        if refine:
+            progress.update(bar, description="fitting to motion", completed=0.0)
+            found = found.refined()
         progress.update(bar, description="writing the report")
         page = found.save(out)
     print(as_table(found))

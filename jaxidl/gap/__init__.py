@@ -3,6 +3,7 @@
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.log import Log, from_arrays, read
+from jaxidl.gap.refine import Refinement, refine
 from jaxidl.systems.mjcf import Model, read_model
 
-__all__ = ["Diagnosis", "Log", "Model", "diagnose", "from_arrays", "read", "read_model"]
+__all__ = ["Diagnosis", "Log", "Model", "Refinement", "diagnose", "from_arrays", "read", "read_model", "refine"]

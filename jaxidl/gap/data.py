@@ -78,6 +78,11 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
     return (np.arange(n) * stretches / n) % 1.0 < 1.0 - held_out
 
 
+def instants_of(signals: Signals, rows: np.ndarray) -> Bool[np.ndarray, " T"]:
+    """Which instants (T,) of the log lie among certain of the kept rows (N,)."""
+    return np.interp(np.arange(len(signals.q)), signals.rows, rows) > 0.5
+
+
 def _in_training(peaks: np.ndarray, rows: np.ndarray, training: np.ndarray) -> np.ndarray:
     """Instants as numbers of the kept rows next to them; those of the training part."""
     place = np.clip(np.searchsorted(rows, peaks[:, 0]), 0, len(rows) - 1)

@@ -9,9 +9,9 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect, OnJoint, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.gap.candidates import candidates
+from jaxidl.gap.candidates import Candidate, candidates
 from jaxidl.gap.choose import TRIFLE
-from jaxidl.gap.data import Data, data_of, used
+from jaxidl.gap.data import Data, data_of, instants_of, used
 from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Estimate, Finding, Gap, Row, Side, Traces, sentence_of
 from jaxidl.gap.experiments import experiment
 from jaxidl.gap.gains import NOISE_MARGIN
@@ -110,6 +110,7 @@ def diagnose(
         band=signals.band,
         notes=(*measured.notes, *known.notes, *_warnings(data, known)),
         options={"held_out": held_out, "effects": list(effects), "min_gain": min_gain},
+        signals=signals,
     )
 
 
@@ -142,13 +143,29 @@ def _findings(parameters_of: Sequence[tuple[Effect, Told]], outcome: Outcome, mo
             for name, (value, stderr) in estimates.items()
         }
         where = f" (joint {joint}, {model.names[joint]})" if joint is not None else ""
-        sentence = sentence_of(candidate.name) + where
+        gain = named.gain.value, named.gain.stderr
         found.append(
             Finding(
-                candidate.name, joint, ready, sentence, parameters, named.before, named.after, named.gain.value, named.gain.stderr
+                candidate.name,
+                joint,
+                ready,
+                sentence_of(candidate.name) + where,
+                parameters,
+                named.before,
+                named.after,
+                *gain,
+                _bounds(candidate),
             )
         )
     return tuple(found)
+
+
+def _bounds(candidate: Candidate) -> dict[str, tuple[float, float]]:
+    """Lower and upper bound of each parameter that was fitted."""
+    sizes = [np.size(getattr(candidate.guess, name)) for name in candidate.free]
+    places = np.cumsum([0, *sizes])[:-1]
+    lower, upper = candidate.bounds()
+    return {name: (float(lower[at]), float(upper[at])) for name, at in zip(candidate.free, places, strict=True)}
 
 
 def unit_of(unit: str, kind: str) -> str:
@@ -169,7 +186,7 @@ def _gap(
     signals = data.signals
     aside = (data.block < 0)[:, None] & used(data)
     command = _rms(signals.command(signals.tau)[signals.rows], aside)
-    kept_aside = np.interp(np.arange(len(signals.q)), signals.rows, data.block < 0) > 0.5
+    kept_aside = instants_of(signals, data.block < 0)
 
     def side(residual: np.ndarray, plant: Plant) -> Side:
         rms = _rms(residual, aside)

@@ -10,6 +10,8 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.localise import Place
+from jaxidl.gap.refine import WINDOW, Refinement
+from jaxidl.gap.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
 
@@ -40,6 +42,7 @@ class Finding:
     held_out_after: float
     gain: float  # 1 − after/before
     gain_stderr: float
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # of the parameters that were fitted
 
 
 class Ambiguity(NamedTuple):
@@ -107,6 +110,8 @@ class Diagnosis:
     band: float  # [Hz]
     notes: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
+    signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
+    refinement: Refinement | None = field(default=None, repr=False)  # what :meth:`refined` did
 
     @property
     def plant(self) -> Plant:
@@ -115,6 +120,8 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``report.json``, without ``files``."""
+        from jaxidl.gap.refined import record
+
         return _plain(
             {
                 "verdict": self.verdict,
@@ -151,7 +158,24 @@ class Diagnosis:
                 "notes": list(self.notes),
                 "options": self.options,
             }
+            | ({"refined": record(self)} if self.refinement is not None else {})
         )
+
+    def refined(self, window: float = WINDOW) -> "Diagnosis":
+        """The diagnosis with its parameters fitted to trajectories, too; see :func:`jaxidl.gap.refine.refine`.
+
+        If the simulation so follows motion kept aside more closely, the findings, the plant and the gap "after" are those of the
+        refined parameters; if not, they stay as they are. ``refinement`` has both sides' numbers in either case.
+
+        Args:
+            window: length of the rollouts [s].
+
+        Raises:
+            ConfigurationError: for a window of fewer than ten samples, or a diagnosis without signals.
+        """
+        from jaxidl.gap.refined import refined
+
+        return refined(self, window)
 
     def save(self, folder: str | Path) -> Path:
         """Write report.json, report.html, figures and the patched model into ``folder``; return the HTML file's path.

@@ -1,11 +1,11 @@
 """The gap in motion: from measured states, replay the measured torque and see how far the simulation runs away."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from jaxidl.gap.signals import Signals
 from jaxidl.systems import Plant
@@ -14,6 +14,14 @@ from jaxidl.types import State
 HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
 WINDOWS = 64
 SETTLE = 0.1  # hidden states are led along the measured motion for as long before a window begins [s]
+
+
+class Windows(NamedTuple):
+    """W windows of a log, of L instants each: those before the window begins, its beginning, and its S steps."""
+
+    q: Float[Array | np.ndarray, "*W L J"]  # measured (smoothed) [m or rad]
+    qd: Float[Array | np.ndarray, "*W L J"]
+    tau: Float[Array | np.ndarray, "*W L J"]  # as logged [N or Nm]
 
 
 def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
@@ -26,10 +34,9 @@ def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[st
     starts = window_starts(signals, aside, lead, length)
     if not len(starts):
         return {str(h): np.full(signals.q.shape[1], np.nan) for h in HORIZONS}
-    cut = lambda x: np.stack([x[s - lead : s + length + 1] for s in starts])  # noqa: E731
-    start_of = np.stack([np.asarray(cut(x)) for x in (signals.q, signals.qd)])
-    positions = np.asarray(_simulate(plant, start_of[0], start_of[1], cut(signals.tau), lead, signals.dt))
-    truth = np.stack([signals.q[s : s + length + 1] for s in starts])
+    windows = windows_at(signals, starts, lead, length)
+    positions = np.asarray(_simulate(plant, windows, lead, signals.dt))
+    truth = windows.q[:, lead:]
     span = np.ptp(signals.q, axis=0)
     out = {}
     for horizon in HORIZONS:
@@ -50,29 +57,39 @@ def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -
     return np.array(possible, int)
 
 
+def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> Windows:
+    """The windows (W, ...) of ``length`` steps that begin at ``starts`` (W,), with the ``lead`` instants before each."""
+    return Windows(*(np.stack([x[s - lead : s + length + 1] for s in starts]) for x in (signals.q, signals.qd, signals.tau)))
+
+
 @jax.jit(static_argnames=("lead", "dt"))
-def _simulate(plant: Any, q: Any, qd: Any, tau: Any, lead: int, dt: float) -> Any:
-    """Positions (W, S, J) of W windows: after each step of the rollout. Inputs are (W, lead + S + 1, J)."""
+def _simulate(plant: Any, windows: Windows, lead: int, dt: float) -> Any:
+    """Positions (W, S, J) after each step of W rollouts."""
+    return jax.lax.map(lambda window: replay(plant, window, lead, dt), windows)
 
-    def window(inputs: Any) -> Any:
-        q, qd, tau = inputs
 
-        def led(hidden: Any, now: Any) -> Any:
-            position, velocity, command = now
-            for number, effect in enumerate(plant.effects):
-                command, memory = effect.actuate(hidden[number], position, velocity, command, dt)
-                hidden = (*hidden[:number], memory, *hidden[number + 1 :])
-            return hidden, None
+def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, "S J"]:
+    """Positions (S, J) [m or rad] after each step of one window's rollout: the plant under the measured torque.
 
-        hidden, _ = jax.lax.scan(led, plant.start(q[0]), (q[:lead], qd[:lead], tau[:lead]))
+    It starts from the measured state; hidden states are led along the measured motion of the ``lead`` instants before.
+    """
+    q, qd, tau = window
 
-        def free(carry: Any, command: Any) -> Any:
-            state, hidden = plant.step(*carry, command, dt)
-            return (state, hidden), state.q
+    def led(hidden: Any, now: Any) -> Any:
+        position, velocity, command = now
+        for number, effect in enumerate(plant.effects):
+            command, memory = effect.actuate(hidden[number], position, velocity, command, dt)
+            hidden = (*hidden[:number], memory, *hidden[number + 1 :])
+        return hidden, None
 
-        return jax.lax.scan(free, (State(q[lead], qd[lead]), hidden), tau[lead:-1])[1]
+    hidden, _ = jax.lax.scan(led, plant.start(q[0]), (q[:lead], qd[:lead], tau[:lead]))
 
-    return jax.lax.map(window, (q, qd, tau))
+    def free(carry: Any, command: Any) -> Any:
+        state, hidden = carry
+        state, hidden = plant.step(state, hidden, command, dt)
+        return (state, hidden), state.q
+
+    return jax.lax.scan(free, (State(q[lead], qd[lead]), hidden), tau[lead:-1])[1]
 
 
 def sensed(plant: Plant, q: Any, dt: float) -> Any:

@@ -1,7 +1,7 @@
 """A diagnosis as a table for the terminal, and numbers as a person reads them."""
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def as_table(d: Diagnosis) -> str:
     Lines have at most ``COLUMNS`` characters; the text ends without a newline.
     """
     count = f"{len(d.findings) or 'no'} effect{'s' * (len(d.findings) != 1)}"
-    lines = [f"{d.verdict.replace('_', ' ')}: {TITLES[d.verdict].format(count=count)}", *_found(d), *_errors(d)]
+    lines = [f"{d.verdict.replace('_', ' ')}: {TITLES[d.verdict].format(count=count)}", *_found(d), *_errors(d), *_refined(d)]
     for ambiguity in d.ambiguous:
         names = " or ".join(on_joint(d, *key) for key in ambiguity.candidates)
         lines += ["", *_wrapped(f"not told apart: {names}"), *_wrapped(f"to tell: {ambiguity.experiment}", "  ")]
@@ -61,6 +61,43 @@ def _errors(d: Diagnosis) -> list[str]:
     return ["", *_aligned(rows)]
 
 
+def _refined(d: Diagnosis) -> list[str]:
+    if d.refinement is None:
+        return []
+    head, rows = refined_rows(d)
+    return ["", *_wrapped(head), *(f"  {line}" for line in _aligned(rows))]
+
+
+def refined_rows(d: Diagnosis) -> tuple[str, list[tuple[str, str]]]:
+    """What fitting the parameters to trajectories did: a sentence, and lines of what and before → after."""
+    r = d.refinement
+    assert r is not None
+    head = f"fitted to motion, {r.windows[0]} windows of {r.window:g} s: {'kept' if r.accepted else 'not kept'}, {r.reason}"
+    if r.before is None or r.after is None:
+        return head, []
+    rows = []
+    for k, f in enumerate(d.findings):
+        for name, value in r.given[k].items():
+            after, stderr = (x.tolist() if len(x) > 1 else float(x[0]) for x in (r.refined[k][name], r.stderr[k][name]))
+            told = parameter(Estimate(after, f.parameters[name].unit, stderr))
+            rows.append((f"{on_joint(d, f.name, f.joint)}, {readable(name)}", f"{_bare(value)} → {told}"))
+    horizon = longest(d, r.before.rollout_rms)
+    for j, name in enumerate(d.model.names):
+        torque = " → ".join(short(side.torque_rms[j]) for side in (r.before, r.after))
+        rows.append((f"{cut(name)}, torque error", f"{torque} {d.model.units[j]}"))
+        if horizon:
+            away = [side.rollout_rms[horizon][j] for side in (r.before, r.after)]
+            rows.append((f"{cut(name)}, position, {horizon} s", lengths(away, d.model.kinds[j])))
+    return head, rows
+
+
+def _bare(values: np.ndarray) -> str:
+    """A parameter (n,) without unit and standard error."""
+    if len(values) == 1:
+        return f"{values[0]:.4g}"
+    return f"{values.min():.4g} to {values.max():.4g}" if len(values) > 3 else f"({', '.join(f'{v:.3g}' for v in values)})"
+
+
 def on_joint(d: Diagnosis, name: str, joint: int | None) -> str:
     """An effect and the joint it is on, for a person."""
     return readable(name) + (f" ({cut(d.model.names[joint])})" if joint is not None else "")
@@ -84,9 +121,9 @@ def parameter(estimate: Estimate) -> str:
     return f"{number(estimate)}, each ± {np.mean(errors):.2g}{unit}"
 
 
-def longest(d: Diagnosis) -> str | None:
+def longest(d: Diagnosis, rollouts: Mapping[str, list[float]] | None = None) -> str | None:
     """The longest horizon of the rollouts, as it is written in the gap; None if the part kept aside was too short for any."""
-    known = [h for h, errors in d.gap.before.rollout_rms.items() if np.isfinite(errors).all()]
+    known = [h for h, errors in (rollouts or d.gap.before.rollout_rms).items() if np.isfinite(errors).all()]
     return max(known, key=float, default=None)
 
 

@@ -12,7 +12,7 @@ from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis, Finding, Row, sentence_of
 from jaxidl.gap.localise import Place
 from jaxidl.gap.network import SYSTEMATIC
-from jaxidl.gap.table import gain, lengths, on_joint, parameter, percent, short, unit_of
+from jaxidl.gap.table import gain, lengths, on_joint, parameter, percent, refined_rows, short, unit_of
 from jaxidl.gap.words import readable
 from jaxidl.plot.html import STYLE, Html, join, table, tag
 
@@ -55,6 +55,7 @@ def page(d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[st
         _section("The gap, before and after" if d.findings else "The gap", _gap_table(d), pictures.get("gap")),
         _section("Where the gap is", _places(d, d.where), *(pictures.get(n) for n in ("residual", "where", "spectrum"))),
         _section("What is missing", _missing(d, record), pictures.get("parameters")),
+        _section("The parameters fitted to motion", _refined(d)) if d.refinement else None,
         _section("What this log cannot tell apart", _ambiguous(d)) if d.ambiguous else None,
         _section("How every effect did", pictures.get("ranking"), _rounds(d)),
         _section("What remains", _remains(d)),
@@ -133,6 +134,13 @@ def _places(d: Diagnosis, places: Sequence[Place]) -> Html:
         out.append(tag("h3", d.model.names[j]) if len(d.model.names) > 1 else None)
         out.append(tag("ul", (tag("li", f"{text[0].upper()}{text[1:]}.") for text in told if text)))
     return join(out) if out else tag("p", "There is no residual to speak of.")
+
+
+def _refined(d: Diagnosis) -> Html:
+    """What fitting the parameters to trajectories did."""
+    head, rows = refined_rows(d)
+    note = "Before → after, on the part of the log kept aside; what is not kept is in no file." if rows else ""
+    return join([tag("p", f"{head[0].upper()}{head[1:]}."), table(["", "before → after"], rows), tag("p", tag("small", note))])
 
 
 def _missing(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:

@@ -1,0 +1,165 @@
+"""Simulated against measured positions over windows of a log, as a function of the plant's parameters, with its derivative.
+
+The derivative is that of the simulation as it ran. Where an effect is discontinuous it is that of the branch taken: a sliding
+joint feels the level of its dry friction, a stuck one does not, and that a little less would have let it go is not seen; a border
+that is crossed (the position below which a joint sticks) has derivative zero. What encoders do is no part of a rollout; a reading
+in whole counts would have derivative zero as well.
+"""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+from scipy.optimize import least_squares
+
+from jaxidl.effects import OnJoint
+from jaxidl.gap.rollout import SETTLE, Windows, replay, windows_at
+from jaxidl.gap.signals import Signals
+from jaxidl.gap.terms import parameters_of, with_parameters
+from jaxidl.systems import Plant
+
+MOMENTS = 10  # at which positions are compared, evenly over a window
+EVALUATIONS = 40  # of the simulation and its derivative, at most
+
+Free = tuple[tuple[str, ...], ...]  # names of the free parameters of each of a plant's effects
+
+
+def parameters_in(plant: Plant, names: Free) -> Float[np.ndarray, " P"]:
+    """The free parameters as one vector (P,)."""
+    parts = [parameters_of(_inner(effect), free) for effect, free in zip(plant.effects, names, strict=True)]
+    return np.concatenate([np.zeros(0), *parts])
+
+
+def changed(plant: Plant, names: Free, theta: Any) -> Plant:
+    """The plant with its free parameters set from one vector (P,)."""
+    effects, at = [], 0
+    for effect, free in zip(plant.effects, names, strict=True):
+        size = sum(jnp.size(getattr(_inner(effect), name)) for name in free)
+        if free:
+            inner = with_parameters(_inner(effect), free, theta[at : at + size])
+            effect = effect.replace(effect=inner) if isinstance(effect, OnJoint) else inner
+        effects.append(effect)
+        at += size
+    return plant.replace(effects=tuple(effects))
+
+
+def _inner(effect: Any) -> Any:
+    return effect.effect if isinstance(effect, OnJoint) else effect
+
+
+@partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
+def window_errors(
+    theta: Any, plant: Any, windows: Windows, span: Any, names: Free, lead: int, every: int, dt: float
+) -> tuple[Float[Array, "W K J"], Bool[Array, " W"]]:
+    """Simulated minus measured positions (W, K, J) [m or rad] at K moments, and which windows (W,) were lost.
+
+    Args:
+        theta: (P,) parameters in the order of ``names``.
+        plant: whose parameters they are.
+        windows: (W, L, J), see :class:`jaxidl.gap.rollout.Windows`.
+        span: (J,) a window that is further off or not finite is lost: its error is the span throughout, its derivative zero
+            [m or rad].
+        names: the free parameters of each effect.
+        lead: instants before a window begins.
+        every: steps from one moment to the next.
+        dt: sampling interval [s].
+    """
+    now = changed(plant, names, theta)
+    positions = jax.vmap(lambda window: replay(now, window, lead, dt))(windows)[:, every - 1 :: every]
+    error = positions - jnp.asarray(windows.q)[:, lead + every :: every]
+    far = jnp.broadcast_to(span, error.shape)
+    lost = ~jnp.all(jnp.abs(error) <= far, axis=(1, 2))  # what is not a number is not within
+    return jnp.where(lost[:, None, None], far, error), lost
+
+
+@partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
+def window_slopes(
+    theta: Any, plant: Any, windows: Windows, span: Any, names: Free, lead: int, every: int, dt: float
+) -> Float[Array, "W K J P"]:
+    """Derivatives of :func:`window_errors` by the parameters, in forward mode: all side by side in one simulation.
+
+    A window that was lost, or whose derivatives are not finite, has none.
+    """
+
+    def of(values: Any) -> Any:
+        return window_errors(values, plant, windows, span, names, lead, every, dt)
+
+    slopes, lost = jax.jacfwd(of, has_aux=True)(theta)
+    known = jnp.all(jnp.isfinite(slopes), axis=(1, 2, 3)) & ~lost
+    return jnp.where(known[:, None, None, None], slopes, 0.0)
+
+
+class Problem:
+    """Least squares of the windows (W,) that begin at ``starts``, each joint relative to its error at the start or its noise.
+
+    Args:
+        plant: with the parameters' start values.
+        names: the free parameters of each of its effects.
+        signals: the log.
+        starts: (W,) first instants.
+        length: steps of a window.
+    """
+
+    def __init__(self, plant: Plant, names: Free, signals: Signals, starts: np.ndarray, length: int):
+        self.plant, self.signals, self.starts = plant, signals, starts
+        self.lead, self.length = round(SETTLE / signals.dt), length
+        self.span = jnp.asarray(np.ptp(signals.q, axis=0))
+        self.options: dict[str, Any] = {"names": names, "lead": self.lead, "every": length // MOMENTS, "dt": signals.dt}
+        self.windows = windows_at(signals, starts, self.lead, length)
+        self.start = parameters_in(plant, names)
+        error, lost = self.errors(self.start)
+        self.hopeless = bool(lost.all())
+        rms = np.sqrt(np.mean(error[~lost | self.hopeless] ** 2, axis=(0, 1)))
+        self.weight = 1.0 / np.maximum(np.maximum(rms, signals.sigma), 1e-12)  # (J,) [1/m or 1/rad]
+
+    def errors(self, theta: np.ndarray, windows: Windows | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """:func:`window_errors` of the windows, or of as many others."""
+        error, lost = window_errors(theta, self.plant, windows or self.windows, self.span, **self.options)
+        return np.asarray(error), np.asarray(lost)
+
+    def residual(self, theta: np.ndarray) -> np.ndarray:
+        """Weighted errors (W K J,) [1]."""
+        return (self.errors(theta)[0] * self.weight).ravel()
+
+    def slopes(self, theta: np.ndarray) -> np.ndarray:
+        """Their derivatives (W K J, P)."""
+        found = np.asarray(window_slopes(theta, self.plant, self.windows, self.span, **self.options))
+        return (found * self.weight[:, None]).reshape(-1, len(theta))
+
+    def solve(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """The best parameters (P,) within the bounds (P,): a trust-region Levenberg-Marquardt method.
+
+        Each parameter is measured with what it does to the positions (``x_scale="jac"``).
+        """
+        limits = {"max_nfev": EVALUATIONS, "ftol": 1e-7, "xtol": 1e-12, "gtol": 1e-12}
+        slopes: Any = self.slopes  # a function, whatever SciPy's stubs expect
+        found = least_squares(self.residual, self.start, slopes, (lower, upper), x_scale="jac", **limits)
+        return np.clip(found.x, lower, upper)
+
+    def score(self, theta: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Root mean square weighted error (V,) of V other windows, and which were lost; by the same program, filled up."""
+        errors, losts = [], []
+        for first in range(0, len(starts), len(self.starts)):
+            part = starts[first : first + len(self.starts)]
+            others = windows_at(self.signals, np.resize(part, len(self.starts)), self.lead, self.length)
+            error, lost = self.errors(theta, others)
+            errors.append(np.sqrt(np.mean((error * self.weight)[: len(part)] ** 2, axis=(1, 2))))
+            losts.append(lost[: len(part)])
+        return np.concatenate(errors), np.concatenate(losts)
+
+    def stderr(self, theta: np.ndarray) -> np.ndarray:
+        """Standard errors (P,): windows count as independent, the moments of one do not (Liang and Zeger, Biometrika 1986).
+
+        Zero for a parameter without influence.
+        """
+        count = len(self.starts)
+        slopes = self.slopes(theta).reshape(count, -1, len(theta))
+        size = np.sqrt(np.einsum("wkp,wkp->p", slopes, slopes))
+        size = np.where(size > 0.0, size, 1.0)
+        slopes = slopes / size
+        push = np.einsum("wkp,wk->wp", slopes, self.residual(theta).reshape(count, -1))
+        inverse = np.linalg.pinv(np.einsum("wkp,wkq->pq", slopes, slopes), rcond=1e-10, hermitian=True)
+        return np.sqrt(np.sum((push @ inverse) ** 2, axis=0) * count / max(count - len(theta), 1)) / size
