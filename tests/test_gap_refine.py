@@ -11,12 +11,12 @@ import pytest
 
 from jaxidl import gap
 from jaxidl.cli import main
-from jaxidl.effects import ActuatorDelay, CoulombFriction, OnJoint, PositionBias, Spring, ViscousFriction
+from jaxidl.effects import ActuatorDelay, AsymmetricFriction, CoulombFriction, OnJoint, PositionBias, Spring, ViscousFriction
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.data import instants_of, kept_rows
 from jaxidl.gap.log import from_arrays
-from jaxidl.gap.refine import _seen, _starts
+from jaxidl.gap.refine import _seen, _starts, _tied
 from jaxidl.gap.rollout import windows_at
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.table import as_table
@@ -125,6 +125,19 @@ def test_what_encoders_do_is_undone_and_not_fitted(pendulum, signals):
     np.testing.assert_allclose(seen.qd, signals.qd, atol=1e-9)
     found = gap.refine(pendulum.plant, (bias,), shifted, ({"bias": (-1.0, 1.0)},))
     assert (found.accepted, found.reason, found.refined) == (False, "there is no parameter to refine", ({},))
+
+
+def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, problem):
+    """Plain friction and friction by direction: no motion tells the common part of the one from the other."""
+    uneven = OnJoint(AsymmetricFriction(*(jnp.array([x]) for x in (0.3, 0.3, 0.01, -0.01))), 0, 1)
+    either = ("viscous_positive", "viscous_negative")
+    free = (*FREE, dict.fromkeys(either, (-1.0, 1.0)))
+    assert _tied((*effects(), uneven), free) == [(3, 4)]
+    assert _tied((effects()[1], uneven), (FREE[1], free[3])) == []  # nothing has the common part
+    tied = Problem(problem.plant, tuple(map(tuple, FREE)), signals, problem.starts, LENGTH, [(0, 1)])
+    step = tied.residual(tied.start + np.array([0.01, -0.01, 0.0]))[-1], tied.residual(tied.start + 0.01)[-1]
+    assert abs(step[0]) < 1e-9 < 1e-2 < step[1]
+    np.testing.assert_allclose(tied.slopes(tied.start)[-1] * 0.01 @ np.ones(3), step[1])
 
 
 def test_forward_reverse_and_numeric_derivatives_agree(problem):

@@ -14,9 +14,10 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects import AsymmetricFriction, Effect, OnJoint
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.data import data_of, instants_of, kept_rows, used
+from jaxidl.gap.gauge import SHARED
 from jaxidl.gap.rank import Ranking
 from jaxidl.gap.rollout import SETTLE, rollout_errors, sensed
 from jaxidl.gap.signals import Signals
@@ -111,7 +112,7 @@ def refine(
             return nothing._replace(reason="there is no parameter to refine")
         if min(nothing.windows) < FEWEST:
             return nothing._replace(reason=f"there are fewer than {FEWEST} windows of {window:g} s to fit or to prove it")
-        problem = Problem(plant, names, seen, training, length)
+        problem = Problem(plant, names, seen, training, length, _tied(found, free))
         if problem.hopeless:
             return nothing._replace(reason="the simulation runs away in every window")
         theta = problem.solve(lower, upper)
@@ -215,6 +216,23 @@ def _inner(effect: Effect) -> Effect:
 def _senses(effect: Effect) -> bool:
     """Does the effect lie between the joint and its encoder?"""
     return type(_inner(effect)).sense is not Effect.sense
+
+
+def _tied(found: Sequence[Effect], free: Sequence[Bounds]) -> list[tuple[int, int]]:
+    """Pairs of places of what friction by direction has in common with plain friction on the same joint: that stays there."""
+    places, at = {}, 0
+    for effect, bounds in zip(found, free, strict=True):
+        for name in bounds:
+            joint = effect.joint if isinstance(effect, OnJoint) else None
+            places[_inner(effect).name, joint, name] = at
+            at += np.size(getattr(_inner(effect), name))
+    pairs = []
+    for (effect, joint, name), place in places.items():
+        other = places.get((effect, joint, name.replace("positive", "negative")))
+        if effect == AsymmetricFriction.name and name in SHARED and other is not None:
+            partner, parameter = SHARED[name]
+            pairs += [(place, other)] * ((partner, joint, parameter) in places)
+    return pairs
 
 
 def _vectors(found: Sequence[Effect], free: Sequence[Bounds]) -> list[np.ndarray]:

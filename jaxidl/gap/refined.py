@@ -10,24 +10,26 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.data import data_of
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Side
 from jaxidl.gap.localise import localise
-from jaxidl.gap.refine import Refinement, Values, refine
+from jaxidl.gap.refine import Refinement, refine
 from jaxidl.gap.words import summarise
 
 
 def refined(d: Diagnosis, window: float) -> Diagnosis:
     """See :meth:`jaxidl.gap.diagnosis.Diagnosis.refined`."""
-    if d.signals is None:
+    signals = d.signals
+    if signals is None:
         raise ConfigurationError("a diagnosis with the log's signals", "one without", "make it with gap.diagnose")
     found, bounds = [f.effect for f in d.findings], [f.bounds for f in d.findings]
-    r = refine(d.model.plant, found, d.signals, bounds, held_out=d.options["held_out"], window=window)
+    r = refine(d.model.plant, found, signals, bounds, held_out=d.options["held_out"], window=window)
     if not r.accepted or r.after is None or r.residual is None:
         return replace(d, refinement=r)
-    findings = tuple(_finding(f, r, k) for k, f in enumerate(d.findings))
+    d = replace(d, refinement=r)
+    findings = tuple(_finding(d, r, k) for k in range(len(d.findings)))
     command = np.array(d.gap.before.torque_rms) / np.maximum(d.gap.before.torque_relative, 1e-300)
     relative = np.array(r.after.torque_rms) / np.maximum(command, 1e-300)
     gap = d.gap._replace(after=Side(r.after.torque_rms, relative.tolist(), r.after.rollout_rms))
     with jax.enable_x64(True):
-        data = data_of(d.signals, d.model.plant.effects, d.options["held_out"])
+        data = data_of(signals, d.model.plant.effects, d.options["held_out"])
     remaining = tuple(localise(data, r.residual, d.model.names))
     return replace(
         d,
@@ -36,7 +38,6 @@ def refined(d: Diagnosis, window: float) -> Diagnosis:
         remaining=remaining,
         traces=d.traces._replace(after=r.residual),
         summary=summarise(d.verdict, findings, d.ambiguous, gap, d.where, remaining, d.model),
-        refinement=r,
     )
 
 
@@ -59,7 +60,7 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
                         "unit": f.parameters[name].unit,
                         "before": _number(value),
                         "after": _number(r.refined[k][name]),
-                        "stderr": _number(r.stderr[k][name]),
+                        "stderr": _number(told_stderr(d, k, name)),
                     }
                     for name, value in r.given[k].items()
                 },
@@ -71,17 +72,29 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
     }
 
 
-def _finding(f: Finding, r: Refinement, k: int) -> Finding:
+def told_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
+    """Standard errors (n,) of a refined parameter of the k-th finding: of the scatter between windows and, beside it, the change.
+
+    That torques and motion say different things is a matter of filters and time steps, the same in all windows. No time is told
+    better than to a sampling interval.
+    """
+    r = d.refinement
+    assert r is not None
+    within = np.full_like(
+        r.stderr[k][name], d.signals.dt / np.sqrt(12.0) if d.signals and d.findings[k].parameters[name].unit == "s" else 0.0
+    )
+    return np.sqrt(r.stderr[k][name] ** 2 + (r.refined[k][name] - r.given[k][name]) ** 2 + within**2)
+
+
+def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
     """A finding with its refined effect and parameters; those without influence on motion keep their standard errors."""
+    f = d.findings[k]
     parameters = dict(f.parameters)
     for name, value in r.refined[k].items():
-        stderr = np.where(r.stderr[k][name] > 0.0, r.stderr[k][name], np.ravel(f.parameters[name].stderr))
+        stderr = np.where(r.stderr[k][name] > 0.0, told_stderr(d, k, name), np.ravel(f.parameters[name].stderr))
         parameters[name] = Estimate(_number(value), f.parameters[name].unit, _number(stderr))
     return replace(f, effect=r.effects[k], parameters=parameters)
 
 
 def _number(value: np.ndarray) -> float | list[float]:
     return float(value[0]) if len(value) == 1 else value.tolist()
-
-
-__all__ = ["Values", "record", "refined"]

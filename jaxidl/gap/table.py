@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxidl.gap.diagnosis import Diagnosis, Estimate
+from jaxidl.gap.refined import told_stderr
 from jaxidl.gap.words import number, readable
 
 COLUMNS = 100  # at most
@@ -78,7 +79,7 @@ def refined_rows(d: Diagnosis) -> tuple[str, list[tuple[str, str]]]:
     rows = []
     for k, f in enumerate(d.findings):
         for name, value in r.given[k].items():
-            after, stderr = (x.tolist() if len(x) > 1 else float(x[0]) for x in (r.refined[k][name], r.stderr[k][name]))
+            after, stderr = (x.tolist() if len(x) > 1 else float(x[0]) for x in (r.refined[k][name], told_stderr(d, k, name)))
             told = parameter(Estimate(after, f.parameters[name].unit, stderr))
             rows.append((f"{on_joint(d, f.name, f.joint)}, {readable(name)}", f"{_bare(value)} → {told}"))
     horizon = longest(d, r.before.rollout_rms)

@@ -6,6 +6,7 @@ that is crossed (the position below which a joint sticks) has derivative zero. W
 in whole counts would have derivative zero as well.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from typing import Any
 
@@ -101,9 +102,18 @@ class Problem:
         signals: the log.
         starts: (W,) first instants.
         length: steps of a window.
+        tied: pairs of parameters, by their places, whose sum is kept: another parameter has it, and no motion tells them apart.
     """
 
-    def __init__(self, plant: Plant, names: Free, signals: Signals, starts: np.ndarray, length: int):
+    def __init__(
+        self,
+        plant: Plant,
+        names: Free,
+        signals: Signals,
+        starts: np.ndarray,
+        length: int,
+        tied: Sequence[tuple[int, int]] = (),
+    ):
         self.plant, self.signals, self.starts = plant, signals, starts
         self.lead, self.length = round(SETTLE / signals.dt), length
         self.span = jnp.asarray(np.ptp(signals.q, axis=0))
@@ -113,7 +123,12 @@ class Problem:
         error, lost = self.errors(self.start)
         self.hopeless = bool(lost.all())
         rms = np.sqrt(np.mean(error[~lost | self.hopeless] ** 2, axis=(0, 1)))
+        self.ties = np.zeros((len(tied), len(self.start)))
         self.weight = 1.0 / np.maximum(np.maximum(rms, signals.sigma), 1e-12)  # (J,) [1/m or 1/rad]
+
+        for row, pair in zip(self.ties, tied, strict=True):
+            row[list(pair)] = 1.0
+        self.ties *= np.linalg.norm(self.slopes(self.start), axis=0).max(initial=0.0, where=self.ties.any(0))
 
     def errors(self, theta: np.ndarray, windows: Windows | None = None) -> tuple[np.ndarray, np.ndarray]:
         """:func:`window_errors` of the windows, or of as many others."""
@@ -121,13 +136,13 @@ class Problem:
         return np.asarray(error), np.asarray(lost)
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
-        """Weighted errors (W K J,) [1]."""
-        return (self.errors(theta)[0] * self.weight).ravel()
+        """Weighted errors (W K J,) [1], before what keeps the tied parameters' sums."""
+        return np.concatenate([(self.errors(theta)[0] * self.weight).ravel(), self.ties @ (theta - self.start)])
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Their derivatives (W K J, P)."""
+        """Their derivatives (W K J + ties, P)."""
         found = np.asarray(window_slopes(theta, self.plant, self.windows, self.span, **self.options))
-        return (found * self.weight[:, None]).reshape(-1, len(theta))
+        return np.concatenate([(found * self.weight[:, None]).reshape(-1, len(theta)), self.ties])
 
     def solve(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """The best parameters (P,) within the bounds (P,): a trust-region Levenberg-Marquardt method.
@@ -156,10 +171,12 @@ class Problem:
         Zero for a parameter without influence.
         """
         count = len(self.starts)
-        slopes = self.slopes(theta).reshape(count, -1, len(theta))
-        size = np.sqrt(np.einsum("wkp,wkp->p", slopes, slopes))
+        slopes = self.slopes(theta)
+        size = np.linalg.norm(slopes, axis=0)
         size = np.where(size > 0.0, size, 1.0)
         slopes = slopes / size
-        push = np.einsum("wkp,wk->wp", slopes, self.residual(theta).reshape(count, -1))
-        inverse = np.linalg.pinv(np.einsum("wkp,wkq->pq", slopes, slopes), rcond=1e-10, hermitian=True)
+        inverse = np.linalg.pinv(slopes.T @ slopes, rcond=1e-10, hermitian=True)
+        data = len(slopes) - len(self.ties)
+        each = (slopes[:data] * self.residual(theta)[:data, None]).reshape(count, -1, len(theta))
+        push = each.sum(1)
         return np.sqrt(np.sum((push @ inverse) ** 2, axis=0) * count / max(count - len(theta), 1)) / size
