@@ -14,6 +14,7 @@ BENCHMARKS = (
     "cores",
     "growth",
     "compilation",
+    "gradients",
     "gap",
     "arm",
     "real_time",

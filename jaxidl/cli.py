@@ -1,4 +1,4 @@
-"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | arm | gap | gap-benchmark | bench``.
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | tune | arm | gap | …``.
 
 Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130.
 """
@@ -24,6 +24,7 @@ from jaxidl.bench import run_benchmarks
 from jaxidl.cli_ablate import ablate
 from jaxidl.cli_arm import arm
 from jaxidl.cli_gap import gap, gap_benchmark
+from jaxidl.cli_tune import tune
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.files import write_bytes
 from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
@@ -172,11 +173,11 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
 def bench(
     names: Annotated[Names, tyro.conf.Positional, arg(metavar="NAME ...")] = (), /, *, out: Path = Path("out/bench")
 ) -> None:
-    """Measure this machine: training step, control step, cores, growth, compilation, gap finding, reliability.
+    """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap finding, reliability.
 
     Args:
-        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation, gap,
-            reliability.
+        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation,
+            gradients, gap, arm, real_time, reliability.
         out: folder for one JSON file of each.
     """
     run_benchmarks(names, out)
@@ -201,6 +202,7 @@ COMMANDS = {
     "claims": claims,
     "reproduce": reproduce,
     "ablate": ablate,
+    "tune": tune,
     "arm": arm,
     "gap": gap,
     "gap-benchmark": gap_benchmark,

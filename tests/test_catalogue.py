@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import fields
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -11,11 +10,11 @@ import pytest
 from jax.flatten_util import ravel_pytree
 
 import jaxidl.effects as fx
-from jaxidl import backend
 from jaxidl.effects import CATALOGUE, Effect, OnJoint, Scale, from_dict
 from jaxidl.errors import EffectError
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
+from tests.numeric import compare
 
 pair = lambda a, b: jnp.array([a, b])  # noqa: E731
 ENDS = {"lower": 0.0, "upper": 0.9}
@@ -152,40 +151,6 @@ def test_fits_begin_within_the_bounds(effect):
 
 
 # --- derivatives: forward = reverse = numeric --------------------------------------------------------------------------------
-
-
-HASTY = {"xla_llvm_disable_expensive_passes": True, "xla_cpu_use_fusion_emitters": False}  # a quarter of the time to compile
-OPTIONS = {"xla_backend_optimization_level": 0} | {name: on for name, on in HASTY.items() if backend._known(name, on)}
-quick = partial(jax.jit, compiler_options=OPTIONS)  # for programs that run a few times only
-
-
-@partial(quick, static_argnums=(0, 1))
-def value(function, rebuild, x, fixed):
-    return function(*rebuild(x), fixed)
-
-
-@partial(quick, static_argnums=(0, 1))
-def slopes(function, rebuild, x, fixed):
-    """Derivatives of ``function(*rebuild(x), fixed)`` by x, forward and reverse."""
-    of_x = jax.jit(lambda x: function(*rebuild(x), fixed))  # traced once for both
-    return jax.jacfwd(of_x)(x), jax.jacrev(of_x)(x)
-
-
-def compare(function, arguments, fixed, smooth=True):
-    """The derivative forward, after comparing it with reverse mode and, if ``smooth``, differences."""
-    x, rebuild = ravel_pytree(arguments)
-    x, size = np.asarray(x), 1e-3 + np.abs(value(function, rebuild, x, fixed))[:, None]
-    forward, reverse = map(np.asarray, slopes(function, rebuild, x, fixed))
-    assert np.isfinite(size).all()
-    assert np.isfinite(forward).all()
-    share = np.maximum(np.abs(x), 1e-9) / size
-    np.testing.assert_allclose(reverse * share, forward * share, rtol=1e-9, atol=1e-10)
-    if smooth:
-        steps = np.diag(1e-5 * np.abs(x) + 1e-9)
-        up, down = ([value(function, rebuild, x + sign * step, fixed) for step in steps] for sign in (1, -1))
-        numeric = (np.stack(up, 1) - np.stack(down, 1)) / (2.0 * np.diagonal(steps))
-        np.testing.assert_allclose(numeric * share, forward * share, rtol=1e-5, atol=1e-6)
-    return forward
 
 
 def everything(effect, q, qd, tau, noise):

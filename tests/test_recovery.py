@@ -10,7 +10,8 @@ from scipy.optimize import least_squares
 from jaxidl.effects import Parameter, Scale, regressor
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
-from tests.test_catalogue import EXAMPLES, MASS, SINGLE, quick
+from tests.numeric import quick
+from tests.test_catalogue import EXAMPLES, MASS, SINGLE
 
 DT, STEPS = 2e-3, 2000
 REST = 1e-12  # m/s: slower is the rounding of standstill

@@ -1,6 +1,6 @@
 """The paper's robot experiments in simulation: every number of the arm study, in one place."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ from jaxidl.effects import (
 from jaxidl.errors import one_of
 from jaxidl.learning.execute import Task, desired_trajectory
 from jaxidl.learning.iterate import Setting, learn
+from jaxidl.learning.settings import settings
 from jaxidl.learning.smoothing import zero_phase
 from jaxidl.models import ErrorModel, Learner, Training
 from jaxidl.systems import Plant
@@ -107,7 +108,7 @@ class ArmStudy:
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, nested, ready for JSON."""
-        return asdict(self) | {"hidden": self.hidden._asdict()}
+        return settings(self) | {"hidden": self.hidden._asdict()}
 
     @property
     def steps(self) -> int:

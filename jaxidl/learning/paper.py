@@ -1,6 +1,6 @@
 """The paper's simulation study as configurations: every number of the reference experiment, in one place."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -12,6 +12,7 @@ from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.iterate import Setting
+from jaxidl.learning.settings import settings
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
 from jaxidl.systems import Plant, point_mass
@@ -78,12 +79,8 @@ class PaperStudy:
             raise ConfigurationError("at least 2 control steps", str(self.steps), "lengthen the execution")
 
     def to_dict(self) -> dict[str, Any]:
-        """All numbers, nested, ready for JSON: with the condition this determines a result.
-
-        A setting that earlier versions did not have is left out where it is as it was then: their results can be extended.
-        """
-        later = ("friction_width", "stiction_width", "kept")
-        return {name: value for name, value in asdict(self).items() if name not in later or value}
+        """All numbers, nested, ready for JSON: with the condition this determines a result."""
+        return settings(self)
 
     def task(self) -> Task:
         rest = State(jnp.zeros(2), jnp.zeros(2))

@@ -90,7 +90,8 @@ def _words(dim: str, value: object) -> str:
 
 def _caption(data: xr.Dataset) -> str:
     """What is the same in all panels, and how many seeds there are."""
-    single = [dim for dim in DIMS if dim not in ("seed", "source", "iteration") and data.sizes[dim] == 1]
+    said = ("seed", "source", "iteration", *(["gain"] if "applied_gain" in data.dims else []))
+    single = [dim for dim in DIMS if dim not in said and data.sizes[dim] == 1]
     words = ", ".join(_words(dim, data[dim].values[0]) for dim in single)
     seeds, diverged = data.sizes["seed"], int((~data["finite"]).sum())
     spread = "line: geometric mean over seeds with its 95 % interval, dots: seeds" if seeds > 1 else "one seed"

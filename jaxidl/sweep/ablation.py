@@ -47,7 +47,7 @@ def axes(data: xr.Dataset) -> tuple[str, list[str]]:
         StoreError: if nothing is varied.
     """
     base = [str(dim) for dim in data["q_error"].dims if dim not in (*INNER, *added(data)) and data.sizes[dim] > 1]
-    found = [*added(data), *base]
+    found = [*added(data), *sorted(base, key=lambda dim: dim in ("controller", "gain"))]  # numbers first
     if not found:
         raise StoreError("results in which something varies", "one setting only", "run `jaxidl ablate --vary NAME VALUES …`")
     return found[0], [dim for dim in found[1:] if data.sizes[dim] > 1]

@@ -120,7 +120,7 @@ def _watch(grid: Grid, study: PaperStudy, missing: list[Label], quiet: bool, fin
     cost = {kind: _cost(study, kind, grid.iterations) for kind in set(kinds.values())}
     left = sum(cost[kind] for kind in kinds.values())
     done, said = len(grid) - len(missing), time.monotonic()
-    with _progress(quiet) as bar:
+    with progress_bar(quiet) as bar:
         task = bar.add_task("learning runs", total=left, count=f"{done}/{len(grid)}")
         for chunk in finished:
             done += len(chunk.labels)
@@ -159,7 +159,8 @@ def wait(arrays: T) -> T:
     return arrays
 
 
-def _progress(quiet: bool) -> Progress:
+def progress_bar(quiet: bool) -> Progress:
+    """A bar with the time left on the standard error; its tasks say in ``count`` what is done."""
     columns = [TextColumn("{task.description} {task.fields[count]}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%")]
     times = [TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left")]
     return Progress(*columns, *times, console=Console(stderr=True), disable=quiet, speed_estimate_period=600)

@@ -1,0 +1,58 @@
+"""The figure of ``jaxidl tune``: both searches against their cost, and what they found on fresh seeds."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from jaxidl.plot.style import house_style, save
+
+STYLE = {"as it is": ("#000000", "o"), "gradient": ("#0072B2", "^"), "random": ("#D55E00", "s")}
+UNITS = {"point_mass": ("m", "N"), "arm": ("rad", "Nm")}
+
+
+def figure(result: dict[str, Any]) -> Figure:
+    """Left: best error so far over learning runs. Right: error against effort of the fresh runs, with their means."""
+    length, torque = UNITS[result["problem"]["plant"]]
+    drawn = Figure(figsize=(7.6, 3.3), layout="constrained")
+    left, right = drawn.subplots(1, 2)
+    for way, course in result["course"].items():
+        left.plot(course["runs"], course["error"], color=STYLE[way][0], drawstyle="steps-post", label=way)
+    left.set_xscale("log")
+    left.set_yscale("log")
+    left.set_xlabel("cost [learning runs]")
+    left.set_ylabel(f"best error within the bound [{length}]")
+    left.set_title("search")
+    left.legend(frameon=False)
+    _fresh(right, result)
+    right.set_xlabel(f"mean applied feedback [{torque}]")
+    right.set_ylabel(f"position error after learning [{length}]")
+    right.set_title("on fresh seeds")
+    right.legend(frameon=False)
+    search, problem = result["search"], result["problem"]
+    plant = f"{problem['plant'].replace('_', ' ')}, {problem['controller'].upper()}"
+    about = f"{plant}: {len(result['numbers']['gradient'])} numbers; {problem['executions']} executions; "
+    about += f"{search['seeds']} seeds to search, {search['test_seeds']} fresh ones; large: geometric mean"
+    drawn.supxlabel(about, fontsize=7.5, color="0.35")
+    return drawn
+
+
+def _fresh(axes: Axes, result: dict[str, Any]) -> None:
+    for way, runs in result["fresh"].items():
+        color, marker = STYLE[way]
+        error, effort = (np.array(runs[name]) for name in ("error", "effort"))
+        known = np.isfinite(error) & np.isfinite(effort)
+        axes.plot(effort[known], error[known], marker, color=color, markersize=3, alpha=0.45)
+        mean = [np.exp(np.log(x[known]).mean()) for x in (effort, error)]
+        axes.plot(*mean, marker, color=color, markersize=8, markeredgecolor="white", label=way)
+    axes.axvline(result["bound"], color="0.4", linestyle=":", linewidth=1.0, label="bound")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+
+
+def draw_tune(result: dict[str, Any], folder: Path) -> list[Path]:
+    """Draw the figure into ``folder`` as PNG and PDF; returns the paths."""
+    with house_style():
+        return save(figure(result), folder, "tune")

@@ -1,0 +1,149 @@
+"""What is tuned: the positive numbers of a feedback law, judged by learning runs on a plant."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Integer
+
+from jaxidl.control import Doomed, FeedbackLaw, Pid, PidGains
+from jaxidl.errors import one_of
+from jaxidl.learning.arm import ArmStudy
+from jaxidl.learning.iterate import Metrics, learn
+from jaxidl.learning.paper import CONTROLLERS, GAINS, Condition, PaperStudy
+from jaxidl.models import ErrorModel, Training
+from jaxidl.systems.arm import JOINTS
+
+MATMUL_PRECISION = "float32"  # as in sweeps
+SMOOTH = {"friction_width": 0.02, "stiction_width": 0.05}  # of the plant that derivatives are taken on [m], [-]
+ROUNDED = 0.1  # width of its networks' kinks [-]
+FACTOR = 20.0  # a gain may become so many times larger or smaller
+PLANTS = ("point_mass", "arm")
+Logs = Float[Array, " P"]  # logarithms of the tuned numbers
+
+
+class Outcome(NamedTuple):
+    """What one learning run of K executions comes to; of several seeds with an axis more."""
+
+    error: Float[Array, "..."]  # mean log error over the executions after the first [log m or log rad]
+    effort: Float[Array, "..."]  # log of the mean |applied feedback| over all executions [log N or log Nm]
+    finite: Bool[Array, "..."]
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A plant with a law to tune. Host-side; :meth:`run` is pure.
+
+    The numbers are the law's finite ones, in the order of its leaves, as logarithms: gains act by ratio.
+    """
+
+    settings: dict[str, Any]  # all that determines a run, ready for JSON
+    law: FeedbackLaw  # where the search begins
+    learn: Callable[[FeedbackLaw, Integer[Array, ""], bool, str | None], Metrics]  # law, seed, smooth?, derivative
+
+    @property
+    def names(self) -> list[str]:
+        """A name for each of the P numbers: applied.kp[0], smoothing, …"""
+        out = []
+        for path, leaf in self._free():
+            name = jax.tree_util.keystr(path).lstrip(".")
+            out += [name] if np.ndim(leaf) == 0 else [f"{name}[{j}]" for j in range(np.size(leaf))]
+        return out
+
+    def _free(self) -> list[tuple[Any, Any]]:
+        return [(path, leaf) for path, leaf in jax.tree_util.tree_leaves_with_path(self.law) if np.isfinite(leaf).all()]
+
+    @property
+    def start(self) -> Float[np.ndarray, " P"]:
+        """The law's own numbers."""
+        return np.log(np.concatenate([np.ravel(leaf) for _, leaf in self._free()]))
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper (P,): a factor each way, and no filter's weight above 1."""
+        upper = np.where(["smoothing" in name for name in self.names], 0.0, np.inf)
+        return self.start - np.log(FACTOR), np.minimum(self.start + np.log(FACTOR), upper)
+
+    def law_of(self, logs: Logs) -> FeedbackLaw:
+        """The law with other numbers."""
+        leaves, structure = jax.tree.flatten(self.law)
+        out, at = [], 0
+        for leaf in leaves:
+            if np.isfinite(leaf).all():
+                size = np.size(leaf)
+                out.append(jnp.reshape(jnp.exp(logs[at : at + size]), np.shape(leaf)))
+                at += size
+            else:
+                out.append(leaf)
+        return structure.unflatten(out)
+
+    def run(self, logs: Logs, seed: Integer[Array, ""], smooth: bool = False, derivative: str | None = None) -> Outcome:
+        """One learning run; ``smooth`` on the plant and with the networks that derivatives are taken on."""
+        with jax.default_matmul_precision(MATMUL_PRECISION):
+            metrics = self.learn(self.law_of(logs), seed, smooth, derivative)
+        effort = jnp.log(jnp.mean(metrics.feedback_applied))
+        return Outcome(jnp.mean(jnp.log(metrics.q_error[1:])), effort, metrics.finite.all())
+
+
+def point_mass_problem(
+    controller: str = "pid", executions: int = 4, epochs: int = 10, noise: float = 5e-4, source: str = "joint"
+) -> Problem:
+    """The paper's plant (friction 5, stiction 5) and its low gains, one of each for either axis.
+
+    Raises:
+        ConfigurationError: for an unknown controller.
+    """
+    if controller not in CONTROLLERS:
+        raise one_of("controller", controller, CONTROLLERS)
+    sharp = PaperStudy(training=Training(epochs=epochs))
+    blurred = replace(sharp, error_model=ErrorModel(activation_width=ROUNDED), **SMOOTH)
+    condition = Condition(GAINS.index("low"), noise, 5.0, 5.0)
+    each = lambda value: jnp.full(2, float(value))  # noqa: E731
+    law: FeedbackLaw = Doomed(each(0.01), each(0.5), 0.1, 0.9)
+    if controller == "pid":
+        applied, learner = (PidGains(*map(each, gains)) for gains in (sharp.pid_gains[0], sharp.pid_learner))
+        law = Pid(applied, learner, 0.1)
+
+    def run(law: FeedbackLaw, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
+        study = blurred if smooth else sharp
+        key = jax.random.key(seed)
+        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (executions, study.steps, 2))
+        setting = study.setting(controller, condition).replace(law=law)
+        how: dict[str, Any] = {"error_model": study.error_model, "training": study.training, "derivative": derivative}
+        return learn(setting, draws, key, source=source, **how)[0]
+
+    sizes = {"executions": executions, "epochs": epochs, "noise": noise, "source": source}
+    return Problem({"plant": "point_mass", "controller": controller, **sizes, "study": sharp.to_dict()}, law, run)
+
+
+def arm_problem(executions: int = 3, epochs: int = 8, noise: float = 1e-5, source: str = "joint") -> Problem:
+    """The seven-joint arm under DOOMED, a rate and a learner's gain for each joint, one motion of 0.8 s and back."""
+    study = ArmStudy(seconds_each=0.8, goals=ArmStudy().goals[:1], training=Training(epochs=epochs, batch=256))
+    law = study.law()
+    # a gradient smoothing of 1, none at all, is at its bound and stays there: it is not among the numbers to tune
+    fixed = {"gradient_smoothing": law.gradient_smoothing}
+    law = law.replace(rate=law.rate * jnp.ones(JOINTS), gradient_smoothing=jnp.inf)
+    rounded = replace(study.error_model, activation_width=ROUNDED)
+
+    def run(law: FeedbackLaw, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
+        setting = study.setting(noise).replace(law=law.replace(**fixed))  # type: ignore[attr-defined]
+        key = jax.random.key(seed)
+        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (executions, study.steps, JOINTS))
+        how: dict[str, Any] = {"error_model": rounded if smooth else study.error_model, "training": study.training}
+        return learn(setting, draws, key, source=source, train_on="sensed_state", derivative=derivative, **how)[0]
+
+    sizes = {"executions": executions, "epochs": epochs, "noise": noise, "source": source}
+    return Problem({"plant": "arm", "controller": "doomed", **sizes, "study": study.to_dict()}, law, run)
+
+
+def problem(plant: str, controller: str, **sizes: Any) -> Problem:
+    """The problem of that name.
+
+    Raises:
+        ConfigurationError: for an unknown plant or controller.
+    """
+    if plant not in PLANTS:
+        raise one_of("plant", plant, PLANTS)
+    return arm_problem(**sizes) if plant == "arm" else point_mass_problem(controller, **sizes)

@@ -1,0 +1,160 @@
+"""Gradient descent on learning runs, and random search that may cost as much.
+
+Both look for the numbers of a law with the lowest tracking error after learning whose feedback effort stays within a bound: the
+compliance that one is not willing to give up. Both are judged by the same runs on the true plant with the paper's networks;
+gradients are taken on its smooth form (:data:`jaxidl.tune.problem.SMOOTH`), where they say what a change does.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import Mesh, PartitionSpec
+from jaxtyping import Float, Integer
+
+from jaxidl.backend import compiler_options
+from jaxidl.errors import ConfigurationError
+from jaxidl.models.training import adam
+from jaxidl.sweep.launch import wait
+from jaxidl.sweep.parts import Arrays, Parts
+from jaxidl.tune.problem import Outcome, Problem
+
+WEIGHT = 30.0  # of the squared log excess over the bound in what is descended
+RATE = 0.12  # of Adam, in log units a step
+LONGEST = 1.0  # norm that one seed's gradient counts with at most: learning runs have cliffs
+BATCH = 8  # points of random search in a piece
+
+
+@dataclass(frozen=True)
+class Search:
+    """How much is searched; what it costs is counted in learning runs."""
+
+    steps: int = 20  # of gradient descent
+    seeds: int = 4  # learning runs that judge a point
+    gradient_cost: int = 10  # learning runs that one gradient is worth, as measured: `jaxidl bench gradients`
+    test_seeds: int = 20  # fresh ones that compare what was found
+    seed: int = 1  # root of all of them
+
+    def __post_init__(self) -> None:
+        for name, least in (("steps", 1), ("seeds", 1), ("gradient_cost", 1), ("test_seeds", 2), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
+
+    @property
+    def points(self) -> int:
+        """Points of random search that cost as much as the descent: each of its steps is one gradient and one judgement."""
+        return self.steps * (self.gradient_cost + 1)
+
+    def train(self) -> Integer[np.ndarray, " S"]:
+        return 1000 * self.seed + np.arange(self.seeds, dtype=np.uint32)
+
+    def test(self) -> Integer[np.ndarray, " S"]:
+        return 1000 * self.seed + 500 + np.arange(self.test_seeds, dtype=np.uint32)
+
+
+@dataclass
+class Trail:
+    """Points (N, P) as logarithms, with error and effort of each seed (N, S), in the order in which they were tried."""
+
+    logs: Float[np.ndarray, "N P"]
+    error: Float[np.ndarray, "N S"]
+    effort: Float[np.ndarray, "N S"]
+
+    def best(self, bound: float, upto: int | None = None) -> int:
+        """The point with the lowest mean error among those within ``bound`` (log), or the one that exceeds it least."""
+        error, over = self.error[:upto].mean(1), np.maximum(self.effort[:upto].mean(1) - bound, 0.0)
+        return int(np.lexsort((error, over))[0])
+
+
+def descend(problem: Problem, search: Search, bound: float, parts: Parts, tick: Callable[[int], None]) -> Trail:
+    """Projected Adam on error + WEIGHT · max(0, effort − bound)², both in logarithms."""
+    logs, seeds = problem.start, search.train()
+    low, high = problem.bounds()
+    optimiser = adam(RATE)
+    state = optimiser.init(jnp.asarray(logs))
+    rows: list[Arrays] = []
+    for number in range(search.steps):
+        name = f"gradient-{number:03d}"
+        piece = parts.load(name)
+        if piece is None:
+            slopes = np.asarray(wait(gradients(problem)(logs, seeds, bound)))
+            piece = {"logs": logs, "slopes": slopes, **judged(problem, logs[None], seeds)}
+            parts.save(name, piece)
+        tick(search.gradient_cost + 1)
+        rows.append(piece)
+        updates, state = optimiser.update(jnp.asarray(direction(piece["slopes"])), state)
+        logs = np.clip(piece["logs"] + np.asarray(updates), low, high)
+    return Trail(np.stack([row["logs"] for row in rows]), *(np.concatenate([r[k] for r in rows]) for k in ("error", "effort")))
+
+
+def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
+    """Mean over seeds of gradients no longer than LONGEST; one that is not finite says nothing."""
+    slopes = np.where(np.isfinite(slopes).all(1, keepdims=True), slopes, 0.0)
+    norm = np.linalg.norm(slopes, axis=1, keepdims=True)
+    return np.mean(slopes * np.minimum(1.0, LONGEST / np.maximum(norm, 1e-12)), axis=0)
+
+
+def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int], None]) -> Trail:
+    """Random search: the law as it is, then points drawn evenly between the bounds."""
+    low, high = problem.bounds()
+    draws = np.random.default_rng(search.seed).uniform(low, high, (search.points, len(low)))
+    draws[0] = problem.start
+    rows: list[Arrays] = []
+    for begin in range(0, search.points, BATCH):
+        name, points = f"random-{begin:05d}", draws[begin : begin + BATCH]
+        piece = parts.load(name)
+        if piece is None:
+            piece = judged(problem, points, search.train())
+            parts.save(name, piece)
+        tick(len(points))
+        rows.append(piece)
+    return Trail(draws, *(np.concatenate([row[name] for row in rows]) for name in ("error", "effort")))
+
+
+def judged(problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]) -> Arrays:
+    """Error and effort (N, S) on the true plant; of a run that did not stay finite infinite."""
+    shape = (len(points), len(seeds))
+    pairs = np.repeat(points, len(seeds), axis=0), np.tile(seeds, len(points))
+    found: Outcome = jax.tree.map(np.asarray, wait(values(problem)(*pairs)))
+    error, effort = (np.where(found.finite, x, np.inf).reshape(shape) for x in (found.error, found.effort))
+    return {"error": error, "effort": effort}
+
+
+@cache
+def values(problem: Problem) -> Callable[..., Any]:
+    """Compiled: points (N, P) and seeds (N,) -> outcomes (N,)."""
+    return _spread(lambda logs, seed: problem.run(logs, seed), 2)
+
+
+@cache
+def gradients(problem: Problem) -> Callable[..., Any]:
+    """Compiled: one point (P,), seeds (S,) and the bound -> the gradient of each seed's penalised error (S, P)."""
+
+    def penalised(logs: Any, seed: Any, bound: Any) -> Any:
+        out = problem.run(logs, seed, True, "reverse")
+        return out.error + WEIGHT * jnp.maximum(out.effort - bound, 0.0) ** 2
+
+    each = _spread(jax.grad(penalised), 3)
+    return lambda logs, seeds, bound: each(np.tile(logs, (len(seeds), 1)), seeds, np.full(len(seeds), bound))
+
+
+def _spread(one: Callable[..., Any], arguments: int) -> Callable[..., Any]:
+    """``one`` mapped over the rows of its arguments, shared out over all devices; padded to a multiple of them."""
+    devices = jax.devices()
+    split = PartitionSpec("rows")
+    share = lambda *rows: jax.lax.map(lambda row: one(*row), rows)  # noqa: E731
+    shards = jax.shard_map(
+        share, mesh=Mesh(np.array(devices), ("rows",)), in_specs=(split,) * arguments, out_specs=split, check_vma=False
+    )
+    program = jax.jit(shards, compiler_options=compiler_options())
+
+    def call(*rows: Any) -> Any:
+        count = len(rows[0])
+        padded = [np.concatenate([row, np.repeat(row[-1:], -count % len(devices), axis=0)]) for row in rows]
+        return jax.tree.map(lambda leaf: leaf[:count], program(*padded))
+
+    return call
