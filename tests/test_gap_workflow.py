@@ -14,6 +14,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.signals import derivative
 
 EMPS = Path(os.environ.get("JAXIDL_EMPS", Path(__file__).parents[2] / "shared" / "data" / "emps" / "emps.csv"))
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
@@ -104,6 +105,30 @@ def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
     for horizon, errors in found.gap.after.rollout_rms.items():
         assert errors < found.gap.before.rollout_rms[horizon]
         assert again.gap.before.rollout_rms[horizon] == pytest.approx(errors, rel=1e-3)
+
+
+ENCODERS = [
+    ("position_bias", {"bias": 0.1}, False),
+    ("sensor_delay", {"delay": 0.015}, False),
+    ("sensor_delay", {"delay": 0.015}, True),
+]
+
+
+@pytest.mark.parametrize(("effect", "parameters", "speeds"), ENCODERS, ids=["bias", "delay", "delay-speeds"])
+def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect, parameters, speeds):
+    """Where a log has speeds, too, they come from the same readings."""
+    log, model = hidden(tmp_path, "pendulum", (effect, 0, parameters))
+    if speeds:
+        columns = dict(np.load(log))
+        np.savez(log, **columns, qd0=derivative(columns["q0"][:, None], columns["time"][1])[:, 0])
+    found = gap.diagnose(log, model, effects=[effect, "viscous_friction"], rollouts=False)
+    assert named(found) == [(effect, 0)]
+    ((parameter, truth),) = parameters.items()
+    assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02)
+    found.save(tmp_path / "report")
+    again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"], rollouts=False)
+    assert (again.verdict, again.findings) == ("nothing_missing", ())
+    assert again.gap.before.torque_rms == pytest.approx(found.gap.after.torque_rms, rel=0.05)
 
 
 def test_result_depends_on_log_and_model_alone(tmp_path):

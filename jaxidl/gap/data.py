@@ -1,5 +1,6 @@
 """Rows of a log that fits share: which are fitted, in which blocks, and what the model as it is believed makes of them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,13 +32,20 @@ class Data(NamedTuple):
     signals: Signals
 
 
-def data_of(signals: Signals, effects: tuple[Effect, ...] = (), held_out: float = 0.3) -> Data:
-    """Rows of a log and what the model, a rigid body with ``effects``, makes of them; a share ``held_out`` is kept aside."""
+def data_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 0.3, found: Sequence[Effect] = ()) -> Data:
+    """Rows of a log and what the model, a rigid body with effects, makes of them.
+
+    Args:
+        signals: the log, prepared for the model.
+        effects: the model's own, those for which the signals were prepared: of them the encoders' are undone there.
+        held_out: share of the rows that is kept aside.
+        found: further effects, of the whole mechanism, of which nothing is undone yet.
+    """
     rows, tau = signals.rows, signals.tau
     base, slide = signals.balance, np.zeros((len(rows), signals.q.shape[1]))
     grip = np.zeros_like(slide)
-    for effect in effects:
-        _, value, _, tau = contribution(effect, None, (), signals, tau)
+    for number, effect in enumerate((*effects, *found)):
+        _, value, _, tau = contribution(effect, None, (), signals, tau, undone=number < len(effects))
         base, slide, grip = base + value.net, slide + value.slide, grip + value.grip
     train = kept_rows(signals, held_out)
     block = np.full(len(rows), -1)

@@ -139,7 +139,7 @@ def torque_residual(model: Plant, effects: Sequence[Effect], signals: Signals, h
 
     As a diagnosis of the patched model would begin: no effect is fitted, but where within a sample a torque acts is.
     """
-    data = data_of(signals, (*model.effects, *effects), held_out)
+    data = data_of(signals, model.effects, held_out, effects)
     residual = Ranking(data, (), 0.0).fit.residual
     counted = (data.block < 0)[:, None] & used(data)
     return residual, np.sqrt(np.sum(residual**2 * counted, 0) / np.maximum(counted.sum(0), 1))

@@ -7,8 +7,7 @@ reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -17,7 +16,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, OnJoint
 from jaxidl.gap.log import Log
 from jaxidl.systems.tables import Tables, inverse_dynamics, tables
 
@@ -75,16 +74,13 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     Args:
         log: what was measured.
         body: the modelled rigid body.
-        effects: the model's own, of which those on the encoders are undone.
+        effects: the model's own, of which those on the encoders are undone; :func:`jaxidl.gap.data.data_of` must know them, too.
         held: is a command held over the interval that follows it, rather than measured at its instant?
         narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
-    for effect in reversed(effects):
-        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))  # noqa: E731
-        log = replace(log, q=_by_run(log.q, slices, undone))
     sigma = encoder_noise(log.q, slices)
-    inertia = _typical_inertia(log, body)
+    inertia = _typical_inertia(true_positions(effects, log.q, slices, dt), body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
     band = narrower * choose_band(reach, log.tau, dt)
     q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
@@ -92,6 +88,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
     qd = slope(q) if log.qd is None else smooth(log.qd)
     qdd = smooth(log.qdd) if log.qdd is not None else slope(qd)
+    q, qd, qdd = true_motion(effects, q, qd, qdd, slices, dt)
     stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
     table = tables(body, q, qd, qdd, stride)
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
@@ -112,6 +109,36 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
         dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body, held
     )
     return found._replace(balance=found.command(found.tau)[kept] - table.torque[kept])
+
+
+def true_positions(effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float) -> np.ndarray:
+    """Positions (T, J) behind encoder readings ``q`` (T, J): what ``effects`` do to the encoders undone, the last one first."""
+    for effect in filter(on_encoders, reversed(effects)):
+        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))  # noqa: E731
+        q = _by_run(q, slices, undone)
+    return q
+
+
+def true_motion(
+    effects: Sequence[Effect], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, slices: tuple[slice, ...], dt: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and accelerations (T, J) behind measured ones, as :func:`true_positions` has it.
+
+    It comes after smoothing, as where an effect is fitted: a shift in time averages neighbouring samples, and on raw ones that
+    would pass for a quieter encoder.
+    """
+    if not any(map(on_encoders, effects)):
+        return q, qd, qdd
+    true = true_positions(effects, q, slices, dt)
+    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
+    speed = slope(true - q)  # a logged velocity is changed, not made anew: it is as late as the position
+    return true, qd + speed, qdd + slope(speed)
+
+
+def on_encoders(effect: Effect) -> bool:
+    """Does the effect change what the encoders read in a way that can be undone?"""
+    inner = effect.effect if isinstance(effect, OnJoint) else effect
+    return type(inner).true_position is not Effect.true_position
 
 
 @lru_cache(maxsize=16)
@@ -185,9 +212,9 @@ def withstood(rests: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
     return np.array(found, float).reshape(-1, 2) if count else np.zeros((0, 2))
 
 
-def _typical_inertia(log: Log, body: Any) -> np.ndarray:
-    """Root mean square inertia matrix (J, J) over the log."""
-    few = log.q[np.linspace(0, log.samples - 1, 50).astype(int)]
+def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
+    """Root mean square inertia matrix (J, J) over the positions (T, J) of a log."""
+    few = q[np.linspace(0, len(q) - 1, 50).astype(int)]
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
 
 

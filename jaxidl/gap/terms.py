@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from jaxidl.effects import CoupledFriction, Effect, OnJoint
-from jaxidl.gap.signals import Signals
+from jaxidl.gap.signals import Signals, on_encoders
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 
@@ -71,12 +71,17 @@ def alone(effect: Effect) -> bool:
     """Does the effect concern one joint only, whatever the others do?"""
     mass = getattr(effect, "mass", None)
     changes_bodies = mass is not None and bool(np.any(np.asarray(mass) != 0.0))
-    senses = type(effect).true_position is not Effect.true_position
-    return not (effect.whole or isinstance(effect, CoupledFriction) or changes_bodies or senses)
+    return not (effect.whole or isinstance(effect, CoupledFriction) or changes_bodies or on_encoders(effect))
 
 
 def contribution(
-    effect: Effect, joint: int | None, free: Free, signals: Signals, tau: np.ndarray, everywhere: bool = False
+    effect: Effect,
+    joint: int | None,
+    free: Free,
+    signals: Signals,
+    tau: np.ndarray,
+    everywhere: bool = False,
+    undone: bool = False,
 ) -> tuple[tuple[int, ...], Contribution, Contribution, np.ndarray]:
     """The J joints it may concern; on these value, derivatives by the ``free`` parameters, and delivered torque (T, J) [N or Nm].
 
@@ -87,6 +92,7 @@ def contribution(
         signals: the log.
         tau: what arrives at the effect (T, K) of all K joints [N or Nm]: commands after the effects before this one.
         everywhere: compute on all joints even if the effect looks as if it concerned one only.
+        undone: are the signals' positions already without what the effect does to the encoders? It is not to count again.
     """
     joints = signals.q.shape[1]
     own = joint is not None and alone(effect) and not everywhere
@@ -100,6 +106,8 @@ def contribution(
     drive, starts = _driven(signals, tau, columns)
     value, slopes = _terms(wrapped, free, drive, starts, signals.dt)
     value, slopes = jax.tree.map(np.asarray, (value, slopes))
+    if undone:
+        value = value._replace(q=drive.q)
     change = value._replace(delivered=value.delivered - drive.tau, q=value.q - drive.q)
     concerned = tuple(np.arange(joints)[columns].tolist())
     return concerned, _rows(change, signals, columns), _rows(slopes, signals, columns), value.delivered

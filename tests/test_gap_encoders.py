@@ -1,0 +1,82 @@
+"""What effects do to the encoders is undone once: the model's own in the signals, those that are being found in their terms."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl import gap
+from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.data import data_of
+from jaxidl.gap.log import from_arrays
+from jaxidl.gap.signals import derivative, prepare
+
+DT, STEPS, DELAY, BIAS, NOISE = 2e-3, 4000, 0.017, 0.2, 1e-4
+
+
+def on_joint(effect, joint=1):
+    return OnJoint(effect, joint, 2)
+
+
+ENCODERS = (on_joint(PositionBias(jnp.array([BIAS]))), on_joint(SensorDelay(jnp.array([DELAY]))))
+FRICTION = on_joint(ViscousFriction(jnp.array([0.3])), 0)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def x64():
+    with jax.enable_x64(True):
+        yield
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "model.xml"
+    path.write_text(MECHANISMS["two_link"])
+    return gap.read_model(path).plant.body
+
+
+def motion(t):
+    return np.column_stack([0.8 * np.sin(3.0 * t) + 0.2 * np.sin(11.0 * t), 0.6 * np.sin(5.0 * t + 1.0)])
+
+
+@pytest.fixture(scope="module")
+def log():
+    """Readings of an arm of two links, of which the second's encoder is late and off; torques that belong to nothing."""
+    t = DT * np.arange(STEPS)
+    q = motion(t)
+    q[:, 1] = motion(t - DELAY)[:, 1] + BIAS
+    return from_arrays(
+        t, q + NOISE * np.random.default_rng(0).standard_normal(q.shape), np.column_stack([np.sin(t), np.cos(7.0 * t)])
+    )
+
+
+@pytest.mark.parametrize("encoder", ENCODERS, ids=["bias", "delay"])
+def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder):
+    own = data_of(prepare(log, body, (encoder,)), (encoder, FRICTION))
+    found, neither = (data_of(prepare(log, body), (), found=others) for others in ((encoder, FRICTION), (FRICTION,)))
+    np.testing.assert_array_equal(own.signals.rows, found.signals.rows)
+    change = np.abs(found.base - neither.base).max()
+    np.testing.assert_allclose(own.base, found.base, atol=0.01 * change)
+
+
+@pytest.mark.parametrize("logged", [False, True], ids=["positions", "speeds-too"])
+def test_motion_is_that_behind_the_encoders(log, body, logged):
+    if logged:
+        speed = derivative(log.q, DT)
+        log = replace(log, qd=speed, qdd=derivative(speed, DT))
+    seen = prepare(log, body, ENCODERS)
+    well = slice(500, -500)
+    t = DT * np.arange(STEPS)
+    true = motion(t)
+    for x, wanted in zip(
+        (seen.q, seen.qd, seen.qdd), (true, derivative(true, DT), derivative(derivative(true, DT), DT)), strict=True
+    ):
+        np.testing.assert_allclose(x[well], wanted[well], atol=0.02 * np.abs(wanted).max())
+
+
+def test_an_encoder_that_is_late_is_not_taken_for_a_quieter_one(log, body):
+    half = on_joint(SensorDelay(jnp.array([0.5 * DT])))
+    np.testing.assert_array_equal(prepare(log, body, (half,)).sigma, prepare(log, body).sigma)
