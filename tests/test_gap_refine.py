@@ -16,7 +16,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.data import instants_of, kept_rows
 from jaxidl.gap.log import from_arrays
-from jaxidl.gap.refine import _seen, _starts, _tied
+from jaxidl.gap.refine import _starts, _tied
 from jaxidl.gap.rollout import windows_at
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.table import as_table
@@ -120,7 +120,7 @@ def test_parameters_stay_within_their_bounds(pendulum, signals):
 def test_what_encoders_do_is_undone_and_not_fitted(pendulum, signals):
     shifted = signals._replace(q=signals.q + 0.2)
     bias = OnJoint(PositionBias(jnp.array([0.2])), 0, 1)
-    seen = _seen(shifted, (bias, *effects()), pendulum.plant)
+    seen = shifted.behind((bias, *effects()))
     np.testing.assert_allclose(seen.q, signals.q, atol=1e-12)
     np.testing.assert_allclose(seen.qd, signals.qd, atol=1e-9)
     found = gap.refine(pendulum.plant, (bias,), shifted, ({"bias": (-1.0, 1.0)},))

@@ -121,14 +121,17 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     if speeds:
         columns = dict(np.load(log))
         np.savez(log, **columns, qd0=derivative(columns["q0"][:, None], columns["time"][1])[:, 0])
-    found = gap.diagnose(log, model, effects=[effect, "viscous_friction"], rollouts=False)
+    found = gap.diagnose(log, model, effects=[effect, "viscous_friction"])
     assert named(found) == [(effect, 0)]
     ((parameter, truth),) = parameters.items()
     assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02)
     found.save(tmp_path / "report")
-    again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"], rollouts=False)
+    again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"])
     assert (again.verdict, again.findings) == ("nothing_missing", ())
     assert again.gap.before.torque_rms == pytest.approx(found.gap.after.torque_rms, rel=0.05)
+    for horizon, errors in found.gap.after.rollout_rms.items():
+        assert errors[0] < 0.1 * found.gap.before.rollout_rms[horizon][0]
+        assert again.gap.before.rollout_rms[horizon] == pytest.approx(errors, rel=1e-3)
 
 
 def test_result_depends_on_log_and_model_alone(tmp_path):

@@ -22,7 +22,7 @@ from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rank import Ranking
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.search import Outcome, search
-from jaxidl.gap.signals import prepare
+from jaxidl.gap.signals import Signals, prepare
 from jaxidl.gap.words import summarise
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
@@ -182,19 +182,20 @@ def unit_of(unit: str, kind: str) -> str:
 def _gap(
     data: Data, base: np.ndarray, after: np.ndarray, model: Model, patched: Plant, findings: Sequence[Finding], rollouts: bool
 ) -> Gap:
-    """Both sides on the rows kept aside."""
+    """Both sides on the rows kept aside, and in the same windows of them."""
     signals = data.signals
+    behind = signals.behind([f.effect for f in findings])
     aside = (data.block < 0)[:, None] & used(data)
     command = _rms(signals.command(signals.tau)[signals.rows], aside)
     kept_aside = instants_of(signals, data.block < 0)
 
-    def side(residual: np.ndarray, plant: Plant) -> Side:
+    def side(residual: np.ndarray, plant: Plant, motion: Signals) -> Side:
         rms = _rms(residual, aside)
-        errors = rollout_errors(plant, signals, kept_aside) if rollouts else {}
+        errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
         return Side(rms.tolist(), (rms / np.maximum(command, 1e-300)).tolist(), {h: e.tolist() for h, e in errors.items()})
 
-    before = side(base, model.plant)
-    later = side(after, patched) if findings else before
+    before = side(base, model.plant, signals._replace(late=behind.late))
+    later = side(after, patched, behind) if findings else before
     return Gap(list(model.units), before, later, data.floor.tolist())
 
 

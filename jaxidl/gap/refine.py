@@ -19,7 +19,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.data import data_of, instants_of, kept_rows, used
 from jaxidl.gap.gauge import SHARED
 from jaxidl.gap.rank import Ranking
-from jaxidl.gap.rollout import SETTLE, rollout_errors, sensed
+from jaxidl.gap.rollout import SETTLE, rollout_errors
 from jaxidl.gap.signals import Signals
 from jaxidl.gap.terms import parameters_of
 from jaxidl.gap.trajectory import MOMENTS, Free, Problem, changed
@@ -104,7 +104,7 @@ def refine(
     lower, upper = _limits(found, free)
     with jax.enable_x64(True):
         plant = Plant(model.body, (*model.effects, *found))
-        seen, aside = _seen(signals, found, model), instants_of(signals, ~kept_rows(signals, held_out))
+        seen, aside = signals.behind(found), instants_of(signals, ~kept_rows(signals, held_out))
         training, proving = (_starts(seen, rows, length) for rows in (~aside, aside))
         given = _named(np.concatenate([np.zeros(0), *_vectors(found, free)]), found, free)
         nothing = Refinement(False, "", found, given, given, _zero(given), window, (len(training), len(proving)))
@@ -185,11 +185,11 @@ def _dearer(before: list[float], after: list[float]) -> bool:
 
 
 def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
-    """First instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end."""
+    """First instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end; see also ``window_starts``."""
     starts = []
     for run in signals.slices:
         first = run.start + round(SETTLE / signals.dt)
-        while first + length < run.stop:
+        while first + length < run.stop - signals.late:
             outside = np.flatnonzero(~rows[first : first + length + 1])
             if len(outside):
                 first += int(outside[-1]) + 1
@@ -198,15 +198,6 @@ def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
                 first += length
     picked = np.linspace(0, len(starts) - 1, min(MOST, len(starts))).astype(int)
     return np.array(starts, int)[picked]
-
-
-def _seen(signals: Signals, found: Sequence[Effect], model: Plant) -> Signals:
-    """The signals with what the effects found do to the encoders undone; a rollout begins at true positions."""
-    if not any(map(_senses, found)):
-        return signals
-    encoders = Plant(model.body, tuple(found))
-    q = np.concatenate([np.asarray(sensed(encoders, signals.q[run], signals.dt)) for run in signals.slices])
-    return signals._replace(q=q, qd=signals.differentiate(q))
 
 
 def _inner(effect: Effect) -> Effect:

@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -27,6 +26,7 @@ class Windows(NamedTuple):
 def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
     """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin where ``aside`` (T,) is true.
 
+    What the plant's effects do to the encoders must be undone in the ``signals`` (:meth:`jaxidl.gap.signals.Signals.behind`).
     A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which
     the simulation is not finite counts as an error of the joint's whole range.
     """
@@ -47,10 +47,14 @@ def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[st
 
 
 def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -> np.ndarray:
-    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from where ``aside`` (T,) is true."""
+    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from where ``aside`` (T,) is true.
+
+    None reaches to where late encoders have not told the true position before the run ends.
+    """
     possible: list[int] = []
     for run in signals.slices:
-        possible += range(run.start + lead, max(run.start + lead, run.stop - length - 1), max(1, length // 8))
+        first, end = run.start + lead, run.stop - signals.late - length - 1
+        possible += range(first, max(first, end), max(1, length // 8))
     possible = [start for start in possible if aside[start]]
     if len(possible) > WINDOWS:
         possible = [possible[k] for k in np.linspace(0, len(possible) - 1, WINDOWS).astype(int)]
@@ -90,10 +94,3 @@ def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, 
         return (state, hidden), state.q
 
     return jax.lax.scan(free, (State(q[lead], qd[lead]), hidden), tau[lead:-1])[1]
-
-
-def sensed(plant: Plant, q: Any, dt: float) -> Any:
-    """True positions (T, J) behind measured ones, as the plant's effects on encoders have it."""
-    for effect in reversed(plant.effects):
-        q = effect.true_position(jnp.asarray(q), dt)
-    return q

@@ -52,6 +52,7 @@ class Signals(NamedTuple):
 
     body: Any  # the modelled rigid body
     held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
+    late: int = 0  # instants at the end of each run whose true positions only later readings would have told
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """H applied to each run of ``x`` (T, ...)."""
@@ -66,6 +67,14 @@ class Signals(NamedTuple):
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """First derivative by time of each run of ``x`` (T, ...)."""
         return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
+
+    def behind(self, effects: Sequence[Effect]) -> "Signals":
+        """The signals with the true motion that ``effects`` on the encoders leave: what a rollout begins at and is held against.
+
+        Only ``q``, ``qd``, ``qdd`` and ``late`` change; what was computed along the measured motion stays as it is.
+        """
+        q, qd, qdd = true_motion(effects, self.q, self.qd, self.qdd, self.slices, self.dt)
+        return self._replace(q=q, qd=qd, qdd=qdd, late=self.late + lateness(effects, self.q, self.dt))
 
 
 def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True, narrower: float = 1.0) -> Signals:
@@ -108,7 +117,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     found = Signals(
         dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body, held
     )
-    return found._replace(balance=found.command(found.tau)[kept] - table.torque[kept])
+    return found._replace(balance=found.command(found.tau)[kept] - table.torque[kept], late=lateness(effects, q, dt))
 
 
 def true_positions(effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float) -> np.ndarray:
@@ -133,6 +142,20 @@ def true_motion(
     slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
     speed = slope(true - q)  # a logged velocity is changed, not made anew: it is as late as the position
     return true, qd + speed, qdd + slope(speed)
+
+
+def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
+    """How many instants at the end of a run like ``q`` (T, J) have true positions that only later readings would tell.
+
+    They are those at the end of half a steady motion that change when its other half is read, too.
+    """
+    if not any(map(on_encoders, effects)):
+        return 0
+    half = len(q) // 2
+    steady = np.linspace(0.0, 1.0, len(q))[:, None] + 0.0 * q
+    whole, part = (true_positions(effects, x, (slice(None),), dt)[:half] for x in (steady, steady[:half]))
+    told = np.all(np.abs(whole - part) < 1e-3 / len(q), axis=1)
+    return half - int(np.argmin(told)) if not told.all() else 0
 
 
 def on_encoders(effect: Effect) -> bool:
