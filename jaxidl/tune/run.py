@@ -69,12 +69,17 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
 PAIRS = (("gradient", "as it is"), ("random", "as it is"), ("gradient", "random"))
 
 
-def course(trail: Trail, limit: float, search: Search) -> dict[str, list[float]]:
-    """After each point of a search: learning runs so far, and error and effort of the best point until then."""
+def course(trail: Trail, limit: float, search: Search) -> dict[str, Any]:
+    """After each point of a search: learning runs so far, error and effort of the best point until then; seconds of it all."""
     each = search.seeds * (search.gradient_cost + 1 if len(trail.logs) == search.steps else 1)
     best = [trail.best(limit, n) for n in range(1, 1 + len(trail.logs))]
     of = lambda column: np.exp(column.mean(1)[best]).tolist()  # noqa: E731
-    return {"runs": [each * (n + 1) for n in range(len(best))], "error": of(trail.error), "effort": of(trail.effort)}
+    return {
+        "runs": [each * (n + 1) for n in range(len(best))],
+        "error": of(trail.error),
+        "effort": of(trail.effort),
+        "seconds": trail.seconds,
+    }
 
 
 def compared(a: dict[str, np.ndarray], b: dict[str, np.ndarray]) -> dict[str, Any]:

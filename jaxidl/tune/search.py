@@ -5,6 +5,7 @@ compliance that one is not willing to give up. Both are judged by the same runs 
 gradients are taken on its smooth form (:data:`jaxidl.tune.problem.SMOOTH`), where they say what a change does.
 """
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -35,7 +36,7 @@ class Search:
 
     steps: int = 20  # of gradient descent
     seeds: int = 4  # learning runs that judge a point
-    gradient_cost: int = 10  # learning runs that one gradient is worth, as measured: `jaxidl bench gradients`
+    gradient_cost: int = 15  # learning runs that one gradient is worth, as measured: `jaxidl bench gradients`
     test_seeds: int = 20  # fresh ones that compare what was found
     seed: int = 1  # root of all of them
 
@@ -63,6 +64,7 @@ class Trail:
     logs: Float[np.ndarray, "N P"]
     error: Float[np.ndarray, "N S"]
     effort: Float[np.ndarray, "N S"]
+    seconds: float = 0.0  # that all of it took, compiling included
 
     def best(self, bound: float, upto: int | None = None) -> int:
         """The point with the lowest mean error among those within ``bound`` (log), or the one that exceeds it least."""
@@ -81,14 +83,21 @@ def descend(problem: Problem, search: Search, bound: float, parts: Parts, tick: 
         name = f"gradient-{number:03d}"
         piece = parts.load(name)
         if piece is None:
+            began = time.monotonic()
             slopes = np.asarray(wait(gradients(problem)(logs, seeds, bound)))
             piece = {"logs": logs, "slopes": slopes, **judged(problem, logs[None], seeds)}
+            piece["seconds"] = np.array(time.monotonic() - began)
             parts.save(name, piece)
         tick(search.gradient_cost + 1)
         rows.append(piece)
         updates, state = optimiser.update(jnp.asarray(direction(piece["slopes"])), state)
         logs = np.clip(piece["logs"] + np.asarray(updates), low, high)
-    return Trail(np.stack([row["logs"] for row in rows]), *(np.concatenate([r[k] for r in rows]) for k in ("error", "effort")))
+    return _trail(np.stack([row["logs"] for row in rows]), rows)
+
+
+def _trail(logs: Float[np.ndarray, "N P"], rows: list[Arrays]) -> Trail:
+    joined = (np.concatenate([row[name] for row in rows]) for name in ("error", "effort"))
+    return Trail(logs, *joined, seconds=round(float(sum(row["seconds"] for row in rows)), 1))
 
 
 def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
@@ -108,11 +117,13 @@ def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int],
         name, points = f"random-{begin:05d}", draws[begin : begin + BATCH]
         piece = parts.load(name)
         if piece is None:
+            began = time.monotonic()
             piece = judged(problem, points, search.train())
+            piece["seconds"] = np.array(time.monotonic() - began)
             parts.save(name, piece)
         tick(len(points))
         rows.append(piece)
-    return Trail(draws, *(np.concatenate([row[name] for row in rows]) for name in ("error", "effort")))
+    return _trail(draws, rows)
 
 
 def judged(problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]) -> Arrays:
