@@ -36,7 +36,7 @@ def problem():
     return Problem({"plant": "point_mass", "controller": "doomed", "executions": 2}, Doomed(0.01, 0.5, 0.1, 0.9), bowl)
 
 
-SEARCH = Search(steps=25, seeds=2, gradient_cost=2, test_seeds=6)
+SEARCH = Search(steps=60, seeds=2, gradient_cost=2, test_seeds=6)
 
 
 def test_the_numbers_of_a_law_have_names_bounds_and_a_way_back():
@@ -84,7 +84,7 @@ def test_descent_finds_the_best_gains_within_the_bound_and_random_search_may_cos
     found = result["numbers"]["gradient"]
     assert found["rate"] == pytest.approx(0.02, rel=0.1)  # at the bound
     assert found["learner_gain"] == pytest.approx(1.5, rel=0.1)
-    assert len(result["course"]["random"]["runs"]) == 25 * 3
+    assert len(result["course"]["random"]["runs"]) == 60 * 3
     assert result["course"]["gradient"]["runs"][-1] == result["course"]["random"]["runs"][-1]
     errors = {way: np.exp(np.mean(np.log(runs["error"]))) for way, runs in result["fresh"].items()}
     assert errors["gradient"] < errors["random"] < errors["as it is"]
