@@ -8,10 +8,10 @@ each N seeds instead of 10.
 import argparse
 import json
 import shlex
+import subprocess
 import sys
 from pathlib import Path
 
-from jaxidl.cli import main
 from jaxidl.files import write_bytes
 from jaxidl.sweep.results import read
 
@@ -32,7 +32,8 @@ def run(name: str, folder: Path, seeds: int) -> None:
     """One ablation, and its line in ablations.json."""
     out = folder / f"ablation_{name}.nc"
     words = f"{ABLATIONS[name]} --seeds {' '.join(map(str, range(1, 1 + seeds)))}"
-    status = main(["ablate", *shlex.split(words), "--out", str(out)])
+    command = [sys.executable, "-m", "jaxidl.cli", "ablate", *shlex.split(words), "--out", str(out)]
+    status = subprocess.run(command, check=False).returncode  # a process each: compiled programs stay in memory until it ends
     if status:
         sys.exit(status)
     data, table = read(out), folder / "ablations.json"

@@ -17,7 +17,7 @@ def tune(
     plant: Annotated[str, arg(metavar="point_mass|arm")] = "point_mass",
     controller: Annotated[str, arg(metavar="pid|doomed")] = "pid",
     bound: float | None = None,
-    steps: int = 20,
+    steps: int = 30,
     seeds: int = 4,
     test_seeds: int = 20,
     seed: int = 1,

@@ -126,6 +126,18 @@ def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
     assert Label.of([*label[:8], [list(pair) for pair in label.varied]]) == label
 
 
+def test_with_many_programs_each_is_dropped_when_its_runs_are_done(small_study, tmp_path, monkeypatch):
+    grid = replace(SMALL, seeds=(1, 2, 3), vary=(("kept", (0, 1, 2)),))
+    study = replace(small_study, target=(0.7, 0.9))
+    plain = run(tmp_path / "a.nc", study, grid, per_device=1)
+    kinds = {Kind.of(label, study) for label in grid.labels()}
+    assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [1, 1, 1]
+    monkeypatch.setattr("jaxidl.sweep.launch.KINDS_AT_ONCE", 2)
+    dropping = run(tmp_path / "b.nc", study, grid, per_device=1)
+    assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [0, 0, 0]
+    np.testing.assert_array_equal(plain.q_error, dropping.q_error)
+
+
 def test_earlier_data_come_back_as_evenly_as_can_be():
     memory = Dataset(jnp.arange(4.0).reshape(4, 1, 1), 10.0 * jnp.arange(4.0).reshape(4, 1, 1))
     for k, wanted in ((1, [0, 0, 0, 0]), (2, [0, 1, 0, 1]), (3, [0, 1, 2, 0]), (4, [0, 1, 2, 3]), (9, [0, 1, 2, 3])):

@@ -30,6 +30,7 @@ class Chunk(NamedTuple):
     kind: Kind
     labels: list[Label]
     size: int  # of the program; the rest is padding
+    last: bool = False  # of its kind
 
     def padded(self) -> list[Label]:
         return [*self.labels, *[self.labels[-1]] * (self.size - len(self.labels))]
@@ -70,10 +71,9 @@ def chunks(labels: Sequence[Label], study: PaperStudy, devices: int, per_device:
     for label in labels:
         kind = Kind.of(label, study)
         waiting[kind].append(label)
-        if len(waiting[kind]) == sizes[kind]:
-            yield Chunk(kind, waiting.pop(kind), sizes[kind])
-    for kind, rest in waiting.items():
-        yield Chunk(kind, rest, sizes[kind])
+        totals[kind] -= 1
+        if len(waiting[kind]) == sizes[kind] or totals[kind] == 0:
+            yield Chunk(kind, waiting.pop(kind), sizes[kind], last=totals[kind] == 0)
 
 
 def dispatch(study: PaperStudy, chunk: Chunk, iterations: int, devices: int, width: int) -> Metrics:

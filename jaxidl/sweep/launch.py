@@ -20,10 +20,11 @@ from jaxidl.sweep.example import example
 from jaxidl.sweep.grid import Grid, Label
 from jaxidl.sweep.provenance import PRECISION, device, provenance, revision
 from jaxidl.sweep.results import Origin, read
-from jaxidl.sweep.run import Kind
+from jaxidl.sweep.run import Kind, program
 from jaxidl.sweep.store import Store
 
 T = TypeVar("T")
+KINDS_AT_ONCE = 24  # whose programs stay in memory; with some 90 of them LLVM runs out of memory maps
 
 
 class Flag:
@@ -96,10 +97,15 @@ def run_sweep(
 def _here(grid: Grid, study: PaperStudy, store: Store, missing: list[Label], plan: Layout) -> Iterator[Chunk]:
     """Compute chunks on this process's devices; yield each when it is saved."""
     code, where = revision(), device(plan.width)  # as they are now: the code on disk may change while this runs
+    many = len({Kind.of(label, study) for label in missing}) > KINDS_AT_ONCE
+    if many:  # one kind after the other, and none is kept
+        missing = sorted(missing, key=lambda label: str(Kind.of(label, study)))
     for chunk in chunks(missing, study, plan.devices, plan.per_device):
         began = time.monotonic()
         metrics = wait(dispatch(study, chunk, grid.iterations, plan.devices, plan.width))
         store.add(chunk.labels, without_padding(metrics, chunk), Origin(code, where, time.monotonic() - began))
+        if many and chunk.last:
+            program(study, chunk.kind, plan.devices, plan.width).clear_cache()
         yield chunk
 
 

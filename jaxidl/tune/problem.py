@@ -19,7 +19,8 @@ from jaxidl.systems.arm import JOINTS
 
 MATMUL_PRECISION = "float32"  # as in sweeps
 SMOOTH = {"friction_width": 0.02, "stiction_width": 0.05}  # of the plant that derivatives are taken on [m], [-]
-ROUNDED = 0.1  # width of its networks' kinks [-]
+ROUNDED = 0.5  # width of its networks' kinks [-]
+SHORT = {"executions": 3, "epochs": 5}  # at most: what is unrolled longer is chaotic, and its derivative is of no use
 FACTOR = 20.0  # a gain may become so many times larger or smaller
 PLANTS = ("point_mass", "arm")
 Logs = Float[Array, " P"]  # logarithms of the tuned numbers
@@ -41,8 +42,9 @@ class Problem:
     """
 
     settings: dict[str, Any]  # all that determines a run, ready for JSON
-    law: FeedbackLaw  # where the search begins
-    learn: Callable[[FeedbackLaw, Integer[Array, ""], bool, str | None], Metrics]  # law, seed, smooth?, derivative
+    law: Any  # where the search begins: a feedback law, or a tuple of numbers that make one
+    learn: Callable[[Any, Integereger[Array, ""], bool, str | None], Metrics]  # law, seed, smooth?, derivative
+    mode: str = "reverse"  # of derivatives: "forward" suits few numbers
 
     @property
     def names(self) -> list[str]:
@@ -66,7 +68,7 @@ class Problem:
         upper = np.where(["smoothing" in name for name in self.names], 0.0, np.inf)
         return self.start - np.log(FACTOR), np.minimum(self.start + np.log(FACTOR), upper)
 
-    def law_of(self, logs: Logs) -> FeedbackLaw:
+    def law_of(self, logs: Logs) -> Any:
         """The law with other numbers."""
         leaves, structure = jax.tree.flatten(self.law)
         out, at = [], 0
@@ -80,7 +82,7 @@ class Problem:
         return structure.unflatten(out)
 
     def run(self, logs: Logs, seed: Integer[Array, ""], smooth: bool = False, derivative: str | None = None) -> Outcome:
-        """One learning run; ``smooth`` on the plant and with the networks that derivatives are taken on."""
+        """One learning run; ``smooth``: the short one on the plant and with the networks that derivatives are taken on."""
         with jax.default_matmul_precision(MATMUL_PRECISION):
             metrics = self.learn(self.law_of(logs), seed, smooth, derivative)
         effort = jnp.log(jnp.mean(metrics.feedback_applied))
@@ -98,7 +100,8 @@ def point_mass_problem(
     if controller not in CONTROLLERS:
         raise one_of("controller", controller, CONTROLLERS)
     sharp = PaperStudy(training=Training(epochs=epochs))
-    blurred = replace(sharp, error_model=ErrorModel(activation_width=ROUNDED), **SMOOTH)
+    short = Training(epochs=min(epochs, SHORT["epochs"]))
+    blurred = replace(sharp, error_model=ErrorModel(activation_width=ROUNDED), training=short, **SMOOTH)
     condition = Condition(GAINS.index("low"), noise, 5.0, 5.0)
     each = lambda value: jnp.full(2, float(value))  # noqa: E731
     law: FeedbackLaw = Doomed(each(0.01), each(0.5), 0.1, 0.9)
@@ -109,7 +112,8 @@ def point_mass_problem(
     def run(law: FeedbackLaw, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
         study = blurred if smooth else sharp
         key = jax.random.key(seed)
-        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (executions, study.steps, 2))
+        count = min(executions, SHORT["executions"]) if smooth else executions
+        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (count, study.steps, 2))
         setting = study.setting(controller, condition).replace(law=law)
         how: dict[str, Any] = {"error_model": study.error_model, "training": study.training, "derivative": derivative}
         return learn(setting, draws, key, source=source, **how)[0]
@@ -118,24 +122,37 @@ def point_mass_problem(
     return Problem({"plant": "point_mass", "controller": controller, **sizes, "study": sharp.to_dict()}, law, run)
 
 
+class ArmGains(NamedTuple):
+    """What is tuned on the arm: DOOMED's numbers for all joints together."""
+
+    rate: float = 1.0  # times the study's
+    learner_gain: float = 1.0  # times the study's
+    smoothing: float = 0.1
+
+
 def arm_problem(executions: int = 3, epochs: int = 8, noise: float = 1e-5, source: str = "joint") -> Problem:
-    """The seven-joint arm under DOOMED, a rate and a learner's gain for each joint, one motion of 0.8 s and back."""
+    """The seven-joint arm under DOOMED: one motion of 0.8 s.
+
+    Derivatives are taken in forward mode: reverse mode through its rigid body takes XLA many minutes to compile.
+    """
     study = ArmStudy(seconds_each=0.8, goals=ArmStudy().goals[:1], training=Training(epochs=epochs, batch=256))
     law = study.law()
-    # a gradient smoothing of 1, none at all, is at its bound and stays there: it is not among the numbers to tune
-    fixed = {"gradient_smoothing": law.gradient_smoothing}
-    law = law.replace(rate=law.rate * jnp.ones(JOINTS), gradient_smoothing=jnp.inf)
+    short = Training(epochs=min(epochs, SHORT["epochs"]), batch=256)
     rounded = replace(study.error_model, activation_width=ROUNDED)
 
-    def run(law: FeedbackLaw, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
-        setting = study.setting(noise).replace(law=law.replace(**fixed))  # type: ignore[attr-defined]
-        key = jax.random.key(seed)
-        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (executions, study.steps, JOINTS))
-        how: dict[str, Any] = {"error_model": rounded if smooth else study.error_model, "training": study.training}
+    def run(gains: ArmGains, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
+        own = {"rate": law.rate * gains.rate, "learner_gain": law.learner_gain * gains.learner_gain}
+        setting = study.setting(noise).replace(law=law.replace(**own, smoothing=gains.smoothing))
+        key, count = jax.random.key(seed), min(executions, SHORT["executions"]) if smooth else executions
+        draws = jax.random.normal(jax.random.fold_in(key, 1_000_000), (count, study.steps, JOINTS))
+        how: dict[str, Any] = {"error_model": study.error_model, "training": study.training}
+        if smooth:
+            how = {"error_model": rounded, "training": short}
         return learn(setting, draws, key, source=source, train_on="sensed_state", derivative=derivative, **how)[0]
 
     sizes = {"executions": executions, "epochs": epochs, "noise": noise, "source": source}
-    return Problem({"plant": "arm", "controller": "doomed", **sizes, "study": study.to_dict()}, law, run)
+    settings = {"plant": "arm", "controller": "doomed", **sizes, "study": study.to_dict()}
+    return Problem(settings, ArmGains(smoothing=study.smoothing), run, mode="forward")
 
 
 def problem(plant: str, controller: str, **sizes: Any) -> Problem:

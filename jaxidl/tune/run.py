@@ -15,7 +15,7 @@ from jaxidl.files import write_bytes
 from jaxidl.sweep.launch import progress_bar
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
-from jaxidl.tune.problem import FACTOR, ROUNDED, SMOOTH, Problem
+from jaxidl.tune.problem import FACTOR, ROUNDED, SHORT, SMOOTH, Problem
 from jaxidl.tune.search import LONGEST, RATE, WEIGHT, Search, Trail, descend, judged, sample
 
 WAYS = ("gradient", "random")
@@ -36,7 +36,8 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
     Raises:
         StoreError: if the folder cannot be written, or another process is at work in it.
     """
-    fixed = {"smooth": SMOOTH, "rounded": ROUNDED, "factor": FACTOR, "weight": WEIGHT, "rate": RATE, "longest": LONGEST}
+    fixed = {"smooth": SMOOTH, "rounded": ROUNDED, "short": SHORT, "factor": FACTOR}
+    fixed |= {"weight": WEIGHT, "rate": RATE, "longest": LONGEST}
     identity = {"problem": problem.settings, "precision": PRECISION, "bound": bound}
     searched = {name: value for name, value in asdict(search).items() if name != "test_seeds"}
     total = 2 * search.points + 1
