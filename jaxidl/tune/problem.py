@@ -43,7 +43,7 @@ class Problem:
 
     settings: dict[str, Any]  # all that determines a run, ready for JSON
     law: Any  # where the search begins: a feedback law, or a tuple of numbers that make one
-    learn: Callable[[Any, Integereger[Array, ""], bool, str | None], Metrics]  # law, seed, smooth?, derivative
+    learn: Callable[[Any, Integer[Array, ""], bool, str | None], Metrics]  # law, seed, smooth?, derivative
     mode: str = "reverse"  # of derivatives: "forward" suits few numbers
 
     @property
