@@ -54,7 +54,7 @@ def look(width: float) -> dict:
 def draw(found: dict) -> Figure:
     """One column for each width, ±3 % above, ±0.01 % below; the tangent dashed."""
     figure = Figure(figsize=(8.2, 4.4), layout="constrained")
-    grid = figure.subplots(2, len(found), sharey="row", squeeze=False)
+    grid = figure.subplots(2, len(found), sharey=True, squeeze=False)
     for column, (name, one) in zip(grid.T, found.items(), strict=True):
         for axes, key in zip(column, ("wide", "near"), strict=True):
             change, error = np.array(one[key])
@@ -63,6 +63,9 @@ def draw(found: dict) -> Figure:
             axes.plot(100 * change, tangent, "--", color="#D55E00", label="tangent from the derivative")
         column[0].set_title(name)
         column[1].set_xlabel("change of the learner's gain [%]")
+    errors = np.exp([one[key][1] for one in found.values() for key in ("wide", "near")])
+    grid[0, 0].set_yscale("log")
+    grid[0, 0].set_ylim(errors.min() / 1.2, errors.max() * 1.2)  # tangents may leave it
     for axes in grid[:, 0]:
         axes.set_ylabel("error after 3 executions [m]")
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2, frameon=False)

@@ -80,8 +80,8 @@ class ErrorModel:
 
     A network with PReLU is continuous but its slope jumps at the kinks, and training follows slopes: where a sample crosses a
     kink the trained weights jump. A derivative through training is exact between two jumps, and those of the paper's networks
-    are closer together than 1e-6 of a gain, each moving the error after three executions by up to some per cent. With
-    ``activation_width`` > 0 the kinks are rounded; with 0.5 the derivative tells what a change of some per cent does.
+    are so close together that 1e-7 of a gain moves the error after three executions by some per cent. With ``activation_width``
+    > 0 the kinks are rounded; with 0.5 the derivative tells what a change by 0.1 % does, and networks learn more slowly.
     """
 
     joints: int = 2
