@@ -31,7 +31,7 @@ from jaxidl.learning.paper import CONTROLLERS, GAINS, PaperStudy
 from jaxidl.learning.sources import SOURCES
 from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
 from jaxidl.sweep.launch import STOP, run_sweep
-from jaxidl.sweep.results import read
+from jaxidl.sweep.results import added, read
 from jaxidl.sweep.simulate import Request
 from jaxidl.sweep.simulate import simulate as run_simulation
 from jaxidl.sweep.verdicts import as_json, as_markdown, as_table, check_claims
@@ -131,15 +131,17 @@ def sweep(
 
 
 def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated[Path, arg(metavar="DIR")]) -> None:
-    """Draw the study's figures from stored results.
+    """Draw the study's figures, or an ablation's, from stored results.
 
     Args:
-        results: a results file of `jaxidl sweep`.
+        results: a results file of `jaxidl sweep` or `jaxidl ablate`.
         out: folder for the PNG and PDF files.
     """
-    from jaxidl.plot.figures import draw_all  # matplotlib: slow to import, and only needed here
+    from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
+    from jaxidl.plot.figures import draw_all
 
-    for path in draw_all(read(results), out):
+    data = read(results)
+    for path in draw_ablation(data, out, results.stem) if added(data) else draw_all(data, out):
         print(f"wrote {path}")
 
 

@@ -51,9 +51,9 @@ def tune(
     for name, least in (("executions", 2), ("epochs", 1)):
         if sizes.get(name, least) < least:
             raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "mend it")
-    result = run(
-        problem(plant, controller, **sizes), Search(steps=steps, seeds=seeds, test_seeds=test_seeds, seed=seed), out, bound=bound
-    )
+    tuned = problem(plant, controller, **sizes)
+    search = Search(steps=steps, seeds=seeds, gradient_cost=tuned.gradient_cost, test_seeds=test_seeds, seed=seed)
+    result = run(tuned, search, out, bound=bound)
     text = as_text(result)
     write_bytes(out / "tune.md", f"{text}\n".encode())
     for path in (out / "tune.json", out / "tune.md", *draw_tune(result, out)):

@@ -258,3 +258,7 @@ def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypat
     assert main(["ablate", *words, "--out", str(tmp_path / "a.nc")]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "a.md", "a.png", "a.pdf"}
     assert (tmp_path / "a.md").read_text() in capsys.readouterr().out
+    assert main(["figures", str(tmp_path / "a.nc"), "--out", str(tmp_path / "again")]) == 0
+    assert {path.name for path in (tmp_path / "again").iterdir()} == {"a.png", "a.pdf"}
+    assert main(["claims", str(tmp_path / "a.nc")]) == 2
+    assert "an ablation over alpha" in capsys.readouterr().err

@@ -25,7 +25,12 @@ class SensingNoise(Effect):
 
 
 class EncoderQuantisation(Effect):
-    """The encoder reads the nearest whole count. Its derivative is zero almost everywhere: a reading that stands still."""
+    """The encoder reads the nearest whole count.
+
+    Its derivative is zero almost everywhere: a reading that stands still. A derivative through a feedback loop that it is part of
+    is therefore that of a loop cut open, and can be of any size: where one differentiates, leave the effect out, whose error is
+    half a count at most.
+    """
 
     count: Joints | Scalar  # [m or rad]
 

@@ -18,8 +18,10 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
+from jaxidl.errors import StoreError
 from jaxidl.sweep.ablation import Mean, geometric
 from jaxidl.sweep.claims import CLAIMS, Claim
+from jaxidl.sweep.results import added
 from jaxidl.sweep.view import View
 
 
@@ -47,7 +49,13 @@ class Verdict:
 
 
 def check_claims(data: xr.Dataset) -> list[Verdict]:
-    """Every claim against the results in ``data``; those about values that the file lacks say so."""
+    """Every claim against the results in ``data``; those about values that the file lacks say so.
+
+    Raises:
+        StoreError: if the file is an ablation's, which has other settings than the paper's.
+    """
+    if varied := added(data):
+        raise StoreError("results of `jaxidl sweep`", f"an ablation over {', '.join(varied)}", "check another file")
     views = View(data, typical=False), View(data, typical=True)
     left_out = int((~data["finite"]).sum())
     with warnings.catch_warnings():

@@ -37,7 +37,7 @@ class Search:
 
     steps: int = 30  # of gradient descent
     seeds: int = 4  # learning runs that judge a point
-    gradient_cost: int = 4  # learning runs that one gradient is worth, as measured: `jaxidl bench gradients`
+    gradient_cost: int = 4  # learning runs that one gradient is worth, see :class:`jaxidl.tune.problem.Problem`
     test_seeds: int = 20  # fresh ones that compare what was found
     seed: int = 1  # root of all of them
 
