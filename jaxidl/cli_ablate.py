@@ -67,6 +67,8 @@ def ablate(
     """
     from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
 
+    if out.suffix != ".nc":  # table and figure lie beside it under its name
+        raise ConfigurationError("--out FILE.nc", str(out), "give it the ending .nc")
     grid = varying(Grid(controllers, gains, noise, friction, stiction, epochs, seeds, sources, iterations), PaperStudy(), vary)
     choose_devices(devices)
     data = run_sweep(grid, out, devices=devices, per_device=runs_per_device, width=width, overwrite=overwrite)
@@ -84,6 +86,9 @@ def varying(grid: Grid, study: PaperStudy, vary: tuple[Names, ...]) -> Grid:
         ConfigurationError: for an unknown name, no values, or a value of another kind or out of bounds.
     """
     added: list[tuple[str, tuple[Value, ...]]] = []
+    named = [AXIS.get(words[0], words[0]) for words in vary if words]
+    if len(set(named)) < len(named):
+        raise ConfigurationError("each name to vary once", ", ".join(named), "give all its values in one --vary")
     for name, *given in ((words or ("",)) for words in vary):
         if not given:
             raise ConfigurationError("a name and values for --vary", name or "nothing", "write --vary NAME VALUE VALUE …")
@@ -95,7 +100,10 @@ def varying(grid: Grid, study: PaperStudy, vary: tuple[Names, ...]) -> Grid:
         if axis in COUNTS or axis in LEVELS:
             values = tuple(_number(name, text, int if axis in COUNTS else float) for text in given)
         grid = replace(grid, **{axis: values})
-    return replace(grid, vary=tuple(added))
+    grid = replace(grid, vary=tuple(added))
+    if not any(len(values) > 1 for dim, values in grid.dims().items() if dim not in ("seed", "source")):
+        raise ConfigurationError("something that varies, beside seed and source", "one setting only", "--vary NAME VALUE VALUE …")
+    return grid
 
 
 def _number(name: str, text: str, kind: type) -> float | int:

@@ -15,7 +15,7 @@ def tune(
     *,
     out: Annotated[Path, arg(metavar="DIR")],
     plant: Annotated[str, arg(metavar="point_mass|arm")] = "point_mass",
-    controller: Annotated[str, arg(metavar="pid|doomed")] = "pid",
+    controller: Annotated[str | None, arg(metavar="pid|doomed")] = None,
     bound: float | None = None,
     steps: int = 30,
     seeds: int = 4,
@@ -29,7 +29,7 @@ def tune(
     Args:
         out: folder for tune.json, tune.md and the figure; finished points are kept there, and the same command continues.
         plant: the paper's point mass with its low gains, or the seven-joint arm (under DOOMED).
-        controller: feedback law of the point mass.
+        controller: feedback law: pid or doomed on the point mass, pid unless told; the arm has doomed.
         bound: of the mean applied feedback [N or Nm], that of the present gains unless told.
         steps: of gradient descent; random search may cost as much.
         seeds: learning runs that judge a point.
@@ -52,7 +52,7 @@ def tune(
         if sizes.get(name, least) < least:
             raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "mend it")
     tuned = problem(plant, controller, **sizes)
-    search = Search(steps=steps, seeds=seeds, gradient_cost=tuned.gradient_cost, test_seeds=test_seeds, seed=seed)
+    search = Search(steps=steps, seeds=seeds, test_seeds=test_seeds, seed=seed)
     result = run(tuned, search, out, bound=bound)
     text = as_text(result)
     write_bytes(out / "tune.md", f"{text}\n".encode())

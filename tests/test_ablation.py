@@ -12,7 +12,7 @@ from jaxidl.cli_ablate import varying
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.learning.iterate import recall
 from jaxidl.learning.paper import PaperStudy
-from jaxidl.learning.vary import leaves, parsed, traced, varied
+from jaxidl.learning.vary import check, leaves, parsed, traced, varied
 from jaxidl.sweep.ablation import as_markdown, final, rows
 from jaxidl.sweep.grid import Grid, Label
 from jaxidl.sweep.launch import run_sweep
@@ -146,11 +146,11 @@ def test_earlier_data_come_back_as_evenly_as_can_be():
         np.testing.assert_array_equal(rows.y[:, 0], 10.0 * np.array(wanted))
 
 
-def test_kept_data_are_those_of_the_executions_before(small_study, tmp_path):
-    """Until there are earlier executions keeping makes copies only: the same first learned execution but for the batches."""
-    data = run(tmp_path / "a.nc", small_study, replace(ONE, iterations=4, vary=(("kept", (0, 2)),)))
-    np.testing.assert_array_equal(data.q_error[..., 0, 0], data.q_error[..., 1, 0])
-    assert (data.q_error[..., 0, 2:] != data.q_error[..., 1, 2:]).all()
+def test_no_row_that_is_held_out_is_trained_on_in_another_copy():
+    training = PaperStudy().training
+    for count in (999, 1000, 1999):
+        mask = training.mask_of(3 * count, 3).reshape(3, count)
+        assert (mask == training.train_mask(count)).all()
 
 
 @pytest.mark.parametrize(
@@ -158,19 +158,24 @@ def test_kept_data_are_those_of_the_executions_before(small_study, tmp_path):
     [
         (["learner_gian", "1"], "one of alpha, prior_mass, .*learner_gain.*; got 'learner_gian'"),
         (["alpha"], "a name and values"),
-        (["alpha", "zero"], "a number for alpha"),
+        (["alpha", "zero"], "a finite number for alpha"),
         (["alpha", "0"], "smoothing > 0 and <= 1; got 0.0"),
-        (["alpha", "nan"], "smoothing"),
+        (["alpha", "nan"], "a finite number for alpha"),
         (["prior_mass", "-1"], "modelled_mass >= 0"),
         (["kept", "1.5"], "a whole number for kept"),
         (["batch", "0"], "batch >= 1"),
-        (["batch", "5000"], "a batch no larger than"),
         (["layers", "20,2"], "end with 1"),
         (["train_on", "guess"], "one of true_state, sensed_state"),
-        (["learning_rate", "inf"], "learning_rate"),
+        (["learning_rate", "inf"], "a finite number"),
         (["epochs", "few"], "a whole number for epochs"),
         (["noise", "-1"], "noise"),
         (["alpha", "0.1", "0.1"], "each value of alpha once"),
+        (["layers", "20,1", "20, 1"], "each value of layers once"),
+        (["error_model.position_scale", "0"], "position_scale > 0"),
+        (["error_model.activation_width", "-1"], "activation_width >= 0"),
+        (["training.snapshot_epochs", "nan"], "a finite number"),
+        (["target.0", "nan"], "a finite number"),
+        (["steps", "10000000000"], "2 to 1000000 control steps"),
     ],
 )
 def test_what_cannot_be_varied_is_refused_in_one_line(words, complaint, tmp_path, capsys):
@@ -180,6 +185,41 @@ def test_what_cannot_be_varied_is_refused_in_one_line(words, complaint, tmp_path
     error = capsys.readouterr().err
     assert error.count("\n") == 1
     assert "Traceback" not in error
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("vary", "complaint"),
+    [
+        ((("doomed_learner", (0.2, 0.3)), ("learner_gain", (500.0, 1000.0))), "axes that set different numbers"),
+        ((("pid_gains.0.1", (1.0,)), ("applied_gain", (50.0,))), "axes that set different numbers"),
+        ((("steps", (80, 20)), ("batch", (16, 30))), "a batch no larger than"),
+        ((("learner_gian", (1.0,)),), "one of alpha"),
+        ((("alpha", (7.0,)),), "smoothing"),
+    ],
+)
+def test_axes_that_do_not_fit_are_refused_before_anything_is_computed(vary, complaint, small_study, tmp_path):
+    with pytest.raises(ConfigurationError, match=complaint):
+        run(tmp_path / "a.nc", small_study, replace(ONE, vary=vary))
+    assert not list(tmp_path.iterdir())
+    fits = replace(ONE, vary=(("steps", (80, 40)), ("batch", (16, 30))))
+    check(small_study, fits.vary)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("--out a.nc", "something that varies"),
+        ("--vary alpha 0.1 --out a.nc", "something that varies"),
+        ("--vary seed 1 2 --out a.nc", "something that varies"),
+        ("--vary alpha 0.1 0.2 --out a.md", "--out FILE.nc"),
+        ("--vary noise 1e-4 --vary noise 5e-4 --out a.nc", "each name to vary once"),
+    ],
+)
+def test_command_lines_that_would_lose_something_are_refused(words, complaint, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["ablate", *words.split()]) == 2
+    assert complaint in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
 
 

@@ -58,23 +58,28 @@ def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-9)
 
 
-def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study):
+@pytest.mark.parametrize("kept", [0, 2])
+def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kept):
     from jaxidl.models import draw_batches, fit, start
 
     study, key = small_study, jax.random.key(5)
-    noise = jnp.asarray(draw_noise(5, 3, study.steps))
+    executions = 3 if kept == 0 else 5  # more than are kept
+    noise = jnp.asarray(draw_noise(5, executions, study.steps))
     setting = study.setting("doomed", CONDITION)
-    settings = {"source": "joint", "error_model": study.error_model, "training": study.training}
+    settings = {"source": "joint", "error_model": study.error_model, "training": study.training, "kept": kept}
     metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, keep=True, **settings))(noise, key)
     by_hand = start(study.training, study.error_model.init(jax.random.fold_in(key, 0)))
-    torque_of, data = None, None
-    for k in range(3):
-        if data is not None:
-            batches = draw_batches(jax.random.fold_in(key, k), int(study.training.train_mask(len(data.x)).sum()), study.training)
-            by_hand, _ = fit(study.error_model, study.training, by_hand, data, batches)
+    torque_of, past = None, []  # the newest first
+    for k in range(executions):
+        if past:
+            seen = [past[slot % min(k, 1 + kept)] for slot in range(1 + kept)]
+            data = jax.tree.map(lambda *parts: jnp.concatenate(parts), *seen)
+            rows = (1 + kept) * int(study.training.train_mask(len(past[0].x)).sum())
+            batches = draw_batches(jax.random.fold_in(key, k), rows, study.training)
+            by_hand, _ = fit(study.error_model, study.training, by_hand, data, batches, executions=1 + kept)
             torque_of = lambda s, a, now, p=by_hand.params: study.error_model.torque(p, s, a, now)  # noqa: E731
         run = execute(setting.plant, setting.model, setting.law, setting.task, noise[k], torque_of)
-        data = joint(run)
+        past.insert(0, joint(run))
         # float32 training amplifies the rounding of differently fused programs
         np.testing.assert_allclose(runs.q[k], run.q, rtol=1e-3, atol=1e-5)
         np.testing.assert_allclose(metrics.q_error[k], jnp.abs(run.q - setting.reference).mean(), rtol=1e-3)

@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.localise import Place
-from jaxidl.gap.refine import WINDOW, Refinement
+from jaxidl.gap.refine import Refinement
 from jaxidl.gap.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
@@ -161,14 +161,14 @@ class Diagnosis:
             | ({"refined": record(self)} if self.refinement is not None else {})
         )
 
-    def refined(self, window: float = WINDOW) -> "Diagnosis":
+    def refined(self, window: float | None = None) -> "Diagnosis":
         """The diagnosis with its parameters fitted to trajectories, too; see :func:`jaxidl.gap.refine.refine`.
 
         If the simulation so follows motion kept aside more closely, the findings, the plant and the gap "after" are those of the
         refined parameters; if not, they stay as they are. ``refinement`` has both sides' numbers in either case.
 
         Args:
-            window: length of the rollouts [s].
+            window: length of the rollouts [s]; 0.4 s unless given, or ten samples of a slower log.
 
         Raises:
             ConfigurationError: for a window of fewer than ten samples, or a diagnosis without signals.

@@ -10,15 +10,18 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.data import data_of
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Side
 from jaxidl.gap.localise import localise
-from jaxidl.gap.refine import Refinement, refine
+from jaxidl.gap.refine import WINDOW, Refinement, refine
+from jaxidl.gap.trajectory import MOMENTS
 from jaxidl.gap.words import summarise
 
 
-def refined(d: Diagnosis, window: float) -> Diagnosis:
+def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     """See :meth:`jaxidl.gap.diagnosis.Diagnosis.refined`."""
     signals = d.signals
     if signals is None:
         raise ConfigurationError("a diagnosis with the log's signals", "one without", "make it with gap.diagnose")
+    if window is None:
+        window = max(WINDOW, MOMENTS * signals.dt)
     found, bounds = [f.effect for f in d.findings], [f.bounds for f in d.findings]
     r = refine(d.model.plant, found, signals, bounds, held_out=d.options["held_out"], window=window)
     if not r.accepted or r.after is None or r.residual is None:

@@ -72,12 +72,14 @@ def learn(
         source: "indirect", "direct" or "joint".
         keep: also return every execution.
         starts: (K, J) where the mechanism truly is at the start of each execution, if not just where the task says.
-        kept: of how many earlier executions the data are learned from, too, beside the last one's.
+        kept: of how many earlier executions the data are learned from, too, beside the last one's. An epoch goes over all of
+            it, so that a training takes 1 + kept times the steps.
         refine: what is made of an execution before it is learned from: estimates that need its future, for one.
         learner: what to begin with: weights of one's own, or of an earlier call; fresh ones unless given.
         derivative: "forward" or "reverse" where the result is to be differentiated in that mode, by anything continuous in
             ``setting``, ``training.learning_rate``, ``learner``, ``noise`` or ``starts``: through all executions and all training
-            steps. The values are the same. Which snapshots were best and which rules the effects followed count as given.
+            steps. The values are the same but for rounding. Which snapshots were best and which rules the effects followed
+            count as given.
 
     Returns:
         Metrics with leaves (K,), the learner used in the last execution, and the trajectories (K, T, J) or None.
@@ -96,9 +98,9 @@ def learn(
         learner, memory = carry
         k, *now = inputs
         known = recall(memory, k)
-        rows = int(training.train_mask(known.x.shape[0]).sum())
+        rows = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
         batches = draw_batches(jax.random.fold_in(key, k), rows, training)
-        learner, progress = fit(error_model, training, learner, known, batches, derivative=derivative)
+        learner, progress = fit(error_model, training, learner, known, batches, executions=1 + kept, derivative=derivative)
         data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
         finite = metrics.finite & jnp.isfinite(progress.validation)  # a training that failed is a failed iteration
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)

@@ -75,8 +75,10 @@ class PaperStudy:
         ):
             _check(name, getattr(self, name), least=0.0)
         _check("smoothing", self.smoothing, above=0.0, most=1.0)
-        if self.steps < 2:
-            raise ConfigurationError("at least 2 control steps", str(self.steps), "lengthen the execution")
+        for coordinate in self.target:
+            _check("target", coordinate, least=-1e6, most=1e6)
+        if not 2 <= self.steps <= 10**6:
+            raise ConfigurationError("2 to 1000000 control steps", str(self.steps), "mend the length of the execution")
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, nested, ready for JSON: with the condition this determines a result."""

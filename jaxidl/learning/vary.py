@@ -4,7 +4,9 @@ A name is the path of a field of :class:`jaxidl.learning.paper.PaperStudy`: ``mo
 ``training.learning_rate``. Some have a shorter one (``ALIASES``), and two set several numbers in proportion (``GAINS``).
 """
 
-from collections.abc import Callable, Mapping
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -84,17 +86,41 @@ def parsed(study: PaperStudy, name: str, given: object) -> Value:
         given = ",".join(map(str, given))
     try:
         value = type(like)(given)  # type: ignore[call-arg]
-        if isinstance(like, int) and float(str(given)) != value:
+        if (isinstance(like, int) and float(str(given)) != value) or (isinstance(value, float) and not math.isfinite(value)):
             raise ValueError(given)
     except (TypeError, ValueError):
-        kind = "a whole number" if isinstance(like, int) else "a number"
+        kind = "a whole number" if isinstance(like, int) else "a finite number"
         raise ConfigurationError(f"{kind} for {name}", repr(given), "mend the value") from None
     after = varied(study, {name: value})  # the study knows its bounds
-    rows = int(after.training.train_mask(after.steps - 1).sum())
-    if rows < after.training.batch:
-        got = f"{after.training.batch}, with {rows} training rows from {after.steps} control steps"
-        raise ConfigurationError("a batch no larger than an execution's training rows", got, f"mend {name}")
-    return value
+    return leaves(after)["layers"] if ALIASES.get(name, name) == "error_model.layers" else value
+
+
+def check(study: PaperStudy, vary: Sequence[tuple[str, Sequence[Value]]]) -> None:
+    """Refuse axes that cannot be: unknown or out of bounds, two that set the same number, and combinations that do not fit.
+
+    Raises:
+        ConfigurationError: see above.
+    """
+    for name, values in vary:
+        for value in values:
+            parsed(study, name, value)
+    for (a, _), (b, _) in itertools.combinations(vary, 2):
+        if any(x == y or f"{x}.".startswith(f"{y}.") or f"{y}.".startswith(f"{x}.") for x in _sets(a) for y in _sets(b)):
+            raise ConfigurationError("axes that set different numbers", f"{a} and {b}", "drop one of them")
+    names = [name for name, _ in vary]
+    sizes = [(name, values) for name, values in vary if not traced(study, name)]
+    for combination in itertools.product(*(values for _, values in sizes)):
+        after = varied(study, dict(zip([name for name, _ in sizes], combination, strict=True)))
+        rows = int(after.training.train_mask(after.steps - 1).sum())
+        if names and rows < after.training.batch:
+            got = f"{after.training.batch}, with {rows} training rows from {after.steps} control steps"
+            raise ConfigurationError("a batch no larger than an execution's training rows", got, "mend batch or steps")
+
+
+def _sets(name: str) -> tuple[str, ...]:
+    """The numbers that a name sets."""
+    both = {"learner_gain": ("pid_learner", "doomed_learner"), "applied_gain": ("pid_gains", "doomed_rates")}
+    return both.get(name, (ALIASES.get(name, name),))
 
 
 def varied(study: PaperStudy, values: Mapping[str, Any]) -> PaperStudy:

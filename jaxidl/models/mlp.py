@@ -16,6 +16,7 @@ import numpy as np
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from jaxidl.errors import ConfigurationError
 from jaxidl.types import Circumstances, Joints, Key, State
 
 Params = Any  # the pytree of all joints' networks, a leading axis J on every leaf
@@ -93,6 +94,14 @@ class ErrorModel:
     circumstance_scales: tuple[float, ...] = ()  # of each circumstance (C) that is an input, too; of others nothing is told
     slope: float = 0.01  # initial PReLU slope [-]
     activation_width: float = 0.0  # over which PReLU's kink is rounded [-]; 0: sharp, as in the paper
+
+    def __post_init__(self) -> None:
+        for name in ("position_scale", "velocity_scale", "acceleration_scale", "torque_scale"):
+            if not 0.0 < getattr(self, name) < np.inf:
+                raise ConfigurationError(f"{name} > 0", str(getattr(self, name)), "mend it")
+        if not (np.isfinite(self.slope) and 0.0 <= self.activation_width < np.inf):
+            got = f"{self.slope}, {self.activation_width}"
+            raise ConfigurationError("a finite slope and activation_width >= 0", got, "mend them")
 
     def init(self, key: Key) -> Params:
         """Fresh float32 parameters; every joint's network has its own draw."""

@@ -35,9 +35,9 @@ class Training:
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
 
-    def steps(self, rows: int) -> int:
+    def steps(self, rows: int, executions: int = 1) -> int:
         """Training steps of one iteration for a data set of ``rows`` rows."""
-        return self.epochs * int(self.train_mask(rows).sum() // self.batch)
+        return self.epochs * int(self.mask_of(rows, executions).sum() // self.batch)
 
     def train_mask(self, rows: int) -> Bool[np.ndarray, " N"]:
         """Which rows are trained on: all but each next row after a positive multiple of ``holdout_every``."""
@@ -46,10 +46,14 @@ class Training:
             return np.ones(rows, bool)
         return (index % self.holdout_every != 1) | (index <= self.holdout_every)
 
-    def snapshots(self, rows: int) -> Bool[np.ndarray, " S"]:
+    def mask_of(self, rows: int, executions: int) -> Bool[np.ndarray, " N"]:
+        """:meth:`train_mask` of each of several executions' rows: a copy of an execution holds out the same ones."""
+        return np.tile(self.train_mask(rows // executions), executions)
+
+    def snapshots(self, rows: int, executions: int = 1) -> Bool[np.ndarray, " S"]:
         """After which training steps the validation loss is read: the first, every so many, and the last."""
-        steps = self.steps(rows)
-        every = max(1, int(self.snapshot_epochs * self.train_mask(rows).sum() / self.batch))
+        steps = self.steps(rows, executions)
+        every = max(1, int(self.snapshot_epochs * self.mask_of(rows, executions).sum() / self.batch))
         flags = np.arange(steps) % every == 0
         flags[-1:] = True
         return flags
@@ -158,6 +162,7 @@ def fit(
     data: Dataset,
     batches: Int[Array, "S B"],
     *,
+    executions: int = 1,
     derivative: str | None = None,
 ) -> tuple[Learner, Progress]:
     """Train on ``data`` (N rows) with the given ``batches`` (S, B) of training rows; return the best snapshot.
@@ -165,13 +170,16 @@ def fit(
     Best is the lowest validation loss among the snapshots; weights and optimiser state are both kept. If no snapshot has a
     finite validation loss, the learner is returned as it came and ``validation`` is infinite.
 
+    Rows are those of ``executions`` of equal length, one after the other; of each the same ones are held out.
+
     With ``derivative`` "forward" or "reverse" the result can be differentiated in that mode through all steps, by the data, the
-    weights and the learning rate: of the snapshot taken, whichever else might have been best. The values are the same.
+    weights and the learning rate: of the snapshot taken, whichever else might have been best. The values are the same but for
+    rounding, as of any two programs.
     """
     if derivative not in DERIVATIVES:
         raise one_of("derivative", derivative, DERIVATIVES)
     optimiser, fast = adam(training.learning_rate), derivative != "forward"
-    mask = training.train_mask(data.x.shape[0])
+    mask = training.mask_of(data.x.shape[0], executions)
     dtype = jax.tree.leaves(learner.params)[0].dtype
     x = model.scale_inputs(data.x).astype(dtype).T
     y = (data.y / model.torque_scale).astype(dtype).T
@@ -196,7 +204,7 @@ def fit(
         best, best_loss = jax.lax.cond(is_snapshot, compare, lambda: (best, best_loss))
         return (learner, best, best_loss), loss
 
-    flags = jnp.asarray(training.snapshots(data.x.shape[0]))
+    flags = jnp.asarray(training.snapshots(data.x.shape[0], executions))
     carry = (learner, learner, jnp.asarray(jnp.inf, dtype))
     checkpoint = derivative == "reverse"
     (_, best, validation), losses = scan(one_step, carry, (batches, flags), checkpoint=checkpoint)

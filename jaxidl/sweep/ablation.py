@@ -41,7 +41,7 @@ def final(data: xr.Dataset, variable: str) -> xr.DataArray:
 
 
 def axes(data: xr.Dataset) -> tuple[str, list[str]]:
-    """The axis that was varied first, for the abscissa, and the others that have more than one value.
+    """The abscissa's axis (the first that an ablation added, else the first numeric one), and the others with several values.
 
     Raises:
         StoreError: if nothing is varied.

@@ -14,6 +14,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from jaxidl.errors import ConfigurationError
 from jaxidl.learning.paper import PaperStudy
+from jaxidl.learning.vary import check
 from jaxidl.sweep.chunks import Chunk, Layout, chunks, dispatch, layout, without_padding
 from jaxidl.sweep.cluster import Cluster
 from jaxidl.sweep.example import example
@@ -68,11 +69,12 @@ def run_sweep(
     ``path`` must lie in a folder that all its machines share.
 
     Raises:
-        ConfigurationError: for an impossible layout, or no such cluster.
+        ConfigurationError: for an impossible layout, no such cluster, or numbers to vary that cannot be.
         StoreError: see :class:`jaxidl.sweep.store.Store`.
         KeyboardInterrupt: finished chunks are saved; the same call continues.
     """
     study, path = study or PaperStudy(), Path(path)
+    check(study, grid.vary)
     if cluster is not None and devices is not None:
         raise ConfigurationError("--devices or --cluster", "both", "leave --devices out: the cluster says what it has")
     with jax.enable_x64(True):
@@ -152,7 +154,7 @@ def _cost(study: PaperStudy, kind: Kind, iterations: int) -> float:
     """Training steps of one run, and the executions in the same unit: for the progress bar only."""
     study = kind.study(study)
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
-    train_rows = study.training.train_mask((1 + study.kept) * rows[kind.source]).sum()
+    train_rows = (1 + study.kept) * study.training.train_mask(rows[kind.source]).sum()
     return iterations * (kind.epochs * (train_rows // study.training.batch) + 0.02 * study.steps)
 
 

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Integer
 
 from jaxidl.control import Doomed, FeedbackLaw, Pid, PidGains
 from jaxidl.effects import EncoderQuantisation
-from jaxidl.errors import one_of
+from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.learning.paper import CONTROLLERS, GAINS, Condition, PaperStudy
@@ -106,10 +106,11 @@ def point_mass_problem(
     blurred = replace(sharp, error_model=ErrorModel(activation_width=ROUNDED), training=short, **SMOOTH)
     condition = Condition(GAINS.index("low"), noise, 5.0, 5.0)
     each = lambda value: jnp.full(2, float(value))  # noqa: E731
-    law: FeedbackLaw = Doomed(each(0.01), each(0.5), 0.1, 0.9)
-    if controller == "pid":
-        applied, learner = (PidGains(*map(each, gains)) for gains in (sharp.pid_gains[0], sharp.pid_learner))
-        law = Pid(applied, learner, 0.1)
+    with jax.enable_x64(True):  # whatever the caller has
+        law: FeedbackLaw = Doomed(each(0.01), each(0.5), 0.1, 0.9)
+        if controller == "pid":
+            applied, learner = (PidGains(*map(each, gains)) for gains in (sharp.pid_gains[0], sharp.pid_learner))
+            law = Pid(applied, learner, 0.1)
 
     def run(law: FeedbackLaw, seed: Array, smooth: bool, derivative: str | None) -> Metrics:
         study = blurred if smooth else sharp
@@ -157,16 +158,20 @@ def arm_problem(executions: int = 3, epochs: int = 8, noise: float = 1e-5, sourc
         return learn(setting, draws, key, source=source, train_on="sensed_state", derivative=derivative, **how)[0]
 
     sizes = {"executions": executions, "epochs": epochs, "noise": noise, "source": source}
-    settings = {"plant": "arm", "controller": "doomed", **sizes, "study": study.to_dict()}
+    settings = {"plant": "arm", "controller": "doomed", **sizes, "study": study.to_dict(), "smooth": "without counts"}
     return Problem(settings, ArmGains(smoothing=study.smoothing), run, mode="forward", gradient_cost=12)
 
 
-def problem(plant: str, controller: str, **sizes: Any) -> Problem:
+def problem(plant: str, controller: str | None = None, **sizes: Any) -> Problem:
     """The problem of that name.
 
     Raises:
-        ConfigurationError: for an unknown plant or controller.
+        ConfigurationError: for an unknown plant, or a controller that it has not.
     """
     if plant not in PLANTS:
         raise one_of("plant", plant, PLANTS)
-    return arm_problem(**sizes) if plant == "arm" else point_mass_problem(controller, **sizes)
+    if plant == "point_mass":
+        return point_mass_problem(controller or "pid", **sizes)
+    if controller not in (None, "doomed"):
+        raise ConfigurationError("doomed on the arm", repr(controller), "leave --controller out")
+    return arm_problem(**sizes)

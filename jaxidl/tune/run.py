@@ -16,9 +16,7 @@ from jaxidl.sweep.launch import progress_bar
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
 from jaxidl.tune.problem import FACTOR, ROUNDED, SHORT, SMOOTH, Problem
-from jaxidl.tune.search import LONGEST, RATE, WEIGHT, Search, Trail, descend, judged, sample
-
-WAYS = ("gradient", "random")
+from jaxidl.tune.search import LONGEST, RATE, WEIGHT, Search, Trail, as_it_is, descend, judged, sample
 
 
 def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = None, quiet: bool = False) -> dict[str, Any]:
@@ -37,10 +35,11 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
         StoreError: if the folder cannot be written, or another process is at work in it.
     """
     fixed = {"smooth": SMOOTH, "rounded": ROUNDED, "short": SHORT, "factor": FACTOR}
-    fixed |= {"weight": WEIGHT, "rate": RATE, "longest": LONGEST}
+    fixed |= {"weight": WEIGHT, "rate": RATE, "longest": LONGEST, "mode": problem.mode, "start": problem.start.tolist()}
+    fixed |= {"gradient_cost": problem.gradient_cost}
     identity = {"problem": problem.settings, "precision": PRECISION, "bound": bound}
     searched = {name: value for name, value in asdict(search).items() if name != "test_seeds"}
-    total = 2 * search.points + 1
+    total = 2 * search.points(problem) + 1
     with (
         jax.enable_x64(True),
         Parts(out / "points", identity | {"search": searched, "fixed": fixed}) as parts,
@@ -48,33 +47,46 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
     ):
         task = bar.add_task("learning runs", total=total * search.seeds, count="")
         tick: Callable[[int], None] = lambda runs: bar.update(task, advance=runs * search.seeds)  # noqa: E731
-        at = judged(problem, problem.start[None], search.train())
+        at = as_it_is(problem, search, parts)
+        tick(1)
         limit = float(np.mean(at["effort"])) if bound is None else float(np.log(bound))
         trails = {"gradient": descend(problem, search, limit, parts, tick), "random": sample(problem, search, parts, tick)}
         found = {"as it is": problem.start} | {way: trail.logs[trail.best(limit)] for way, trail in trails.items()}
         fresh = {way: judged(problem, logs[None], search.test()) for way, logs in found.items()}
+    costs = {"gradient": search.seeds * (problem.gradient_cost + 1), "random": search.seeds}
     result = {
         "problem": problem.settings,
         "search": asdict(search),
         "bound": float(np.exp(limit)),
         "numbers": {way: dict(zip(problem.names, np.exp(logs).tolist(), strict=True)) for way, logs in found.items()},
-        "course": {way: course(trail, limit, search) for way, trail in trails.items()},
+        "course": {way: course(trail, limit, costs[way]) for way, trail in trails.items()},
         "fresh": {way: {name: np.exp(column[0]).tolist() for name, column in runs.items()} for way, runs in fresh.items()},
         "compared": {f"{a} / {b}": compared(fresh[a], fresh[b]) for a, b in PAIRS},
         "over_bound": mean_ratio(fresh["gradient"]["effort"][0] - limit),
         **provenance(),
         "git_revision": revision(),
     }
-    write_bytes(out / "tune.json", (json.dumps(result, indent=1) + "\n").encode())
+    write_bytes(out / "tune.json", (json.dumps(plain(result), indent=1, allow_nan=False) + "\n").encode())
     return result
 
 
 PAIRS = (("gradient", "as it is"), ("random", "as it is"), ("gradient", "random"))
 
 
-def course(trail: Trail, limit: float, search: Search) -> dict[str, Any]:
-    """After each point of a search: learning runs so far, error and effort of the best point until then; seconds of it all."""
-    each = search.seeds * (search.gradient_cost + 1 if len(trail.logs) == search.steps else 1)
+def plain(node: Any) -> Any:
+    """As JSON has it, which knows no infinity: None instead."""
+    if isinstance(node, dict):
+        return {key: plain(value) for key, value in node.items()}
+    if isinstance(node, list):
+        return [plain(value) for value in node]
+    return None if isinstance(node, float) and not np.isfinite(node) else node
+
+
+def course(trail: Trail, limit: float, each: int) -> dict[str, Any]:
+    """After each point of a search: learning runs so far, error and effort of the best point until then; seconds of it all.
+
+    Each point costs ``each`` learning runs.
+    """
     best = [trail.best(limit, n) for n in range(1, 1 + len(trail.logs))]
     error, effort = (np.exp(column.mean(1)[best]).tolist() for column in (trail.error, trail.effort))
     return {"runs": [each * (n + 1) for n in range(len(best))], "error": error, "effort": effort, "seconds": trail.seconds}
@@ -82,35 +94,53 @@ def course(trail: Trail, limit: float, search: Search) -> dict[str, Any]:
 
 def compared(a: Arrays, b: Arrays) -> dict[str, Any]:
     """Ratios of error and effort over fresh seeds, run by run with the same draws."""
-    return {name: mean_ratio((a[name] - b[name])[0]) for name in ("error", "effort")}
+    with np.errstate(invalid="ignore"):  # where both diverged
+        return {name: mean_ratio((a[name] - b[name])[0]) for name in ("error", "effort")}
 
 
 def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
-    """Geometric mean of ratios given as logarithms, its 95 % interval, how many are below 1; what is not finite left out."""
+    """Geometric mean of ratios given as logarithms, its 95 % interval, how many are below 1, how many have no finite numerator.
+
+    What is not finite is left out of mean and interval; None where fewer than two are left.
+    """
     known = logs[np.isfinite(logs)]
-    half = stats.t.ppf(0.975, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known)) if len(known) > 1 else np.nan
-    low, middle, high = (float(np.exp(known.mean() + side * half)) for side in (-1, 0, 1))
-    return {"ratio": middle, "interval": [low, high], "seeds": len(known), "wins": int((known < 0).sum())}
+    found: dict[str, Any] = {"ratio": None, "interval": None, "seeds": len(logs)}
+    found |= {"wins": int((logs < 0).sum()), "not_finite": int((~(logs < np.inf)).sum())}
+    if len(known) > 1:
+        half = stats.t.ppf(0.975, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
+        low, found["ratio"], high = (float(np.exp(known.mean() + side * half)) for side in (-1, 0, 1))
+        found["interval"] = [low, high]
+    return found
 
 
 def as_text(result: dict[str, Any]) -> str:
     """The comparison as a Markdown table, with what it means in a line."""
-    lines = ["| compared on fresh seeds | position error | applied feedback | wins |", "| --- | --- | --- | --- |"]
+    lines = ["| compared on fresh seeds | position error | applied feedback | wins | not finite |", "| --- " * 5 + "|"]
     for pair, numbers in result["compared"].items():
-        cells = [f"{n['ratio']:.2f} [{n['interval'][0]:.2f}, {n['interval'][1]:.2f}]" for n in numbers.values()]
-        lines.append(f"| {pair} | {' | '.join(cells)} | {numbers['error']['wins']} of {numbers['error']['seeds']} |")
-    return "\n".join([*lines, "", verdict(result)])
+        cells = [_cell(number) for number in numbers.values()]
+        error = numbers["error"]
+        lines.append(f"| {pair} | {' | '.join(cells)} | {error['wins']} of {error['seeds']} | {error['not_finite']} |")
+    seconds = {way: course["seconds"] for way, course in result["course"].items()}
+    cost = f"Descent took {seconds['gradient']:.0f} s, random search {seconds['random']:.0f} s, compiling included."
+    return "\n".join([*lines, "", verdict(result), cost])
+
+
+def _cell(number: dict[str, Any]) -> str:
+    if number["interval"] is None:
+        return "-"
+    return f"{number['ratio']:.2f} [{number['interval'][0]:.2f}, {number['interval'][1]:.2f}]"
 
 
 def verdict(result: dict[str, Any]) -> str:
-    """Do the tuned gains beat the law as it is, and random search, within the bound?"""
+    """Do the tuned gains beat the law as it is, and random search, within the bound? If a run diverges they beat nothing."""
 
     def said(pair: str) -> str:
-        low, high = result["compared"][pair]["error"]["interval"]
-        return "better than" if high < 1.0 else "worse than" if low > 1.0 else "not told apart from"
+        error = result["compared"][pair]["error"]
+        low, high = error["interval"] or (0.0, np.inf)
+        better, worse = high < 1.0 and not error["not_finite"], low > 1.0
+        return "better than" if better else "worse than" if worse else "not told apart from"
 
-    keeps = "within the bound on feedback" if result["over_bound"]["interval"][0] <= 1.0 else "but above the bound on feedback"
+    over = result["over_bound"]["ratio"]
+    keeps = "within the bound on feedback" if over is not None and over <= 1.0 else "but above the bound on feedback"
     first, second = said("gradient / as it is"), said("gradient / random")
-    return (
-        f"Gains tuned by gradient are {first} the gains as they are, {keeps}, and {second} those of random search of equal cost."
-    )
+    return f"Gains tuned by gradient are {first} the gains as they are, {keeps}, and {second} those of random search."

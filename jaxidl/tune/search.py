@@ -37,25 +37,25 @@ class Search:
 
     steps: int = 30  # of gradient descent
     seeds: int = 4  # learning runs that judge a point
-    gradient_cost: int = 4  # learning runs that one gradient is worth, see :class:`jaxidl.tune.problem.Problem`
     test_seeds: int = 20  # fresh ones that compare what was found
     seed: int = 1  # root of all of them
 
     def __post_init__(self) -> None:
-        for name, least in (("steps", 1), ("seeds", 1), ("gradient_cost", 1), ("test_seeds", 2), ("seed", 0)):
+        for name, least in (("steps", 1), ("seeds", 1), ("test_seeds", 2), ("seed", 0)):
             if getattr(self, name) < least:
                 raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
 
-    @property
-    def points(self) -> int:
+    def points(self, problem: Problem) -> int:
         """Points of random search that cost as much as the descent: each of its steps is one gradient and one judgement."""
-        return self.steps * (self.gradient_cost + 1)
+        return self.steps * (problem.gradient_cost + 1)
 
     def train(self) -> Integer[np.ndarray, " S"]:
-        return 1000 * self.seed + np.arange(self.seeds, dtype=np.uint32)
+        """Seeds below 2^30 that points are judged by."""
+        return np.random.default_rng([self.seed, 0]).integers(2**30, size=self.seeds, dtype=np.uint32)
 
     def test(self) -> Integer[np.ndarray, " S"]:
-        return 1000 * self.seed + 500 + np.arange(self.test_seeds, dtype=np.uint32)
+        """Seeds from 2^30 on that what was found is compared by."""
+        return np.random.default_rng([self.seed, 1]).integers(2**30, 2**31, size=self.test_seeds, dtype=np.uint32)
 
 
 @dataclass
@@ -94,7 +94,7 @@ def descend(problem: Problem, search: Search, bound: float, parts: Parts, tick: 
             parts.save(name, piece)
         if number == 0:
             limit = float(np.mean(piece["smooth"]) + bound - np.mean(piece["effort"]))
-        tick(search.gradient_cost + 1)
+        tick(problem.gradient_cost + 1)
         rows.append(piece)
         updates, state = optimiser.update(jnp.asarray(direction(piece["slopes"])), state)
         logs = np.clip(piece["logs"] + np.asarray(updates), low, high)
@@ -116,10 +116,10 @@ def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
 def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int], None]) -> Trail:
     """Random search: the law as it is, then points drawn evenly between the bounds."""
     low, high = problem.bounds()
-    draws = np.random.default_rng(search.seed).uniform(low, high, (search.points, len(low)))
+    draws = np.random.default_rng(search.seed).uniform(low, high, (search.points(problem), len(low)))
     draws[0] = problem.start
     rows: list[Arrays] = []
-    for begin in range(0, search.points, BATCH):
+    for begin in range(0, len(draws), BATCH):
         name, points = f"random-{begin:05d}", draws[begin : begin + BATCH]
         piece = parts.load(name)
         if piece is None:
@@ -130,6 +130,15 @@ def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int],
         tick(len(points))
         rows.append(piece)
     return _trail(draws, rows)
+
+
+def as_it_is(problem: Problem, search: Search, parts: Parts) -> Arrays:
+    """:func:`judged` of the law as it is; kept, for it says what the bound is."""
+    piece = parts.load("start")
+    if piece is None:
+        piece = judged(problem, problem.start[None], search.train())
+        parts.save("start", piece)
+    return piece
 
 
 def judged(problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]) -> Arrays:
