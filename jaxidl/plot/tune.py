@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from jaxidl.plot.style import house_style, save
 
@@ -21,7 +23,7 @@ def figure(result: dict[str, Any]) -> Figure:
     for way, course in result["course"].items():
         left.plot(course["runs"], course["error"], color=STYLE[way][0], drawstyle="steps-post", label=way)
     left.set_xscale("log")
-    left.set_yscale("log")
+    _scale(left.yaxis, np.concatenate([np.array([x for x in course["error"] if x]) for course in result["course"].values()]))
     left.set_xlabel("cost [learning runs]")
     left.set_ylabel(f"best error within the bound [{length}]")
     left.set_title("search")
@@ -42,14 +44,26 @@ def figure(result: dict[str, Any]) -> Figure:
 def _fresh(axes: Axes, result: dict[str, Any]) -> None:
     for way, runs in result["fresh"].items():
         color, marker = STYLE[way]
-        error, effort = (np.array(runs[name]) for name in ("error", "effort"))
+        error, effort = (np.array(runs[name], float) for name in ("error", "effort"))
         known = np.isfinite(error) & np.isfinite(effort)
         axes.plot(effort[known], error[known], marker, color=color, markersize=3, alpha=0.45)
         mean = [np.exp(np.log(x[known]).mean()) for x in (effort, error)]
         axes.plot(*mean, marker, color=color, markersize=8, markeredgecolor="white", label=way)
     axes.axvline(result["bound"], color="0.4", linestyle=":", linewidth=1.0, label="bound")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    everything = [
+        np.array([x for run in result["fresh"].values() for x in run[name] if x], float) for name in ("effort", "error")
+    ]
+    for axis, values in zip((axes.xaxis, axes.yaxis), everything, strict=True):
+        _scale(axis, values)
+
+
+def _scale(axis: Axis, values: np.ndarray) -> None:
+    """Logarithmic where values differ by more than a factor of three: below that its labels are many and long."""
+    known = values[np.isfinite(values)]
+    if known.size and known.max() > 3.0 * known.min():
+        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+    else:
+        axis.set_major_locator(MaxNLocator(5))
 
 
 def draw_tune(result: dict[str, Any], folder: Path) -> list[Path]:
