@@ -1,13 +1,11 @@
 """The figure of ``jaxidl tune``: both searches against their cost, and what they found on fresh seeds."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from jaxidl.plot.style import house_style, save
 
@@ -23,7 +21,7 @@ def figure(result: dict[str, Any]) -> Figure:
     for way, course in result["course"].items():
         left.plot(course["runs"], course["error"], color=STYLE[way][0], drawstyle="steps-post", label=way)
     left.set_xscale("log")
-    _scale(left.yaxis, np.concatenate([np.array([x for x in course["error"] if x]) for course in result["course"].values()]))
+    _scale(left, "y", [x for course in result["course"].values() for x in course["error"] if x])
     left.set_xlabel("cost [learning runs]")
     left.set_ylabel(f"best error within the bound [{length}]")
     left.set_title("search")
@@ -50,20 +48,17 @@ def _fresh(axes: Axes, result: dict[str, Any]) -> None:
         mean = [np.exp(np.log(x[known]).mean()) for x in (effort, error)]
         axes.plot(*mean, marker, color=color, markersize=8, markeredgecolor="white", label=way)
     axes.axvline(result["bound"], color="0.4", linestyle=":", linewidth=1.0, label="bound")
-    everything = [
-        np.array([x for run in result["fresh"].values() for x in run[name] if x], float) for name in ("effort", "error")
-    ]
-    for axis, values in zip((axes.xaxis, axes.yaxis), everything, strict=True):
-        _scale(axis, values)
+    for which in ("x", "y"):
+        _scale(axes, which, [x for runs in result["fresh"].values() for x in runs["effort" if which == "x" else "error"] if x])
 
 
-def _scale(axis: Axis, values: np.ndarray) -> None:
+def _scale(axes: Axes, which: Literal["x", "y"], values: list[float]) -> None:
     """Logarithmic where values differ by more than a factor of three: below that its labels are many and long."""
-    known = values[np.isfinite(values)]
+    known = np.array(values)[np.isfinite(values)]
     if known.size and known.max() > 3.0 * known.min():
-        axis.axes.set(**{f"{axis.axis_name}scale": "log"})
+        axes.set(**{f"{which}scale": "log"})
     else:
-        axis.set_major_locator(MaxNLocator(5))
+        axes.locator_params(axis=which, nbins=5)
 
 
 def draw_tune(result: dict[str, Any], folder: Path) -> list[Path]:
