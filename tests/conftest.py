@@ -20,6 +20,13 @@ install_import_hook("jaxidl", "beartype.beartype")  # in force for as long as th
 REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
 
 
+@pytest.fixture(autouse=True, scope="module")
+def drop_programs():
+    """Compiled programs of a finished file: all of the suite's together need more memory maps than a process may have."""
+    yield
+    jax.clear_caches()
+
+
 @pytest.fixture(scope="session")
 def reference() -> Path:
     """Folder with the reference program's own numbers."""
