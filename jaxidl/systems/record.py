@@ -59,7 +59,8 @@ def _entry(entry: dict[str, Any], joints: int) -> Entry:
         raise TypeError("in_mjcf is true or false, mjcf a text or null")
     for key, value in entry.get("options", {}).items():
         most = {"steps": MOST_STEPS, "joint": joints - 1, "other": joints - 1}.get(key, math.inf)
-        if not isinstance(value, int) or not (key == "steps") <= value <= most:
+        kind = int | float if key == "width" else int
+        if not isinstance(value, kind) or not math.isfinite(value) or not (key == "steps") <= value <= most:
             raise EffectError(f"an option {key} that fits", repr(value)[:100], "correct it")
     effect = from_dict(entry)
     check_fits(effect, joints)
