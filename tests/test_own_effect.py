@@ -158,14 +158,13 @@ def test_what_shall_not_be_searched_is_searched_only_where_named(clean, tmp_path
     assert found.findings[0].parameters["pull"].value == pytest.approx(0.4, rel=0.02)
     register(CATALOGUE["magnet"])
     assert "magnet" in searched()
-    for cls in (magnet(whole=True), Bare):  # can be simulated and stored, no more
-        register(cls, searched=False)
-        assert cls.name in CATALOGUE
-        assert cls.name not in searchable()
+    register(Bare, searched=False)  # can be simulated and stored, no more
+    assert "bare" in CATALOGUE
+    assert "bare" not in searchable()
     with pytest.raises(EffectError, match="defaults of the static fields"):
         register(Bare)
     with pytest.raises(ConfigurationError, match="an effect to look for"):
-        gap.diagnose(log, tmp_path / "model.xml", effects=("magnet",))
+        gap.diagnose(log, tmp_path / "model.xml", effects=("bare",))
 
 
 class Bare(Effect):
@@ -203,7 +202,6 @@ REFUSED = {
     "a field too many": (lambda: Wide, "got parameters pull and traced fields pull, reach; .* static"),
     "a taken name": (lambda: magnet(name="spring"), r"got 'spring' of jaxidl\.effects\.position\.Spring; choose another name"),
     "a reserved name": (lambda: magnet(name=ALIGNMENT), "got 'alignment' of the gap workflow"),
-    "whole mechanism": (lambda: magnet(whole=True), "whole = True; register it with searched=False"),
     "static field": (lambda: Bare, "defaults of the static fields of bare; got none of turns"),
     "guess by another name": (lambda: magnet(guesses=[{"push": 1.0}]), "guesses of magnet .*; got push = 1.0"),
     "infinite guess": (lambda: magnet(guesses=[{"pull": np.inf}]), "guesses of magnet .*; got pull = inf"),

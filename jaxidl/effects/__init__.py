@@ -1,14 +1,15 @@
 """The catalogue of named physical effects."""
 
 from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueSaturation, TorqueScale
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale, regressor
+from jaxidl.effects.base import Effect, regressor
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
 from jaxidl.effects.inertia import InertiaError, Payload
-from jaxidl.effects.on_joint import OnJoint
+from jaxidl.effects.on_joint import OnJoint, placed
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.effects.stiction import STICTION_LEVEL, Stiction, paper_stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
 from jaxidl.effects.varying import CoupledFriction, LoadDependentFriction, PositionDependentFriction
@@ -45,9 +46,11 @@ __all__ = [
     "TorqueRipple",
     "TorqueSaturation",
     "TorqueScale",
+    "Variant",
     "ViscousFriction",
     "from_dict",
     "paper_stiction",
+    "placed",
     "register",
     "regressor",
     "searchable",

@@ -5,9 +5,12 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 from flax import struct
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
-from jaxidl.effects.delay import DELAYS, Line, late, line, push
-from jaxidl.types import Joints
+from jaxidl.effects.base import Effect
+from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Line, late, line, push, variants_of
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
+from jaxidl.types import History, Joints
+
+REACHED = 0.95  # of the limit: from there on a motor counts as saturated
 
 
 class ActuatorLag(Effect):
@@ -19,6 +22,8 @@ class ActuatorLag(Effect):
     sentence: ClassVar[str] = "the motor follows its command with a lag"
     parameters: ClassVar = {"time_constant": Parameter("s", 1e-6, 10.0, "the time constant")}
     mjcf: ClassVar = {"time_constant": "general/dynprm"}
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = LATE
 
     def start(self, q: Joints) -> Joints:
         return jnp.zeros_like(q)
@@ -31,6 +36,10 @@ class ActuatorLag(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"time_constant": x} for x in DELAYS]
 
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return [Variant(guess, within={"time_constant": (scale.dt / 10.0, LONGEST)}) for guess in cls.guesses(scale)]
+
 
 class ActuatorDelay(Effect):
     """The delivered torque is the command of ``delay`` ago, by linear interpolation; at most ``steps`` steps."""
@@ -41,6 +50,8 @@ class ActuatorDelay(Effect):
     name: ClassVar[str] = "actuator_delay"
     sentence: ClassVar[str] = "the torque arrives late, after a dead time"
     parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the dead time")}
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = LATE
 
     def start(self, q: Joints) -> Line:
         return line(jnp.zeros_like(q), self.steps)
@@ -52,6 +63,10 @@ class ActuatorDelay(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"delay": x} for x in DELAYS]
 
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return variants_of(cls.guesses(scale), scale)
+
 
 class TorqueScale(Effect):
     """The motor delivers ``scale`` times its command: a motor constant or gear ratio that is not what one believes."""
@@ -62,6 +77,11 @@ class TorqueScale(Effect):
     sentence: ClassVar[str] = "the motor delivers another share of its command than believed"
     parameters: ClassVar = {"scale": Parameter("1", 0.05, 20.0, "delivered over commanded torque")}
     mjcf: ClassVar = {"scale": "general/gear"}
+    prior: ClassVar[float] = 0.03
+    advice: ClassVar[str] = (
+        "repeat the motion with a known mass attached, or hold the joint still against gravity or a force gauge: a wrong torque "
+        "scale shows at rest, a wrong inertia only under acceleration"
+    )
 
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
         return self.scale * tau, memory
@@ -70,9 +90,14 @@ class TorqueScale(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"scale": 1.0}]
 
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """A motor constant may be off by a factor of two and a half; beyond that the motor is another one."""
+        return [Variant({"scale": 1.1}, within={"scale": (0.4, 2.5)})]
+
 
 class TorqueSaturation(Effect):
-    """The motor delivers no more than ±limit, whatever it is told."""
+    """The motor delivers no more than ±limit, whatever its command."""
 
     limit: Joints  # (J,) [N or Nm]
 
@@ -80,13 +105,30 @@ class TorqueSaturation(Effect):
     sentence: ClassVar[str] = "the motor cannot deliver more than a certain torque"
     parameters: ClassVar = {"limit": Parameter("N", 1e-6, 1e6, "the largest torque")}
     mjcf: ClassVar = {"limit": "general/forcerange"}
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = "command steps of torque that grow beyond the largest so far, and watch the acceleration stop to grow"
 
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
         return jnp.clip(tau, -self.limit, self.limit), memory
 
+    def seen(self, logged: History, predicted: History) -> History:
+        """The logged command where it exceeds the limit and the torque that the motion needs reaches it.
+
+        Elsewhere clipping would explain any gap by shrinking the command.
+        """
+        limit = jnp.broadcast_to(self.limit, predicted.shape)
+        reaches = (jnp.abs(predicted) >= REACHED * limit) & (predicted * logged > 0.0)
+        return jnp.where(reaches & (jnp.abs(logged) > limit), logged, predicted)
+
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"limit": share * scale.torque} for share in (0.9, 0.75, 0.6, 0.45, 0.3, 0.2)]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """A motor that always delivers the same is no motor; one that never reaches its limit shows none."""
+        within = {"limit": (0.1 * scale.torque, scale.torque)}
+        return [Variant(guess, within=within) for guess in cls.guesses(scale)]
 
 
 class ConstantOffset(Effect):
@@ -98,6 +140,9 @@ class ConstantOffset(Effect):
     sentence: ClassVar[str] = "a constant torque that is always there"
     parameters: ClassVar = {"offset": Parameter("N", -1e4, 1e4, "the torque bias")}
     linear: ClassVar[bool] = True
+    prior: ClassVar[float] = 0.3
+    common: ClassVar[bool] = True
+    advice: ClassVar[str] = "measure the torque that just starts the joint in each direction, with the motor's offset zeroed"
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return self.offset

@@ -8,67 +8,51 @@ methods are pure functions of one instant of one mechanism and default to "does 
 * *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, where ``linear`` is true
   ``regressor`` gives the matrix of a linear least-squares problem, where it is not ``guesses`` says where to begin, and
   ``true_position`` undoes what it does to the encoders;
-* *is ranked and named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person;
+* *is searched for*: ``variants`` are the shapes that are tried, ``prior`` how likely it is, ``common`` whether every fit has it,
+  ``contains`` what is not looked for beside it, ``friction`` whether it must dissipate, ``seen`` which command it is judged by;
+* *is named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person, ``advice`` how to tell it from others;
 * *is exported*: ``to_dict``/``from_dict`` for ``effects.json``, ``mjcf`` for the attribute that MuJoCo has for it.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import fields
+from typing import Any, ClassVar
 
 import jax
 import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
+from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import Array, Float
 
-from jaxidl.errors import EffectError
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import History, JointMask, Joints
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """Bounds, unit and meaning of one numeric field of an effect."""
-
-    unit: str
-    lower: float
-    upper: float
-    meaning: str
-
-    def check(self, name: str, value: object) -> None:
-        """Raise :class:`EffectError` naming the parameter if ``value``, a number or an array, is out of bounds or NaN."""
-        numbers = np.asarray(value, float)
-        if not ((numbers >= self.lower) & (numbers <= self.upper)).all():  # NaN fails too
-            bounds = f"{name} in [{self.lower:g}, {self.upper:g}] {self.unit}"
-            raise EffectError(bounds, str(numbers.tolist()), f"set {self.meaning} within these bounds")
-
-
-class Scale(NamedTuple):
-    """How large things are on one joint of a log: what :meth:`Effect.guesses` measures its starting values with."""
-
-    torque: float  # largest command [N or Nm]
-    speed: float  # largest speed [m/s or rad/s]
-    lower: float  # least position [m or rad]
-    upper: float  # largest position [m or rad]
-    inertia: float  # median inertia that the joint sees [kg or kg m^2]
-    residual: float  # root mean square of what the model lacks [N or Nm]
-    band: float  # frequency up to which the log can be trusted [Hz]
-    dt: float  # sampling interval [s]
-
-
-Guess = Mapping[str, float | np.ndarray]  # starting values of the parameters; those not named stay at ``Effect.neutral``
 
 
 class Effect(struct.PyTreeNode):
     """Base of every effect in the catalogue. Fields named in ``parameters`` are traced, the others are static."""
 
     name: ClassVar[str] = ""
+    """The catalogue's name, one word with underscores."""
     sentence: ClassVar[str] = ""
+    """The effect in plain words."""
     parameters: ClassVar[Mapping[str, Parameter]] = {}
-    linear: ClassVar[bool] = False  # is what it adds (torque, level of dry friction, inertia) linear in the parameters?
-    whole: ClassVar[bool] = False  # does it belong to the whole mechanism rather than to a joint?
-    mjcf: ClassVar[Mapping[str, str]] = {}  # parameter -> MJCF attribute; empty: goes into effects.json
+    """Bounds, units and meaning of the traced fields, in their order."""
+    linear: ClassVar[bool] = False
+    """Is what it adds (torque, level of dry friction, inertia) linear in the parameters?"""
+    whole: ClassVar[bool] = False
+    """Does it belong to the whole mechanism rather than to a joint?"""
+    mjcf: ClassVar[Mapping[str, str]] = {}
+    """MJCF attribute of each parameter that has one; empty: the effect goes into ``effects.json``."""
+    prior: ClassVar[float] = 0.05
+    """Probability that a real geared joint has it and a nominal model lacks it; one half at most, or superfluous effects pay."""
+    common: ClassVar[bool] = False
+    """Does conventional identification fit it on every joint?"""
+    friction: ClassVar[bool] = False
+    """Must it dissipate, together with all other friction of its joint?"""
+    advice: ClassVar[str] = "repeat the motion slowly and fast, over the whole range, with rests, and once with a known load"
+    """The motion or load that would separate it from what looks alike."""
 
     kind: type | None = struct.field(pytree_node=False, default=None, kw_only=True, repr=False)  # the class; nobody need set it
 
@@ -113,12 +97,46 @@ class Effect(struct.PyTreeNode):
         """True positions (T, J) behind noise-free encoder readings ``q`` (T, J) sampled every ``dt`` [s]: ``sense`` undone."""
         return q
 
+    def seen(self, logged: History, predicted: History) -> History:
+        """Command (T, J) that a fit passes through ``actuate``: of the ``logged`` one and that ``predicted`` for the motion."""
+        return predicted
+
+    def reads_torque(self, joints: int = 1) -> bool:
+        """Does what it adds on a mechanism of ``joints`` joints depend on the delivered torque? Found out from its methods."""
+
+        def added(q: Joints, qd: Joints, tau: Joints) -> Any:
+            return self.torque(q, qd, tau), self.dry(q, qd, tau, qd), self.holds(q, qd, tau)
+
+        jaxpr = jax.make_jaxpr(added)(*(jnp.zeros(joints),) * 3).jaxpr
+        return dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))[1][2]
+
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         """Where a fit on one joint begins: one or several sets of starting values, measured with the log's ``scale``."""
         if cls.linear:
             return [dict.fromkeys(cls.parameters, 0.0)]
         return [{key: float(np.sqrt(max(p.lower, 1e-6) * p.upper)) for key, p in cls.parameters.items()}]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Return the starting shapes in which a search tries the effect; ``scale`` is of its joint, or of joint 0 if ``whole``.
+
+        By default those of ``guesses``, whose parameters are amplitudes if the effect is ``linear``.
+        """
+        return [Variant(guess, tuple(cls.parameters) if cls.linear else ()) for guess in cls.guesses(scale)]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Return names of effects that it has as a part on its joint if the parameters ``free`` are: not looked for beside it.
+
+        ``name.parameter`` is an effect so far as only that parameter of it is free.
+        """
+        return ()
+
+    @classmethod
+    def alone(cls) -> bool:
+        """Do its fields hold the values of one joint each, so that :class:`OnJoint` can put it on one?"""
+        return not cls.whole and all(f.name != "joint" for f in fields(cls))
 
     def check(self) -> "Effect":
         """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or NaN."""

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueSaturation, TorqueScale
-from jaxidl.effects.base import Effect, Parameter, Scale
+from jaxidl.effects.base import Effect
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
 from jaxidl.effects.inertia import InertiaError, Payload
 from jaxidl.effects.on_joint import OnJoint
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
+from jaxidl.effects.spec import Parameter, Scale
 from jaxidl.effects.stiction import Stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
 from jaxidl.effects.varying import CoupledFriction, LoadDependentFriction, PositionDependentFriction
@@ -59,13 +60,13 @@ RESERVED = ("alignment",)  # what the gap workflow calls its own correction of a
 _never: set[str] = {PaperFriction.name, SensingNoise.name, EncoderQuantisation.name}  # two effects in one; no torque
 _aside: set[str] = set()  # registered with ``searched=False``: looked for where they are named
 
-_ORDINARY = Scale(torque=1.0, speed=1.0, lower=-1.0, upper=1.0, inertia=1.0, residual=0.1, band=10.0, dt=0.001)
+_ORDINARY = Scale(1.0, 1.0, -1.0, 1.0, 1.0, 0.1, 10.0, 0.001, joints=2, lows=(-1.0, -1.0), highs=(1.0, 1.0), rest_speed=0.001)
 
 C = TypeVar("C", bound=type[Effect])
 
 
 def searched() -> tuple[str, ...]:
-    """Names of the effects that the gap workflow looks for unless it is told which: now, with what is registered by now.
+    """Names of the effects that the gap workflow looks for by default, with what is registered by now.
 
     Not among them: the paper's friction, which is two of them in one; noise and counts of the encoders, which are no torque.
     """
@@ -90,9 +91,9 @@ def register(cls: Any = None, *, searched: bool = True) -> Any:
 
     Args:
         cls: a subclass of :class:`Effect` with ``name``, ``sentence``, and ``parameters`` that name its traced fields in order.
-        searched: does the gap workflow look for it unless told what to look for? If not, it does where the effect is named.
-            Effects of the whole mechanism (``whole``) can be simulated and stored, but not searched for; nor can those whose
-            static fields have no defaults or whose ``guesses`` are no numbers.
+        searched: does the gap workflow look for it by default? If not, it does where the effect is named. Effects of the whole
+            mechanism (``whole``) are searched for as well as those of a joint. Those whose static fields have no values, or
+            whose ``variants`` or ``guesses`` are no numbers, can be simulated and stored, but not searched for.
 
     Returns:
         The class, unchanged.
@@ -142,16 +143,21 @@ def _check_class(cls: Any) -> None:
 
 def _obstacle(cls: type[Effect]) -> EffectError | None:
     """Why the gap workflow cannot begin a search for it, if it cannot."""
-    if cls.whole:
-        return EffectError(f"{cls.name} of one joint, to be searched for", "whole = True", "register it with searched=False")
-    bare = [f.name for f in fields(cls) if f.name not in cls.parameters and f.default is f.default_factory is MISSING]
-    if bare:
-        return EffectError(f"defaults of the static fields of {cls.name}", f"none of {', '.join(bare)}", "set them")
-    for guess in cls.guesses(_ORDINARY):
-        if wrong := [key for key, value in guess.items() if key not in cls.parameters or not np.isfinite(value).all()]:
-            got = ", ".join(f"{key} = {guess[key]}" for key in wrong)
+    static = [f for f in fields(cls) if f.name not in cls.parameters]
+    for variant in cls.variants(_ORDINARY):
+        bare = [f.name for f in static if f.default is f.default_factory is MISSING and f.name not in variant.options]
+        if bare:
+            return EffectError(f"defaults of the static fields of {cls.name}", f"none of {', '.join(bare)}", "set them")
+        values = variant.values
+        if wrong := [key for key, value in values.items() if key not in cls.parameters or not np.isfinite(value).all()]:
+            got = ", ".join(f"{key} = {values[key]}" for key in wrong)
             expected = f"guesses of {cls.name} that are finite values of {', '.join(cls.parameters) or 'nothing'}"
-            return EffectError(expected, got, "write guesses, where its fit begins")
+            return EffectError(expected, got, "write guesses or variants, where its fit begins")
+        known = {*cls.parameters}, {f.name for f in static}
+        for what, names, right in zip(("free", "options"), (variant.free, variant.options), known, strict=True):
+            if strange := [name for name in names if name not in right]:
+                expected = f"variants of {cls.name} with {what} among {', '.join(sorted(right)) or 'nothing'}"
+                return EffectError(expected, ", ".join(strange), "correct the names")
     return None
 
 
@@ -175,4 +181,4 @@ def from_dict(record: dict[str, Any]) -> Effect:
         alone = cls(**jax.tree.map(lambda x: x[None], values), **record.get("options", {}))
         return OnJoint(alone, joint, record["joints"]).check()
     except (TypeError, KeyError, ValueError) as error:
-        raise EffectError(f"a record of {name} as its to_dict writes it", f"{error}", "mend its parameters and options") from None
+        raise EffectError(f"a record of {name} as its to_dict writes it", f"{error}", "correct the record") from None

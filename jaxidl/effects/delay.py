@@ -1,13 +1,29 @@
 """Dead time: a line of past values, read between two of them."""
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxidl.effects.spec import Guess, Scale, Variant
 from jaxidl.types import Joints
 
 Line = Float[Array, "H J"]  # row h is the value h + 1 steps ago
 
 DELAYS = (0.002, 0.006, 0.015, 0.035)  # where fits of a dead time begin [s]
+LONGEST = 0.08  # dead time that a search looks for [s]: a line costs time in proportion
+
+LATE = (
+    "command faster motion, a chirp beyond the present band or small steps of torque: lag, dead time and compliance differ only "
+    "at high frequency; a second position sensor or the motor's own current tells whether torque or position is late"
+)
+"""How effects of timing are told from each other."""
+
+
+def variants_of(guesses: Sequence[Guess], scale: Scale) -> list[Variant]:
+    """Return starting shapes of a dead time, with a line that is long enough for all that is looked for and no longer."""
+    options = {"steps": max(4, int(LONGEST / scale.dt))}
+    return [Variant(guess, within={"delay": (0.0, LONGEST)}, options=options) for guess in guesses]
 
 
 def line(value: Joints, steps: int) -> Line:

@@ -1,6 +1,6 @@
 """Dry friction: a level up to which motion is opposed, and a resting joint kept at rest.
 
-An effect here tells its level only; the plant applies the levels of all its effects together, as an impulse over the step that
+An effect here has its level only; the plant applies the levels of all its effects together, as an impulse over the step that
 takes the velocity towards zero and never through it. So a joint sticks where friction can hold it, without a smoothing width
 and without chattering, and a derivative through a step is that of the branch taken: a sliding joint feels the level, a stuck
 one does not.
@@ -10,8 +10,15 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.base import Effect
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
+
+SPEEDS = (
+    "move at several constant speeds from creeping to fast, in both directions, with reversals and rests in between, and measure "
+    "the torque that just starts the joint"
+)
+"""How kinds of friction are told from each other."""
 
 
 class CoulombFriction(Effect):
@@ -24,6 +31,10 @@ class CoulombFriction(Effect):
     parameters: ClassVar = {"level": Parameter("N", 0.0, 1e5, "the level of dry friction")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"level": "joint/frictionloss"}
+    prior: ClassVar[float] = 0.5
+    common: ClassVar[bool] = True
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return self.level + jnp.zeros_like(qd)
@@ -35,6 +46,9 @@ class AsymmetricFriction(Effect):
     A pure difference in dry friction moves exactly as Coulomb friction of the mean level with a constant offset does.
     Beside other friction on the same joint the values may be negative: what one direction has less than the other.
     """
+
+    _DRY: ClassVar = ("positive", "negative")
+    _VISCOUS: ClassVar = ("viscous_positive", "viscous_negative")
 
     positive: Joints  # (J,) c₊ [N or Nm]
     negative: Joints  # (J,) c₋ [N or Nm]
@@ -50,12 +64,26 @@ class AsymmetricFriction(Effect):
         "viscous_negative": Parameter("N s/m", -1e4, 1e4, "torque per speed in the negative direction"),
     }
     linear: ClassVar[bool] = True
+    prior: ClassVar[float] = 0.1
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return jnp.where(direction > 0.0, self.positive, self.negative)
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -jnp.where(qd > 0.0, self.viscous_positive, self.viscous_negative) * qd
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Dry friction, viscous friction or both by direction."""
+        return [Variant({}, free) for free in (cls._DRY, cls._VISCOUS, cls._DRY + cls._VISCOUS)]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Means of both directions, and of dry friction their difference, which is an offset."""
+        dry = ("coulomb_friction", "constant_offset") if set(free) & set(cls._DRY) else ()
+        return dry + (("viscous_friction",) if set(free) & set(cls._VISCOUS) else ())
 
 
 class StribeckFriction(Effect):
@@ -72,6 +100,9 @@ class StribeckFriction(Effect):
         "excess": Parameter("N", 0.0, 1e5, "the excess at low speed"),
         "speed": Parameter("m/s", 1e-6, 1e3, "the speed at which the excess fades"),
     }
+    prior: ClassVar[float] = 0.15
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return self.level + self.excess * jnp.exp(-((qd / self.speed) ** 2))
@@ -80,3 +111,14 @@ class StribeckFriction(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         size = scale.residual
         return [{"level": size, "excess": size, "speed": share * scale.speed} for share in (0.02, 0.05, 0.1, 0.2, 0.4)]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """An excess where nothing is seen to move would be stiction; one that never fades, plain dry friction."""
+        within = {"speed": (3.0 * scale.rest_speed, max(scale.speed, 6.0 * scale.rest_speed))}
+        speeds = [v for share in (0.02, 0.05, 0.1, 0.2, 0.4) if (v := share * scale.speed) >= within["speed"][0]]
+        return [Variant({"speed": v}, ("level", "excess"), within) for v in speeds or [within["speed"][0]]]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        return ("coulomb_friction",)

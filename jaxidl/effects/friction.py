@@ -6,8 +6,10 @@ from typing import ClassVar
 import jax.numpy as jnp
 from flax import struct
 
-from jaxidl.effects.base import Effect, Parameter
+from jaxidl.effects.base import Effect
+from jaxidl.effects.dry import SPEEDS
 from jaxidl.effects.smooth import choose, inside
+from jaxidl.effects.spec import Parameter
 from jaxidl.types import Joints, Scalar
 
 
@@ -21,20 +23,27 @@ class ViscousFriction(Effect):
     parameters: ClassVar = {"coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"coefficient": "joint/damping"}
+    prior: ClassVar[float] = 0.5
+    common: ClassVar[bool] = True
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.coefficient * qd
 
 
 class QuadraticDrag(Effect):
-    """−d·qd·|qd| on each joint: air, water, a fan."""
+    """−d·qd·|qd| on each joint: air, water, a fan. Negative beside other friction that grows less than in proportion to speed."""
 
     coefficient: Joints  # (J,) d [N s^2/m^2 or Nm s^2/rad^2]
 
     name: ClassVar[str] = "quadratic_drag"
     sentence: ClassVar[str] = "drag that grows with the square of speed"
-    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")}
+    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", -1e4, 1e4, "torque per squared speed")}
     linear: ClassVar[bool] = True
+    prior: ClassVar[float] = 0.3
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.coefficient * qd * jnp.abs(qd)

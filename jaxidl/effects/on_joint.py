@@ -3,10 +3,12 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
+from jaxidl.effects.spec import Variant
 from jaxidl.errors import EffectError
 from jaxidl.types import History, JointMask, Joints, Scalar
 
@@ -72,6 +74,13 @@ class OnJoint(Effect):
         column = slice(self.joint, self.joint + 1)
         return q.at[:, column].set(self.effect.true_position(q[:, column], dt))
 
+    def seen(self, logged: History, predicted: History) -> History:
+        column = slice(self.joint, self.joint + 1)
+        return predicted.at[:, column].set(self.effect.seen(logged[:, column], predicted[:, column]))
+
+    def reads_torque(self, joints: int = 1) -> bool:
+        return self.effect.reads_torque()
+
     def check(self) -> "OnJoint":
         if not 0 <= self.joint < self.joints:
             expected = f"{self.effect.name} on one of {self.joints} joints, numbered from 0"
@@ -86,3 +95,15 @@ class OnJoint(Effect):
             if isinstance(entry["value"], list) and len(entry["value"]) == 1:
                 entry["value"] = entry["value"][0]
         return record | {"joint": self.joint, "joints": self.joints}
+
+
+def placed(cls: type[Effect], variant: Variant, joint: int, joints: int) -> Effect:
+    """Return the effect of a ``variant`` on joint ``joint`` of ``joints``; as it is if it has its place in itself."""
+    alone = cls.alone()
+
+    def value(name: str) -> Array:
+        given = jnp.asarray(np.asarray(variant.values.get(name, 0.0), float))
+        return given[None] if alone and given.ndim == 0 else given
+
+    effect = cls(**{name: value(name) for name in cls.parameters}, **variant.options)
+    return OnJoint(effect, joint, joints) if alone else effect

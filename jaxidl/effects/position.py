@@ -5,8 +5,17 @@ from typing import ClassVar
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.base import Effect
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
+
+LEAST_WAVES = 2.0  # of a ripple that a search looks for, within the range of positions
+
+HOLDING = (
+    "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and load "
+    "differ in how the holding torque changes with position"
+)
+"""How torques that depend on position are told from each other."""
 
 
 class Spring(Effect):
@@ -22,6 +31,7 @@ class Spring(Effect):
         "rest": Parameter("m", -1e4, 1e4, "the position where it does not pull"),
     }
     mjcf: ClassVar = {"stiffness": "joint/stiffness", "rest": "joint/springref"}
+    advice: ClassVar[str] = HOLDING
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.stiffness * (q - self.rest)
@@ -30,6 +40,18 @@ class Spring(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         middle, width = (scale.lower + scale.upper) / 2, scale.upper - scale.lower
         return [{"stiffness": scale.residual / max(width, 1e-9), "rest": middle}]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Relaxed at the low end, in the middle or at the high end of the range; farther out than the range is an offset."""
+        within = {"rest": (scale.lower - scale.width, scale.upper + scale.width)}
+        rests = (scale.lower, (scale.lower + scale.upper) / 2, scale.upper)
+        return [Variant({"rest": rest}, ("stiffness",), within) for rest in rests]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Another rest position is a constant torque."""
+        return ("constant_offset",)
 
 
 class TorqueRipple(Effect):
@@ -46,6 +68,7 @@ class TorqueRipple(Effect):
         "cosine": Parameter("N", -1e5, 1e5, "the cosine's amplitude"),
         "period": Parameter("m", 1e-6, 1e4, "the period"),
     }
+    advice: ClassVar[str] = HOLDING
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         angle = 2.0 * jnp.pi * q / self.period
@@ -53,7 +76,13 @@ class TorqueRipple(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        width = max(scale.upper - scale.lower, 1e-9)
-        least = max(width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))  # passed slowly enough to be seen
-        waves = np.arange(1.5, max(width / least, 2.0), 0.4)
-        return [{"sine": 0.0, "cosine": 0.0, "period": width / n} for n in waves]
+        least = max(scale.width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))  # passed slowly enough to be seen
+        waves = np.arange(1.5, max(scale.width / least, 2.0), 0.4)
+        return [{"sine": 0.0, "cosine": 0.0, "period": scale.width / n} for n in waves]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Many waves along the way: of a single one nobody knows that it repeats."""
+        within = {"period": (0.0, scale.width / LEAST_WAVES)}
+        periods = [float(guess["period"]) for guess in cls.guesses(scale)]
+        return [Variant({"period": p}, ("sine", "cosine"), within) for p in periods if p <= within["period"][1]]

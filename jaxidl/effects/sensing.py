@@ -6,9 +6,12 @@ import jax
 import jax.numpy as jnp
 from flax import struct
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
-from jaxidl.effects.delay import DELAYS, late, line, push
+from jaxidl.effects.base import Effect
+from jaxidl.effects.delay import DELAYS, LATE, late, line, push, variants_of
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import History, Joints, Scalar
+
+BIGGEST = 0.5  # bias that a search looks for [m or rad]
 
 
 class SensingNoise(Effect):
@@ -50,6 +53,10 @@ class PositionBias(Effect):
     name: ClassVar[str] = "position_bias"
     sentence: ClassVar[str] = "the encoder's zero is not where the model has it"
     parameters: ClassVar = {"bias": Parameter("m", -10.0, 10.0, "the encoder's offset")}
+    advice: ClassVar[str] = (
+        "hold still at many positions over the whole range, in several postures, or compare the encoder with a mechanical mark: "
+        "a wrong zero shifts all that depends on position"
+    )
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return q + self.bias
@@ -61,6 +68,11 @@ class PositionBias(Effect):
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"bias": 0.0}]
 
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """A small one to each side; one of more than a quarter of a turn would have been seen."""
+        return [Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)}) for bias in (0.01, -0.01)]
+
 
 class SensorDelay(Effect):
     """The encoder's reading is ``delay`` old, by linear interpolation between past positions; at most ``steps`` steps."""
@@ -71,6 +83,8 @@ class SensorDelay(Effect):
     name: ClassVar[str] = "sensor_delay"
     sentence: ClassVar[str] = "the measured position is late against the torque"
     parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the age of the reading")}
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = LATE
 
     def start(self, q: Joints) -> Any:
         return line(q, self.steps), jnp.zeros_like(q)
@@ -90,3 +104,7 @@ class SensorDelay(Effect):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"delay": x} for x in DELAYS]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return variants_of(cls.guesses(scale), scale)

@@ -7,9 +7,13 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.base import Effect
+from jaxidl.effects.dry import SPEEDS
 from jaxidl.effects.smooth import Share, choose, inside
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import JointMask, Joints, Scalar
+
+BORDERS = (0.25, 0.5, 0.75)  # of the range of positions: below one of them alone a joint may stick
 
 
 class Stiction(Effect):
@@ -40,6 +44,8 @@ class Stiction(Effect):
         "speed": Parameter("m/s", 0.0, 1.0, "the resting speed"),
         "below": Parameter("m", -float("inf"), float("inf"), "the position below which the joint sticks"),
     }
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = SPEEDS
 
     def _sticks(self, q: Joints, qd: Joints, *beyond: tuple[Joints | Scalar, Joints]) -> Share:
         """Is each value below its border: speed, position, and those given as (border, value)?"""
@@ -59,6 +65,12 @@ class Stiction(Effect):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"breakaway": scale.residual, "speed": 1e-9 * scale.speed, "below": np.inf}]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Everywhere, or below one of a few positions only."""
+        borders = [np.inf, *(scale.lower + share * scale.width for share in BORDERS)]
+        return [Variant({"speed": 1e-9 * scale.speed, "below": border}, ("breakaway",)) for border in borders]
 
 
 STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")

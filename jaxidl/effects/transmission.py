@@ -12,16 +12,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.base import Effect
+from jaxidl.effects.delay import LATE
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
 SUBSTEPS = 4
+SOFTEST = 3.0  # transmission that a search looks for: frequency of the motor against a link held still [Hz]
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 
 
 class Transmission(Effect):
     """What all transmissions share: the motor's inertia taken off the link, and its twist and speed as hidden state."""
+
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = LATE
 
     @abstractmethod
     def transmitted(self, twist: Joints, rate: Joints) -> Joints:
@@ -44,6 +50,22 @@ class Transmission(Effect):
 
         memory, torques = jax.lax.scan(small, memory, None, length=SUBSTEPS, unroll=True)
         return jnp.mean(torques, axis=0), memory
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """With the motor's inertia near to where the fit begins.
+
+        A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that
+        explains nothing.
+        """
+
+        def variant(guess: Guess) -> Variant:
+            inertia = float(guess["motor_inertia"])
+            softest = (2.0 * np.pi * SOFTEST) ** 2 * inertia
+            motor = (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia))
+            return Variant(guess, within={"motor_inertia": motor, "stiffness": (softest, cls.parameters["stiffness"].upper)})
+
+        return [variant(guess) for guess in cls.guesses(scale)]
 
     @property
     def _inertia(self) -> Joints:
@@ -113,3 +135,7 @@ class Backlash(Transmission):
         tones = [min(share * scale.band, top) for share in (0.6, 1.2, 2.4)]
         gaps = (0.0007, 0.0014, 0.0028, 0.0045, 0.007, 0.011, 0.018, 0.03)
         return [guess(share, gap, f) for share in (0.06, 0.12, 0.2, 0.35) for gap in gaps for f in tones]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        return ("joint_elasticity",)

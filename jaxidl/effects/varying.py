@@ -4,10 +4,12 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.effects.base import Effect, Guess, Parameter, Scale
+from jaxidl.effects.base import Effect
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints, Scalar
 
 Table = Float[Array, "*J K"]  # a value at each of K evenly spaced positions
@@ -16,6 +18,16 @@ _ENDS = {
     "lower": Parameter("m", -1e4, 1e4, "the position of the table's first value"),
     "upper": Parameter("m", -1e4, 1e4, "the position of the table's last value"),
 }
+
+
+KNOTS = (6, 12, 24)  # of tables that a search tries
+MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
+
+POSTURES = (
+    "run the same speeds through the whole range of every joint, in both directions, with the other joints in several postures, "
+    "and once with a load"
+)
+"""How kinds of friction that vary are told from each other."""
 
 
 def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
@@ -38,6 +50,8 @@ class PositionDependentFriction(Effect):
         "coefficient": Parameter("N s/m", -1e4, 1e4, "torque per speed at the table's positions"),
         **_ENDS,
     }
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = POSTURES
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return jax.vmap(table_value)(self.level, self.lower, self.upper, q)
@@ -48,6 +62,21 @@ class PositionDependentFriction(Effect):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"level": 0.0, "coefficient": 0.0, "lower": scale.lower, "upper": scale.upper}]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Dry or viscous, with a few or many knots over the range that the joint covers."""
+
+        def values(knots: int) -> Guess:
+            table = np.zeros((1, knots))
+            return {"level": table, "coefficient": table, "lower": scale.lower, "upper": scale.upper}
+
+        return [Variant(values(knots), (free,)) for free in ("level", "coefficient") for knots in KNOTS]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        parts = {"level": "coulomb_friction", "coefficient": "viscous_friction"}
+        return tuple(parts[name] for name in free if name in parts)
 
 
 class CoupledFriction(Effect):
@@ -63,6 +92,9 @@ class CoupledFriction(Effect):
     name: ClassVar[str] = "coupled_friction"
     sentence: ClassVar[str] = "friction that varies with another joint's position"
     parameters: ClassVar = PositionDependentFriction.parameters
+    prior: ClassVar[float] = 0.02
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = POSTURES
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         level = table_value(self.level, self.lower, self.upper, q[self.other])
@@ -77,6 +109,21 @@ class CoupledFriction(Effect):
         """``scale`` must be that of the joint whose position matters."""
         return PositionDependentFriction.guesses(scale)
 
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Dry or viscous, over the position of each other joint that moves."""
+
+        def variant(free: str, knots: int, other: int, low: float, high: float) -> Variant:
+            table = np.zeros(knots)
+            values = {"level": table, "coefficient": table, "lower": low, "upper": high}
+            return Variant(values, (free,), options={"joint": scale.joint, "other": other})
+
+        return [variant(free, knots, *o) for o in scale.others() for free in ("level", "coefficient") for knots in KNOTS]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        return PositionDependentFriction.contains(free)
+
 
 class LoadDependentFriction(Effect):
     """−μ·|tau|·sign(qd), tau being the torque that the motor delivers: gears and screws under load."""
@@ -87,6 +134,13 @@ class LoadDependentFriction(Effect):
     sentence: ClassVar[str] = "dry friction in proportion to the transmitted torque"
     parameters: ClassVar = {"coefficient": Parameter("1", 0.0, 0.99, "friction over transmitted torque")}
     linear: ClassVar[bool] = True
+    prior: ClassVar[float] = 0.15
+    friction: ClassVar[bool] = True
+    advice: ClassVar[str] = POSTURES
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return self.coefficient * jnp.abs(tau)
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return [Variant({}, ("coefficient",), {"coefficient": (0.0, MOST_OF_LOAD)})]

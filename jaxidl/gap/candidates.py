@@ -16,6 +16,7 @@ from jaxidl.effects import (
     LoadDependentFriction,
     Payload,
     PositionDependentFriction,
+    QuadraticDrag,
     Scale,
     Stiction,
     StribeckFriction,
@@ -174,6 +175,8 @@ def _within(cls: type[Effect], guess: Mapping[str, Any], scale: Scale, rest: flo
         return {"period": (0.0, (scale.upper - scale.lower) / LEAST_WAVES)}
     if cls is TorqueScale:
         return {"scale": (0.4, 2.5)}
+    if cls is QuadraticDrag:
+        return {"coefficient": (0.0, np.inf)}
     if cls is LoadDependentFriction:
         return {"coefficient": (0.0, MOST_OF_LOAD)}
     if cls is TorqueSaturation:
