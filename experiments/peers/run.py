@@ -1,0 +1,110 @@
+"""Peers side by side on the shared logs: ``python experiments/peers/run.py [--peers NAME ...] [--cases NAME ...] [--table]``.
+
+Each peer answers each case in a process of its own, on one core from a cold start, and its CPU seconds are the system's account
+of that process. Answers are merged into ``figures/peers.json``; what cannot run is there with the reason. ``--table`` prints the
+table of what is there and runs nothing. See ``experiments/README.md`` for what has to be installed and where it is looked for.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import NamedTuple
+
+from cases import CASES, FITTED
+from table import table
+
+HERE = Path(__file__).resolve().parent
+OUT = HERE.parents[1] / "figures" / "peers.json"
+COMMON = ("viscous_friction", "coulomb_friction", "constant_offset", "inertia_error", "payload")
+
+
+class Peer(NamedTuple):
+    """How a peer is called; CASE and ANSWER in its words stand for the case's name and the file it writes."""
+
+    title: str
+    script: str
+    words: tuple[str, ...]
+    where: str = ""  # environment variable with its interpreter, or with the checkout it is imported from
+    lines: int | None = None  # that a user writes; None: counted between the marks of the script
+
+
+PEERS = {
+    "least_squares": Peer("least squares, nominal links", "least_squares.py", ("CASE", "nominal", "ANSWER")),
+    "least_squares_links": Peer("least squares, free links", "least_squares.py", ("CASE", "links", "ANSWER")),
+    "prototype": Peer("prototype", "prototype.py", ("CASE", "ANSWER"), lines=1),
+    "figaroh": Peer("FIGAROH", "figaroh_fit.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"),
+    "mujoco_sysid": Peer("mujoco.sysid", "mujoco_sysid.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"),
+    "before": Peer("jaxidl 5a20419", "jaxidl_gap.py", ("CASE", "ANSWER"), "JAXIDL_BEFORE", 1),
+    "before_common": Peer("jaxidl 5a20419, common effects", "jaxidl_gap.py", ("CASE", "ANSWER", *COMMON), "JAXIDL_BEFORE", 1),
+    "jaxidl": Peer("jaxidl", "jaxidl_gap.py", ("CASE", "ANSWER"), lines=1),
+}
+
+
+def count(script: Path) -> int:
+    """Count lines of code between the marks ``# >>>`` and ``# <<<``, without comments, docstrings of one line and blank lines."""
+    inside, n = False, 0
+    for line in map(str.strip, script.read_text().splitlines()):
+        if line.startswith(("# >>>", "# <<<")):
+            inside = line.startswith("# >>>")
+        elif inside and line and not line.startswith(("#", '"""')):
+            n += 1
+    return n
+
+
+def ask(name: str, case: str) -> dict[str, object]:
+    """Let one peer answer one case: its answer with CPU seconds, or the reason why there is none."""
+    peer, gone = PEERS[name], CASES[case].missing()
+    if gone:
+        return {"status": "skipped", "reason": gone}
+    place = os.environ.get(peer.where, "") if peer.where else ""
+    if peer.where and not place:
+        return {"status": "skipped", "reason": f"{peer.where} is not set"}
+    python = place if peer.where.endswith("PYTHON") else sys.executable
+    one = {f"{n}_NUM_THREADS": "1" for n in ("OMP", "OPENBLAS", "MKL")}
+    environment = os.environ | one | ({"PYTHONPATH": place} if peer.where == "JAXIDL_BEFORE" else {})
+    with tempfile.TemporaryDirectory() as folder:
+        answer, log = Path(folder) / "answer.json", Path(folder) / "log.txt"
+        words = [{"CASE": case, "ANSWER": str(answer)}.get(w, w) for w in peer.words]
+        pinned = ["taskset", "-c", "0"] if shutil.which("taskset") else []
+        with log.open("w") as out:
+            command = [*pinned, python, str(HERE / peer.script), *words]
+            child = subprocess.Popen(command, env=environment, cwd=folder, stdout=out, stderr=out)
+            _, status, usage = os.wait4(child.pid, 0)
+            child.returncode = os.waitstatus_to_exitcode(status)
+        if not answer.exists():
+            last = [line for line in log.read_text().splitlines() if line.strip()] or ["no output"]
+            return {"status": "failed", "reason": last[-1].strip()[:300]}
+        found = json.loads(answer.read_text())
+    if "reason" in found:
+        return {"status": "cannot", **found}
+    seconds = found.pop("seconds", usage.ru_utime + usage.ru_stime)  # a peer that is a command of its own counts itself
+    return {"status": "ran", "cpu_seconds": round(seconds, 2), **found}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--peers", nargs="*", choices=[*PEERS], default=[*PEERS], metavar="NAME", help=", ".join(PEERS))
+    parser.add_argument("--cases", nargs="*", choices=[*CASES], default=[*CASES], metavar="NAME", help=", ".join(CASES))
+    parser.add_argument("--table", action="store_true", help="print the table of what is there")
+    options = parser.parse_args()
+    found = json.loads(OUT.read_text()) if OUT.exists() else {"fitted": FITTED, "cases": {}, "peers": {}}
+    for name in [] if options.table else options.peers:
+        peer = PEERS[name]
+        entry = found["peers"].setdefault(name, {"answers": {}})
+        entry |= {"title": peer.title, "lines": count(HERE / peer.script) if peer.lines is None else peer.lines}
+        for case in options.cases:
+            print(f"{peer.title}: {case} ...", file=sys.stderr, flush=True)
+            entry["answers"][case] = ask(name, case)
+            if not CASES[case].missing():
+                found["cases"][case] = {"joints": CASES[case].joints, "low_pass_hz": CASES[case].cut}
+            OUT.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n")  # whatever ends early, the rest stays
+    print(table(found))
+
+
+if __name__ == "__main__":
+    main()
