@@ -39,7 +39,8 @@ REFUSED = {
     "possible friction": scene(' damping="-1"'),
     "inertia at every joint": scene(' armature="-100"'),
     "MJCF or URDF": "<mujoco><worldbody>",
-    "to compile": scene(inside='<geom type="mesh" mesh="m"/>', after='<asset><mesh name="m" file="gone.stl"/></asset>'),
+    "gone.stl": scene(inside='<geom type="mesh" mesh="m"/>', after='<asset><mesh name="m" file="gone.stl"/></asset>'),
+    "to compile": scene(inside='<geom size="-1"/>'),
     "must load it": b"\x00\x01\xff\xfe" * 100,
     "below 1e+30": scene().replace('size="0.1"', 'size="0.1" mass="1e40"', 1),
 }

@@ -20,7 +20,7 @@ from jaxidl.effects import Effect
 from jaxidl.errors import ModelError
 from jaxidl.files import write_bytes
 from jaxidl.systems.attributes import DRIVES, Motor, Numbers, kind, motors
-from jaxidl.systems.mjcf import Model, compile_spec, load_spec, quietly
+from jaxidl.systems.mjcf import Model, compile_spec, load_part, quietly
 from jaxidl.systems.mujoco_body import joint_names, last_moving
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
 
@@ -61,7 +61,7 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         check_fits(effect, joints)
     with quietly():
         entries = read_record(model.path, joints)
-        spec = load_spec(model.path)
+        spec, _ = load_part(model.path, model.part, model.locked)
         compiled = _prepare(spec, model)
         numbers = Numbers(compiled)
         for effect in added:

@@ -5,8 +5,9 @@
 
 import contextlib
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -15,7 +16,10 @@ import numpy as np
 
 from jaxidl.effects import CoulombFriction, Effect, OnJoint, Spring, ViscousFriction
 from jaxidl.errors import EffectError, ModelError
-from jaxidl.systems.mujoco_body import mujoco_body
+from jaxidl.systems.assets import drop_missing
+from jaxidl.systems.masses import accept_masses, bare, compile_spec
+from jaxidl.systems.mujoco_body import joint_names, mujoco_body
+from jaxidl.systems.parts import fixed_in_urdf, take_part
 from jaxidl.systems.plant import Plant
 from jaxidl.systems.record import read_record
 
@@ -30,6 +34,8 @@ class Model(NamedTuple):
     kinds: tuple[str, ...]
     notes: tuple[str, ...]
     path: Path
+    part: tuple[str, ...] | None = None  # names of the joints that were asked for; None: all
+    locked: Mapping[str, float] = MappingProxyType({})  # [m or rad] where other joints were to be locked, by name
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -37,29 +43,49 @@ class Model(NamedTuple):
         return tuple("N" if kind == "slide" else "Nm" for kind in self.kinds)
 
 
-def read_model(path: str | Path) -> Model:
+def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Mapping[str, float] | None = None) -> Model:
     """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it if that belongs to it.
 
     Joint damping, friction loss and stiffness become ``viscous_friction``, ``coulomb_friction`` and ``spring`` effects. Torques
-    are joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so.
+    are joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so. Notes say, too, what of a
+    file was left out or changed: meshes that are not there, links without mass, impossible moments of inertia, joints that mimic
+    others.
+
+    Args:
+        path: the file.
+        joints: names of those that move, in any order; the model has them in the file's. The others are locked. Default: all.
+        locked: positions [m or rad] of joints that are locked, by name. Default: as the file draws them.
 
     Raises:
-        ModelError: if the file or its ``effects.json`` cannot be read, or if the file has what would be silently dropped: other
-            joints, equality constraints, tendons, gravity compensation, fluid forces, polynomial damping or stiffness, inertia or
-            damping of actuators, plugins, springs or friction that a flag switches off.
+        ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or if the file has what would be
+            silently dropped: other joints, equality constraints, tendons, gravity compensation, fluid forces, polynomial damping
+            or stiffness, inertia or damping of actuators, plugins, springs or friction that a flag switches off.
     """
     path = Path(path)
     with quietly() as said:
-        spec = load_spec(path)
+        part = None if joints is None else tuple(joints)
+        spec, changed = load_part(path, part, locked or {})
         _refuse(spec, path)
         model = compile_spec(spec, path)
         try:
             body = mujoco_body(model)
         except (ValueError, mujoco.FatalError) as error:
-            raise ModelError(f"{path} to have a rigid body", f"'{_one_line(error)}'", "mend its masses and inertias") from None
-        _check_inertia(body.source, path)
+            raise ModelError(f"{path} to have a rigid body", f"'{_one_line(error)}'", "correct its masses and inertias") from None
+        _check_inertia(bare(body.source), path)
     effects = (*_effects(model, path), *(entry.effect for entry in read_record(path, model.njnt) if not entry.in_mjcf))
-    return Model(Plant(body, effects), body.names, body.kinds, (*_notes(model), *said), path)
+    notes = (*changed, *_notes(model), *said)
+    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, MappingProxyType(dict(locked or {})))
+
+
+def names_of(path: str | Path) -> tuple[str, ...]:
+    """Return names (J,) of all joints of an MJCF or URDF file but those that mimic others, in its order.
+
+    Raises:
+        ModelError: if the file cannot be read.
+    """
+    with quietly():
+        spec, _ = load_part(Path(path), None, {})
+        return joint_names(compile_spec(spec, Path(path)))
 
 
 @contextlib.contextmanager
@@ -78,24 +104,49 @@ def quietly() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def load_spec(path: Path) -> mujoco.MjSpec:
-    """MuJoCo's editable model, with bodies kept that are welded to others. Raises :class:`ModelError` with MuJoCo's own words."""
+def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, float]) -> tuple[mujoco.MjSpec, list[str]]:
+    """Return MuJoCo's editable model of a file, made fit to compile and cut down to ``joints``, and notes on what was changed.
+
+    Raises:
+        ModelError: with MuJoCo's own words, or as :func:`read_model`.
+    """
     if not path.is_file():
         raise ModelError(f"a MJCF or URDF file at {path}", "a folder" if path.is_dir() else "no such file", "correct the path")
+    urdf = _is_urdf(path)
+    text, notes = fixed_in_urdf(path, joints) if urdf else (None, [])
+    spec = load_spec(path, text)
+    notes += drop_missing(spec, path, urdf)
+    notes += accept_masses(spec, path)
+    return spec, [*notes, *take_part(spec, path, joints, locked, urdf)]
+
+
+def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
+    """MuJoCo's editable model of a file, or of the ``text`` instead, with bodies kept that are welded to others.
+
+    Raises:
+        ModelError: with MuJoCo's own words, if it cannot be read.
+    """
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
-        raise ModelError(f"{path} to be MJCF or URDF", f"'{_one_line(error)}'", "mend the file; MuJoCo must load it") from None
+        sdf = b"<sdf" in path.read_bytes()[:10_000]
+        remedy = "convert it to URDF or MJCF: SDF is not read" if sdf else "correct the file; MuJoCo must load it"
+        raise ModelError(f"{path} to be MJCF or URDF", f"'{_one_line(error)}'", remedy) from None
+    if text is not None:
+        spec.modelfiledir = str(path.parent)
     spec.compiler.fusestatic = False
     return spec
 
 
-def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """The compiled model. Raises :class:`ModelError` with MuJoCo's own words if it does not compile."""
-    try:
-        return spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{path} to compile", f"'{_one_line(error)}'", "mend the file; MuJoCo must load it") from None
+def _is_urdf(path: Path) -> bool:
+    """Is the root element ``<robot>``? Raises :class:`ModelError` for one that must be expanded first."""
+    content = path.read_bytes()
+    start = min((at for at in (content.find(tag) for tag in (b"<robot", b"<mujoco", b"<sdf")) if at >= 0), default=-1)
+    if start < 0 or not content.startswith(b"<robot", start):
+        return False
+    if b"<xacro:" in content:
+        raise ModelError(f"{path} to be URDF", "xacro, from which URDF is made", f"expand it: xacro {path.name} > robot.urdf")
+    return True
 
 
 def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
@@ -110,9 +161,11 @@ def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
         remedy = "correct its masses, lengths and gravity"
         raise ModelError(f"{path} to have lengths, inertia and weight below {LARGEST:g}", "a number that is not", remedy)
     size = np.sqrt(np.maximum(np.diag(inertia), 1.0 / LARGEST))
-    if np.linalg.eigvalsh(inertia / size / size[:, None]).min() <= 1e-12:
-        remedy = "give its body a mass, or the joint armature"
-        raise ModelError(f"{path} to have inertia at every joint", "a joint without any", remedy)
+    least, way = (part[..., 0] for part in np.linalg.eigh(inertia / size / size[:, None]))
+    if least <= 1e-12:
+        got = f"none at {joint_names(model)[int(np.abs(way).argmax())]}"
+        remedy = "give its body or what hangs on it a mass, or the joint armature"
+        raise ModelError(f"{path} to have inertia at every joint", got, remedy)
 
 
 def _one_line(error: Exception) -> str:
@@ -132,9 +185,14 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
     other = any(j.type not in moving for j in spec.joints)
     complaints = (
         (not spec.joints, "at least one joint", "none", "give the model its joints"),
-        (other, "slide and hinge joints", "a free or ball joint", "fix the base"),
-        (spec.equalities, "no equality constraints", f"{len(spec.equalities)}", "remove them; loops are not supported"),
-        (spec.tendons, "no tendons", f"{len(spec.tendons)}", "remove them"),
+        (other, "slide and hinge joints", "a free or ball joint", "fix it, or name the joints to keep (--joints)"),
+        (
+            spec.equalities,
+            "no equality constraints",
+            f"{len(spec.equalities)}",
+            "remove them, or name the joints to keep (--joints); loops are not supported",
+        ),
+        (spec.tendons, "no tendons", f"{len(spec.tendons)}", "remove them, or name the joints to keep"),
         (spec.flexes, "no soft bodies", f"{len(spec.flexes)}", "remove them"),
         (spec.plugins, "no plugins", f"{len(spec.plugins)}", "remove them"),
         (polynomial, "linear damping and stiffness", "polynomial ones", "keep the first coefficient"),

@@ -1,0 +1,263 @@
+"""Model files as robots come with them: missing meshes, links without mass, joints that mimic, and parts of a robot."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from jaxidl.errors import ModelError
+from jaxidl.systems.export import patched
+from jaxidl.systems.mjcf import names_of, read_model
+
+LINK = (
+    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass value="{1}"/>'
+    '<inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002" iyz="0.0005"/></inertial></link>'
+)
+HINGE = (
+    '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
+    '<origin xyz="0.03 0.01 -0.25" rpy="0.2 0 0.1"/><axis xyz="{2}"/></joint>'
+)
+SHAPE = '<{0}><geometry><mesh filename="package://robot/meshes/{1}"/></geometry></{0}>'
+SHAPES = SHAPE.format("visual", "a.dae") + SHAPE.format("collision", "a.stl")
+AXES = ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0")
+
+
+def urdf(*, shapes="", masses=(1.6, 1.2, 0.8, 0.4), inside=None, mimic="", kind="continuous", last=""):
+    """A chain of four joints; ``inside`` replaces inertials of links by their number."""
+    links = [LINK.format(j + 1, mass).replace("</link>", shapes + "</link>") for j, mass in enumerate(masses)]
+    for j, text in (inside or {}).items():
+        links[j - 1] = f'<link name="l{j}">{text}{shapes}</link>'
+    joints = [HINGE.format(j + 1, j, axis) for j, axis in enumerate(AXES)]
+    joints[3] = joints[3].replace("continuous", kind).replace("</joint>", mimic + "</joint>")
+    return f'<robot name="chain"><link name="l0">{shapes}</link>{"".join(links)}{"".join(joints)}{last}</robot>'
+
+
+def stored(folder, text, name="model.xml"):
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+def complaint(path):
+    """The one line with which a file is refused."""
+    with pytest.raises(ModelError) as caught:
+        read_model(path)
+    (line,) = str(caught.value).splitlines()
+    return line
+
+
+def scene(joint="", inside="", after=""):
+    body = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
+    return f"<mujoco><worldbody>{body.format(joint, inside)}</worldbody>{after}</mujoco>"
+
+
+def torque(model, q, qd, qdd):
+    """Inverse dynamics (J,) of a model in C."""
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse
+
+
+def states(seed, joints):
+    return np.random.default_rng(seed).normal(size=(3, joints))
+
+
+def test_meshes_that_are_not_there_are_left_out(tmp_path):
+    bare = read_model(stored(tmp_path, urdf(), "bare.urdf"))
+    dressed = read_model(stored(tmp_path, urdf(shapes=SHAPES), "dressed.urdf"))
+    assert any("1 mesh file not found" in note for note in dressed.notes), dressed.notes
+    at = states(0, 4)
+    np.testing.assert_array_equal(torque(dressed.plant.body.source, *at), torque(bare.plant.body.source, *at))
+
+
+def test_files_of_mjcf_that_are_not_there(tmp_path):
+    assets = """<asset><mesh name="m" file="gone.stl"/><texture name="t" type="2d" file="gone.png"/>
+    <material name="k" texture="t"/><hfield name="h" file="gone.png" size="1 1 1 1"/></asset>"""
+    shape = '<geom type="mesh" mesh="m" material="k"{}/>'
+    inertial = '<inertial pos="0 0 -0.1" mass="1" diaginertia="1 1 1"/>'
+    ground = '<geom type="hfield" hfield="h"/>'
+    text = scene(inside=inertial + shape.format(""), after=assets + f"<worldbody>{ground}{shape.format('')}</worldbody>")
+    model = read_model(stored(tmp_path, text))
+    assert [note for note in model.notes if "texture" in note or "mesh" in note] == [
+        "2 mesh files not found or not readable: left out, dynamics needs no geometry",
+        "1 texture file not found: left out",
+    ]
+    assert model.plant.body.source.body_mass[1] == 1.0
+    primitive = scene(' name="a"', inside=shape.format(' mass="0"') + '<geom size="0.1" mass="3"/>', after=assets)
+    assert read_model(stored(tmp_path, primitive)).plant.body.source.body_mass[1] == pytest.approx(3 + 4 / 3 * np.pi, rel=1e-9)
+    for inside, words in (("", "body of joint a"), ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>', None)):
+        path = stored(tmp_path, scene(' name="a"', inside=inside + shape.format(""), after=assets))
+        if words:
+            assert words in complaint(path)
+            assert "gone.stl" in complaint(path)
+        else:
+            read_model(path)
+
+
+def test_a_patched_model_without_its_meshes_reads_back(tmp_path):
+    model = read_model(stored(tmp_path, urdf(shapes=SHAPES, inside={2: ""}), "robot.urdf"))
+    text, _ = patched(model, [])
+    again = read_model(stored(tmp_path, text))
+    np.testing.assert_allclose(again.plant.body.source.body_mass, model.plant.body.source.body_mass, rtol=1e-12)
+    assert "gone" not in text
+    assert "package" not in text
+
+
+def test_a_link_without_mass_between_two_joints(tmp_path):
+    """As wrists are drawn; what hangs on it has all the inertia there is."""
+    for nothing in ("", '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'):
+        model = read_model(stored(tmp_path, urdf(inside={2: nothing}), "robot.urdf"))
+        assert any("no mass or inertia of its own: l2" in note for note in model.notes)
+        light = mujoco.MjModel.from_xml_string(urdf())
+        light.body("l2").mass[:], light.body("l2").inertia[:] = 1e-15, 1e-15
+        at = states(1, 4)
+        np.testing.assert_allclose(torque(model.plant.body.source, *at), torque(light, *at), atol=1e-6)
+
+
+def test_a_joint_without_any_inertia_is_named(tmp_path):
+    assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: ""}), "robot.urdf"))
+    box = "<collision><geometry><box size='1 1 1'/></geometry></collision>"
+    assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: box}), "robot.urdf"))  # no mass but what the file gives
+    on_axis = (
+        '<inertial><origin xyz="0.3 0 0"/><mass value="1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'
+    )
+    assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: on_axis}), "robot.urdf"))
+
+
+def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
+    flat = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>'
+    model = read_model(stored(tmp_path, urdf(inside={3: flat}), "robot.urdf"))
+    (note,) = [note for note in model.notes if "A + B < C" in note]
+    assert " l3 " in note
+    np.testing.assert_allclose(model.plant.body.source.body_inertia[4], 0.02)  # the base is body 1
+    negative = flat.replace("0.04", "-0.04")
+    assert "positive" in complaint(stored(tmp_path, urdf(inside={3: negative}), "robot.urdf"))
+
+
+def fused(text, name, at):
+    """A chain in C whose joint ``name`` stands still at ``at``: torques of the others."""
+    model = mujoco.MjModel.from_xml_string(text)
+    j = model.joint(name).id
+    keep = [i for i in range(model.njnt) if i != j]
+
+    def of(q, qd, qdd):
+        whole = np.zeros((3, model.njnt))
+        whole[:, keep] = q, qd, qdd
+        whole[0, j] = at
+        return torque(model, *whole)[keep]
+
+    return of
+
+
+@pytest.mark.parametrize("name", ["j1", "j2", "j3", "j4"])
+def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
+    path = stored(tmp_path, urdf(), "robot.urdf")
+    rest = [joint for joint in ("j4", "j3", "j2", "j1") if joint != name]
+    for at in (None, 0.7):
+        model = read_model(path, joints=rest, locked={} if at is None else {name: at})
+        assert model.names == tuple(reversed(rest))  # in the file's order
+        assert f"locked, for they are not among the joints asked for: {name} at {at or 0:.4g}" in model.notes
+        motion = states(2, 3)
+        expected = fused(urdf(), name, at or 0.0)(*motion)
+        np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+        text, _ = patched(model, [])
+        again = read_model(stored(tmp_path, text))
+        np.testing.assert_allclose(torque(again.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+
+
+def test_a_slide_that_is_locked(tmp_path):
+    joint = '<joint name="{}" type="{}" axis="{}" pos="0.1 0 0"/>'
+    body = f'<body pos="0.1 0.2 0" quat="0.6 0.8 0 0">{joint}<geom size="0.1" pos="0.2 0 0.1"/>{{}}</body>'
+    inner = body.format("b", "hinge", "0 1 0", "")
+    path = stored(tmp_path, f"<mujoco><worldbody>{body.format('a', 'slide', '0 0.6 0.8', inner)}</worldbody></mujoco>")
+    model = read_model(path, joints=["b"], locked={"a": -0.3})
+    motion = states(3, 1)
+    expected = fused(path.read_text(), "a", -0.3)(*motion)
+    np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9)
+
+
+def test_names_that_the_file_does_not_have(tmp_path):
+    path = stored(tmp_path, urdf(), "robot.urdf")
+    for joints, words in ((["j5"], "choose among j1, j2, j3, j4"), (["j1", "j1"], "j1 twice"), ([], "none")):
+        with pytest.raises(ModelError, match=words):
+            read_model(path, joints=joints)
+
+
+MIMIC = '<mimic joint="j2" multiplier="-0.5" offset="0.2"/>'
+
+
+def test_a_joint_that_mimics_another_is_locked(tmp_path):
+    path = stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf")
+    assert names_of(path) == ("j1", "j2", "j3")
+    model = read_model(path)
+    assert "joint j4 mimics j2: it is locked at 0.2, its own motion plays no part" in model.notes
+    motion = states(4, 3)
+    expected = fused(urdf(), "j4", 0.2)(*motion)
+    np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+    part = read_model(path, joints=["j3"], locked={"j2": 0.4})
+    assert "joint j4 mimics j2: it is locked at 0, its own motion plays no part" in part.notes
+    with pytest.raises(ModelError, match="j4, which mimics j2"):
+        read_model(path, joints=["j1", "j4"])
+
+
+@pytest.mark.parametrize("kind", ["floating", "planar"])
+def test_joints_that_float_are_refused_unless_a_part_is_asked_for(tmp_path, kind):
+    path = stored(tmp_path, urdf(kind=kind), "robot.urdf")
+    assert f"j4, {kind}" in complaint(path)
+    assert "--joints" in complaint(path)
+    model = read_model(path, joints=["j1", "j2", "j3"])
+    assert model.names == ("j1", "j2", "j3")
+    motion = states(5, 3)
+    np.testing.assert_allclose(torque(model.plant.body.source, *motion), fused(urdf(), "j4", 0.0)(*motion), rtol=1e-9, atol=1e-9)
+
+
+GRIPPER = """<mujoco><worldbody><body><joint name="arm" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>
+<body name="left" pos="0.5 0 0"><joint name="f1" type="slide"/><geom size="0.02"/></body>
+<body name="right" pos="0.5 0 0"><joint name="f2" type="slide"/><geom size="0.02"/></body></body></worldbody>
+<tendon><fixed name="split"><joint joint="f1" coef="0.5"/><joint joint="f2" coef="0.5"/></fixed></tendon>
+<equality><joint joint1="f1" joint2="f2"/><connect body1="left" body2="right" anchor="0 0 0"/></equality>
+<actuator><motor joint="arm"/><position tendon="split" name="grip"/></actuator>
+<sensor><jointpos joint="f1"/><actuatorfrc actuator="grip"/><jointpos joint="arm"/></sensor>
+<keyframe><key qpos="1 0 0"/></keyframe></mujoco>"""
+
+
+def test_an_arm_without_its_gripper(tmp_path):
+    path = stored(tmp_path, GRIPPER)
+    assert "name the joints to keep" in complaint(path)
+    model = read_model(path, joints=["arm"])
+    assert model.names == ("arm",)
+    whole = mujoco.MjModel.from_xml_path(str(path))
+    assert model.plant.body.source.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-12)
+    text, _ = patched(model, [])
+    assert read_model(stored(tmp_path, text)).names == ("arm",)
+    with pytest.raises(ModelError, match="no equality constraints"):  # one finger still moves against the other
+        read_model(stored(tmp_path, GRIPPER), joints=["arm", "f1"])
+
+
+def test_what_must_be_made_into_urdf_first(tmp_path):
+    xacro = '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
+    assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(stored(tmp_path, xacro, "robot.urdf.xacro"))
+    assert "SDF is not read" in complaint(stored(tmp_path, '<sdf version="1.9"></sdf>', "robot.sdf"))
+
+
+DEGREES = """<mujoco><compiler angle="degree"/>
+<default><default class="k"><joint damping="0.3" armature="0.1"/></default></default>
+<worldbody><body name="a" pos="0 0 0.1"><joint name="j" class="k" axis="0 1 0" ref="20" range="-30 40"/>
+<geom type="cylinder" size="0.02 0.1"/><frame pos="0.1 0.2 0.3" euler="10 20 30" childclass="k"><joint axis="1 0 0" pos="1 2 3"/>
+<body name="c" pos="0 0 -0.5"><joint axis="0 1 0" stiffness="2" springref="90"/><geom type="ellipsoid" size="0.1 0.2 0.3"/></body>
+</frame></body></worldbody></mujoco>"""
+
+
+def test_a_part_of_a_file_in_degrees_with_frames_and_joints_without_names(tmp_path):
+    model = read_model(stored(tmp_path, DEGREES), joints=["joint1", "joint2"])
+    assert len(model.names) == 2
+    motion, bare = states(6, 2), mujoco.MjSpec.from_string(DEGREES)
+    for joint in bare.joints:
+        joint.damping, joint.stiffness = np.zeros(3), np.zeros(3)
+    whole, everything = bare.compile(), np.zeros((3, 3))
+    everything[0, 0] = np.deg2rad(20)
+    everything[:, 1:] = motion
+    np.testing.assert_allclose(torque(model.plant.body.source, *motion), torque(whole, *everything)[1:], rtol=1e-9, atol=1e-9)
+    assert [effect.to_dict()["effect"] for effect in model.plant.effects] == ["viscous_friction", "viscous_friction", "spring"]
+    with pytest.raises(ModelError, match=r"lock it at 0\.349"):
+        read_model(tmp_path / "model.xml", joints=["joint1", "joint2"], locked={"j": 0.0})
