@@ -8,10 +8,11 @@ import pytest
 from scipy import signal
 
 from jaxidl.gap.benchmark.believed import NOISE, QUANTUM, Diverged, believe, inertia, inverse_dynamics
-from jaxidl.gap.benchmark.cases import EXCLUDED, MERGING, all_cases, truth, write_case
+from jaxidl.gap.benchmark.cases import EXCLUDED, LATER, MERGING, ONCE, WHOLE, all_cases, truth, write_case
 from jaxidl.gap.benchmark.catalogue import INJECTED, make
 from jaxidl.gap.benchmark.draw import PLACES
 from jaxidl.gap.benchmark.engine import run, simulate
+from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.benchmark.outside import OUTSIDE
 from jaxidl.gap.benchmark.severity import BAND, SEVERITIES, SIZES, residual, severity
@@ -235,11 +236,18 @@ def test_cases_cover_the_catalogue():
     assert {case.log for case in CASES} == {"log.csv", "log.npz"}
     assert all_cases() == CASES
     for name in INJECTED:
-        for mechanism, joint in PLACES:
+        for n, (mechanism, joint) in enumerate(PLACES):
             there = [c for c in CASES if c.family == "single" and c.mechanism == mechanism and c.hidden[0][:2] == (name, joint)]
-            missing = (name, mechanism) in EXCLUDED or name == "payload"
-            assert sorted(c.severity for c in there) == ([] if missing else ["clear"] * 2 + ["medium"] * 2 + ["weak"] * 2)
-    assert len(OUTSIDE) >= 5
+            missing = (
+                (name, mechanism) in EXCLUDED
+                or name in WHOLE
+                or f"{mechanism} {joint}" not in ONCE.get(name, [f"{mechanism} {joint}"])
+            )
+            kinds = sum(row.startswith(f"{name}/") and SIZES[row][n] is not None for row in LATER)
+            each = [] if missing else [2 + kinds] * 3
+            assert [sum(c.severity == severity for c in there) for severity in SEVERITIES] == (each or [0] * 3)
+    assert len(IMITABLE) >= 7
+    assert {c.hidden[0].parameters["kind"] for c in CASES if c.family == "outside"} == {*OUTSIDE}
     assert {row.partition("/")[0] for row in SIZES} == {*INJECTED, "outside"}
     for case in CASES:
         if case.family == "pair":

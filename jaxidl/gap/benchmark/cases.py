@@ -21,6 +21,14 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("coupled_friction", "pendulum"): "there is no other joint",
     ("payload", "slider"): "the same motion as with an inertia error: no gravity along the slide, no other joint",
     ("position_bias", "slider"): "nothing on a horizontal slide depends on the position",
+    ("com_error", "slider"): "a body that only slides has no lever arms",
+    ("inertia_tensor_error", "slider"): "a body that only slides does not turn",
+    ("inertia_tensor_error", "pendulum"): "the same motion as with an error of the rotor's inertia",
+    ("base_tilt", "slider"): "the same motion as with a constant force",
+    ("base_tilt", "pendulum"): "the same motion as with a bias of the encoder",
+    ("base_tilt", "two_link"): "the same motion as with a bias of the first encoder",
+    ("coupled_joint_friction", "slider"): "there is no other joint",
+    ("coupled_joint_friction", "pendulum"): "there is no other joint",
 }
 """What cannot show on a mechanism, and why."""
 
@@ -39,7 +47,26 @@ MERGING: tuple[frozenset[str], ...] = (
 """No pairs of these on one joint: two of a group are, or nearly are, a single effect of the catalogue, or upset the loop
 together; and a rotor's inertia is not to be wrong and behind a spring at once."""
 
-DRAWS, NONE, PAIRS = 2, 34, 22  # draws of each single effect and severity; cases of each mechanism
+MERGING_LATER: tuple[frozenset[str], ...] = (
+    *MERGING,
+    frozenset({"inertia_error", "payload", "com_error", "inertia_tensor_error", "position_bias", "spring", "torque_scale"}),
+    frozenset({"load_dependent_friction", "directional_load_friction", "coulomb_friction", "asymmetric_friction"}),
+    frozenset({"viscous_friction", "thermal_friction", "sublinear_friction", "quadratic_drag", "coulomb_friction"}),
+    frozenset({"viscous_friction", "coupled_friction", "coupled_joint_friction", "coulomb_friction", "sublinear_friction"}),
+    frozenset({"torque_scale", "torque_curve", "torque_saturation", "directional_load_friction"}),
+)
+"""The same for the later pairs, of which at least one effect is of the wider catalogue."""
+
+WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism
+
+ONCE: dict[str, tuple[str, ...]] = {"inertia_tensor_error": ("two_link 1",), "coupled_joint_friction": ("two_link 0",)}
+"""Joints on which an effect shows if not on all: the inertia of a first link is that of its rotor; a coupling has two joints."""
+
+LATER = ("torque_ripple/harmonics", "payload/inertia")
+"""Kinds of effects that have cases besides those of their effects."""
+
+DRAWS, NONE, PAIRS, MORE = 2, 34, 22, 10  # draws of each single effect and severity; cases, later pairs of each mechanism
+FIRST = 22  # effects of the catalogue that there were first; pairs drawn from them stay what they are
 
 
 class Hidden(NamedTuple):
@@ -71,6 +98,10 @@ class Case:
         """Name of the log's file; by chance CSV or NPZ."""
         return "log.npz" if self.seed % 2 else "log.csv"
 
+    def write(self, folder: Path) -> None:
+        """Measure and write log and model: see :func:`write_case`."""
+        write_case(self, folder)
+
     def measure(self, duration: float = 24.0) -> Run:
         """Run the engine.
 
@@ -88,7 +119,9 @@ def all_cases(root: int = 2026) -> list[Case]:
             rng = _rng(root, mechanism, label)
             seed = int(rng.integers(2**31))
             hidden = tuple(_hidden(row, joint, severity, rng, mechanism, seed) for row, joint in rows)
-            cases.append(Case(f"{mechanism}-{len(cases):04d}", mechanism, seed, hidden, severity if rows else None))
+            cases.append(
+                Case(f"{mechanism}-{_number(root, mechanism, label):08x}", mechanism, seed, hidden, severity if rows else None)
+            )
     return cases
 
 
@@ -132,25 +165,46 @@ def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str,
         yield f"none {draw}", "", []
     for kind in OUTSIDE:
         for joint in range(JOINTS[mechanism]):
-            for severity in ("medium", "clear"):
-                yield f"outside {kind} {joint} {severity}", severity, [(f"outside/{kind}", joint)]
+            if _size(f"outside/{kind}", mechanism, joint):
+                for severity in ("medium", "clear"):
+                    yield f"outside {kind} {joint} {severity}", severity, [(f"outside/{kind}", joint)]
+    first = [single for single in _singles(mechanism) if single[0] in list(INJECTED)[:FIRST]]
     for draw in range(PAIRS):
-        yield f"pair {draw}", "clear", _pair(_rng(root, mechanism, f"pick {draw}"), mechanism)
+        yield f"pair {draw}", "clear", _pair(_rng(root, mechanism, f"pick {draw}"), mechanism, first, first)
+    later = [single for single in _singles(mechanism) if single not in first]
+    for draw in range(MORE):
+        yield f"later pair {draw}", "clear", _pair(_rng(root, mechanism, f"later {draw}"), mechanism, later, first + later)
+    for row in LATER:
+        for joint in range(JOINTS[mechanism]):
+            if _size(row, mechanism, joint):
+                for severity in ("weak", "medium", "clear"):
+                    yield f"{row} {joint} {severity}", severity, [(row, joint)]
 
 
 def _singles(mechanism: str) -> list[tuple[str, int]]:
     """Effects and joints that can show on the mechanism."""
     names = [name for name in INJECTED if (name, mechanism) not in EXCLUDED]
-    return [(name, joint) for name in names for joint in range(1 if name == "payload" else JOINTS[mechanism])]
+    singles = [(name, joint) for name in names for joint in range(1 if name in WHOLE else JOINTS[mechanism])]
+    return [(name, joint) for name, joint in singles if name not in ONCE or f"{mechanism} {joint}" in ONCE[name]]
 
 
-def _pair(rng: np.random.Generator, mechanism: str) -> list[tuple[str, int]]:
-    """Two different effects that are not one."""
-    singles = _singles(mechanism)
+def _size(row: str, mechanism: str, joint: int) -> tuple[float | int, ...] | None:
+    """Sizes of the severity table's ``row`` on a joint; None where it cannot show."""
+    return SIZES[row][list(PLACES).index((mechanism, joint))]
+
+
+def _pair(
+    rng: np.random.Generator, mechanism: str, ones: list[tuple[str, int]], others: list[tuple[str, int]]
+) -> list[tuple[str, int]]:
+    """Two different effects that are not one, the first of ``ones`` and the second of ``others``."""
+    merging = MERGING if ones is others else MERGING_LATER
     while True:
-        one, other = (singles[k] for k in rng.choice(len(singles), 2, replace=False))
-        near = one[1] == other[1] or "payload" in (one[0], other[0])
-        if one[0] != other[0] and not (near and any({one[0], other[0]} <= group for group in MERGING)):
+        if ones is others:
+            one, other = (ones[k] for k in rng.choice(len(ones), 2, replace=False))
+        else:
+            one, other = ones[rng.integers(len(ones))], others[rng.integers(len(others))]
+        near = one[1] == other[1] or {one[0], other[0]} & {"payload", "com_error", "coupled_joint_friction"}
+        if one[0] != other[0] and not (near and any({one[0], other[0]} <= group for group in merging)):
             return [(_variant(name, mechanism, int(rng.integers(2))), joint) for name, joint in (one, other)]
 
 
@@ -162,15 +216,20 @@ def _variant(name: str, mechanism: str, draw: int) -> str:
 
 def _hidden(row: str, joint: int, severity: str, rng: np.random.Generator, mechanism: str, seed: int) -> Hidden:
     """The effect of the table's ``row`` with parameters drawn within 25 % of the table's size."""
-    sizes = SIZES[row][list(PLACES).index((mechanism, joint))]
+    sizes = _size(row, mechanism, joint)
     assert sizes is not None, f"{row} cannot show on joint {joint} of {mechanism}"
     size = sizes[("weak", "medium", "clear").index(severity)] * float(np.exp(rng.uniform(np.log(0.8), np.log(1.25))))
     name = row.partition("/")[0]
     if name == "torque_saturation":
         size = clipping(size, Controller(MECHANISMS[mechanism], seed, 24.0, 100.0).ahead[:, joint])
-    return Hidden(name, None if name == "payload" else joint, parameters(row, size, rng, mechanism, joint))
+    return Hidden(name, None if name in WHOLE else joint, parameters(row, size, rng, mechanism, joint))
 
 
 def _rng(root: int, mechanism: str, label: str) -> np.random.Generator:
     """Chance that belongs to a case by its name, so that cases can be added without changing the others."""
     return np.random.default_rng([root, zlib.crc32(f"{mechanism} {label}".encode())])
+
+
+def _number(root: int, mechanism: str, label: str) -> int:
+    """A number that belongs to a case by its name and says nothing of it."""
+    return zlib.crc32(f"{root} {mechanism} {label}".encode())

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jaxidl.gap.benchmark import injected, transmission
+from jaxidl.gap.benchmark import injected, transmission, wider
 from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.outside import OUTSIDE
 
@@ -30,6 +30,14 @@ INJECTED: dict[str, type[Injected]] = {
     "backlash": transmission.Backlash,
     "position_bias": injected.PositionBias,
     "sensor_delay": injected.SensorDelay,
+    "com_error": wider.ComError,
+    "inertia_tensor_error": wider.InertiaTensorError,
+    "base_tilt": wider.BaseTilt,
+    "directional_load_friction": wider.DirectionalLoadFriction,
+    "thermal_friction": wider.ThermalFriction,
+    "torque_curve": wider.TorqueCurve,
+    "sublinear_friction": wider.SublinearFriction,
+    "coupled_joint_friction": wider.CoupledJointFriction,
 }
 """The names of the catalogue, in its order."""
 

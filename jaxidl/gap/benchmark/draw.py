@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxidl.gap.benchmark.believed import SPAN
+from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.reference import Array
 
 
@@ -32,10 +33,14 @@ def parameters(row: str, size: float, rng: np.random.Generator, mechanism: str, 
     """Parameters of the effect in the severity table's ``row``, ``"name"`` or ``"name/kind"``, at ``size``."""
     place, (name, _, kind) = PLACES[mechanism, joint], row.partition("/")
     if name == "outside":
-        return {"kind": kind} | _outside(kind, size, rng, place)
+        return {"kind": kind} | (
+            _imitable(kind, size, rng, place, joint) if kind in IMITABLE else _outside(kind, size, rng, place)
+        )
     if name == "inertia_error":  # may be too large as well as too small, but has to stay an inertia
         most = 0.6 if kind else 0.8 * place.rotor
         return {"extra": size * float(rng.choice([-1, 1])) if size < most else size, "kind": kind or "rotor"}
+    if wide := _wide(row, size, rng, place, joint):
+        return wide
     drawn = _plain(name, size, rng) or _shaped(name, size, rng, place) or _hidden_rotor(name, size, rng, place)
     if name == "coupled_friction":
         drawn["other"] = 1 - joint
@@ -98,6 +103,34 @@ def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> d
     return {}
 
 
+def _wide(row: str, size: float, rng: np.random.Generator, place: Place, joint: int) -> dict[str, Any]:
+    """The wider catalogue."""
+    match row:
+        case "com_error":
+            turn = _in(rng, -0.15, 0.15) + math.pi * int(rng.integers(2))  # sideways: along the link it is an inertia as well
+            return {"moment": [size * math.cos(turn), 0.0, size * math.sin(turn)]}
+        case "inertia_tensor_error":
+            return {"tensor": [size, size, 0.0, 0.0, 0.0, 0.0]}
+        case "directional_load_friction":
+            return {"driving": size, "driven": size * _in(rng, 0.1, 0.5)}
+        case "thermal_friction":
+            return {"excess": size, "time_constant": _in(rng, 5.0, 9.0)}
+        case "torque_curve":
+            return {"loss": size}
+        case "sublinear_friction":
+            return {"coefficient": size, "power": _in(rng, 0.4, 0.6)}
+        case "coupled_joint_friction":
+            sign, dry = float(rng.choice([-1, 1])), size * _in(rng, 0.2, 0.5)
+            return {"other": 1 - joint, "viscous": size, "dry_level": dry, "sign": sign}
+        case "torque_ripple/harmonics":
+            waves = {"amplitude": [size, size * _in(rng, 0.4, 0.8), size * _in(rng, 0.2, 0.5)]}
+            return waves | {"period": place.span * _in(rng, 0.4, 0.7), "phase": rng.uniform(0, 2 * math.pi, 3).tolist()}
+        case "payload/inertia":
+            load = {"mass": size, "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)]}
+            return load | {"inertia": [size * (place.arm * _in(rng, 0.1, 0.3)) ** 2] * 3 + [0.0] * 3}
+    return {}
+
+
 def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
     """Elasticity of stiffness ``size``, or backlash of gap ``size`` between stiff ends; the damping keeps the loop stable."""
     reduced = place.rotor * place.link / (place.rotor + place.link)
@@ -126,6 +159,29 @@ def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> 
             return {"coefficient": size, "memory": _in(rng, 0.25, 0.35)}
         case "dropouts":
             return {"depth": _in(rng, 0.8, 1.0), "length": size, "interval": _in(rng, 1.2, 1.8), "phase": phase}
+    raise KeyError(kind)
+
+
+def _imitable(kind: str, size: float, rng: np.random.Generator, place: Place, joint: int) -> dict[str, Any]:
+    """Effects outside the catalogue that follow from the state."""
+    phase = {"phase": float(rng.uniform(0, 2 * math.pi))}
+    match kind:
+        case "acceleration_friction" | "root_load_friction":
+            return {"coefficient": size}
+        case "position_inertia":
+            return {"inertia": size, "period": place.span * _in(rng, 1.2, 2.0)} | phase
+        case "torque_deadband":
+            return {"width": size}
+        case "elastic_coupling":
+            return {"other": 1 - joint, "stiffness": size}
+        case "cable_drag":
+            return {"other": 1 - joint, "coefficient": size}
+        case "coupled_ripple":
+            return {"other": 1 - joint, "amplitude": size, "period": place.span * _in(rng, 0.5, 1.0)} | phase
+        case "encoder_eccentricity":
+            return {"error": size, "period": place.span * _in(rng, 1.5, 2.5)} | phase
+        case "fading_motor":
+            return {"loss": size}
     raise KeyError(kind)
 
 

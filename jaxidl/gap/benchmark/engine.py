@@ -83,16 +83,20 @@ class _Plant:
         for effect in hidden:
             effect.start(step, float(position[effect.joint]), float(command[effect.joint]))
         self.step, self.count = step, 0
-        self.motor = [(e.joint, e.actuate) for e in hidden if _has(e, "actuate")]
-        self.smooth = [(e.joint, e.torque) for e in hidden if _has(e, "torque")]
-        self.rough = [(e.joint, e.dry) for e in hidden if _has(e, "dry")]
+        self.motor = [(e.joint, e.actuate) for e in hidden if has(e, "actuate")]
+        self.smooth = [(e.joint, e.torque) for e in hidden if has(e, "torque")]
+        self.rough = [(e.joint, e.dry) for e in hidden if has(e, "dry")]
+        self.wrong = [(e.joint, e.misread) for e in hidden if has(e, "misread")]
         self.gears = [(e.joint, e.transmit) for e in hidden if isinstance(e, JointElasticity)]
         self.path: list[Floats] = [self.data.qpos.tolist()]
 
     def read(self) -> Floats:
         """What the encoders would read without noise."""
         sensors = enumerate(zip(self.late, self.bias, strict=True))
-        return [self.path[max(0, self.count - late)][j] + bias for j, (late, bias) in sensors]
+        readings = [self.path[max(0, self.count - late)][j] + bias for j, (late, bias) in sensors]
+        for j, misread in self.wrong:
+            readings[j] += misread(readings[j])
+        return readings
 
     def advance(self, command: Floats) -> None:
         """Hold ``command`` for one sampling interval."""
@@ -129,6 +133,6 @@ class _Plant:
         force[:] = [f + r for f, r in zip(force, friction, strict=True)]
 
 
-def _has(effect: Injected, hook: str) -> bool:
-    """Whether the effect does something in ``hook``."""
+def has(effect: Injected, hook: str) -> bool:
+    """Return whether the effect does something in ``hook``."""
     return getattr(type(effect), hook) is not getattr(Injected, hook)

@@ -9,7 +9,39 @@ from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
+import mujoco as _mujoco
+import numpy as np
+
+from jaxidl.gap.benchmark.reference import Array
+
+mujoco: Any = _mujoco  # its names are made when it is imported
+
 Floats = list[float]
+
+
+def tensor(six: Floats) -> Array:
+    """The symmetric matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
+
+
+def principal(inertia: Array) -> tuple[list[float], list[float]]:
+    """Principal moments and the quaternion (w, x, y, z) of the principal axes of a tensor (3, 3).
+
+    Raises:
+        ValueError: for a tensor that no body has.
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-12:
+        raise ValueError(f"no body has principal moments of inertia {moments}")
+    axes = axes * np.linalg.det(axes)  # a rotation, no reflection
+    quaternion = np.zeros(4)
+    mujoco.mju_mat2Quat(quaternion, axes.ravel())
+    return moments.tolist(), quaternion.tolist()
+
+
+def _row(values: float | Floats) -> Floats:
+    return [float(values)] if isinstance(values, float | int) else list(values)
 
 
 @dataclass
@@ -28,6 +60,10 @@ class Injected:
         """How late the reading is, and how much it reads too much."""
         return 0.0, 0.0
 
+    def misread(self, q: float) -> float:
+        """How much the reading is too much at the true position ``q``, if that varies."""
+        return 0.0
+
     def actuate(self, t: float, command: float) -> float:
         """The torque that the motor delivers for ``command``, or for what the stage before it delivers."""
         return command
@@ -39,6 +75,10 @@ class Injected:
     def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
         """Dry friction: its level when moving forward, backward, and what it bears at rest if that is more."""
         return 0.0, 0.0, 0.0
+
+    def passive(self, qd: Floats) -> dict[int, float]:
+        """The torques by joint of what :meth:`alter` has made the engine do; only for keeping account of them."""
+        return {}
 
 
 @dataclass
@@ -141,10 +181,14 @@ class CoupledFriction(Injected):
 
 @dataclass
 class InertiaError(Injected):
-    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 + ``extra``) times as large."""
+    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 + ``extra``) times as large.
+
+    ``mass`` [kg] comes on top of a body's, whose inertia grows in proportion.
+    """
 
     extra: float
     kind: str = "rotor"
+    mass: float = 0.0
 
     def alter(self, spec: Any) -> None:
         joint = spec.joints[self.joint]
@@ -153,19 +197,28 @@ class InertiaError(Injected):
         else:
             joint.parent.mass *= 1 + self.extra
             joint.parent.inertia = joint.parent.inertia * (1 + self.extra)
+        if self.mass:
+            joint.parent.inertia = joint.parent.inertia * (1 + self.mass / joint.parent.mass)
+            joint.parent.mass += self.mass
 
 
 @dataclass
 class Payload(Injected):
-    """A point mass on the last body at ``com``, in that body's frame."""
+    """A load on the last body with its centre of mass at ``com``, in that body's frame.
+
+    ``inertia`` is about the load's own centre: xx, yy, zz, xy, xz, yz [kg m²]; a point mass without it.
+    """
 
     mass: float
     com: Floats
+    inertia: Floats = field(default_factory=list)
 
     def alter(self, spec: Any) -> None:
         load = spec.joints[-1].parent.add_body(name="load", pos=self.com)
         load.mass, load.inertia, load.explicitinertial = self.mass, [1e-7 * self.mass] * 3, True
         load.ipos = [0.0, 0.0, 0.0]
+        if self.inertia:
+            load.inertia, load.iquat = principal(tensor(self.inertia))
 
 
 @dataclass
@@ -187,12 +240,18 @@ class Spring(Injected):
 
 @dataclass
 class TorqueRipple(Injected):
-    amplitude: float
+    """A sine of the position, or several: ``amplitude`` and ``phase`` of one, two, … waves in a ``period``."""
+
+    amplitude: float | Floats
     period: float
-    phase: float
+    phase: float | Floats
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        return self.amplitude * math.sin(2 * math.pi * q[self.joint] / self.period + self.phase)
+        turn = 2 * math.pi * q[self.joint] / self.period
+        if isinstance(self.amplitude, float) and isinstance(self.phase, float):
+            return self.amplitude * math.sin(turn + self.phase)
+        waves = enumerate(zip(_row(self.amplitude), _row(self.phase), strict=True), 1)
+        return sum(a * math.sin(n * turn + p) for n, (a, p) in waves)
 
 
 @dataclass

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
+from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.injected import Floats, Injected
 
 
@@ -103,4 +104,5 @@ OUTSIDE: dict[str, type[Injected]] = {
     "cubic_spring": CubicSpring,
     "memory_drag": MemoryDrag,
     "dropouts": Dropouts,
+    **IMITABLE,
 }

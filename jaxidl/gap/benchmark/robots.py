@@ -1,0 +1,193 @@
+"""Whole robots as cases: their logs, and the truth about them with what each hidden effect is worth."""
+
+import json
+import math
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jaxidl.gap.benchmark.arm_engine import ArmRun, Sensors, rates, run_arm
+from jaxidl.gap.benchmark.arms import Arm, excitation, random_arm
+from jaxidl.gap.benchmark.believed import Diverged, inverse_dynamics
+from jaxidl.gap.benchmark.catalogue import make
+from jaxidl.gap.benchmark.engine import has
+from jaxidl.gap.benchmark.injected import Injected, Payload
+from jaxidl.gap.benchmark.reference import Array
+from jaxidl.gap.benchmark.transmission import JointElasticity
+from jaxidl.gap.benchmark.whole import Part, draw
+from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial, rms
+
+RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
+COARSE = 50.0  # Hz; of the motion that the effects are sized on
+INSTANTS, DENSE = 300, 1500  # of a run, at which the links' regressor is taken, and the worth of a changed body
+SCALE = 0.015  # standard deviation of the error of a joint's torque constant, at most twice that
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A robot before it runs."""
+
+    arm: Arm
+    hidden: tuple[Part, ...]
+    remainder: tuple[Part, ...]
+    wanted: tuple[Array, Array, Array]  # at control rate
+    rate: float  # of the log [Hz]
+    sensors: Sensors
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A whole robot as a case. The identity says nothing of what is hidden; ``number`` of the draw."""
+
+    root: int
+    number: int
+    mechanism: str = "robot"
+    family: str = "robot"
+    severity: str | None = None
+
+    @property
+    def id(self) -> str:
+        return f"robot-{zlib.crc32(f'{self.root} robot {self.number}'.encode()):08x}"
+
+    @property
+    def log(self) -> str:
+        """Name of the log's file."""
+        return "log.npz" if self.number % 3 else "log.csv"
+
+    def draw(self, attempt: int = 0) -> Drawn:
+        """Draw arm, motion, sensors and hidden effects."""
+        rng = np.random.default_rng([self.root, zlib.crc32(f"robot {self.number}".encode()), attempt])
+        arm = random_arm(rng)
+        joints, rate, duration = len(arm.masses), float(rng.choice(RATES)), float(rng.uniform(30, 60))
+        if self.log == "log.csv":
+            rate = min(rate, 250.0)  # a larger one is a nuisance as text
+        motions = int(rng.integers(2**31))  # the same motion at whatever rate
+        wanted = excitation(np.random.default_rng(motions), joints, duration, rate * rates(rate)[0])
+        coarse = excitation(np.random.default_rng(motions), joints, duration, COARSE)
+        need = inverse_dynamics(altered(arm.xml, []), *coarse)
+        motion = Motion(np.arange(len(need)) / COARSE, *coarse, need)
+        hidden, remainder = draw(rng, arm, motion, self.number % 3)
+        known = {part.joint for part in hidden if part.effect == "torque_scale"}
+        for j in range(joints):
+            if j not in known:
+                off = float(np.clip(rng.normal(0, SCALE), -2 * SCALE, 2 * SCALE))
+                hidden.append(Part("torque_scale", j, {"scale": 1 + off}))
+        quantum = np.asarray(2 * math.pi / 2.0 ** rng.integers(17, 22, joints), np.float64)
+        noise = rms(need).max() * 0.02 + rms(need)
+        sensors = Sensors(quantum, noise * np.exp(rng.uniform(np.log(0.002), np.log(0.02))), int(rng.integers(2**31)))
+        return Drawn(arm, tuple(hidden), tuple(remainder), wanted, rate, sensors)
+
+    def measure(self) -> tuple[Drawn, ArmRun]:
+        """Draw and run the robot; one that the controller loses is drawn anew, since nobody would log it.
+
+        Raises:
+            Diverged: if ten draws are lost.
+        """
+        for attempt in range(10):
+            drawn = self.draw(attempt)
+            effects = [make(*part) for part in drawn.hidden + drawn.remainder]
+            try:
+                return drawn, run_arm(drawn.arm.xml, effects, drawn.wanted, drawn.rate, drawn.sensors)
+            except Diverged:
+                continue
+        raise Diverged(f"{self.id}: ten draws were lost")
+
+    def write(self, folder: Path) -> Mapping[str, Any]:
+        """Run the robot, write ``folder/model.xml`` and its log, and return the truth, which belongs elsewhere.
+
+        Raises:
+            Diverged: see :meth:`measure`.
+        """
+        drawn, run = self.measure()
+        folder.mkdir(parents=True, exist_ok=True)
+        write_log(folder / self.log, run.log())
+        (folder / "model.xml").write_text(drawn.arm.xml)
+        return truth(self, drawn, run)
+
+
+def robots(root: int, count: int) -> list[Robot]:
+    """Return the first ``count`` robots of a root; more do not change them."""
+    return [Robot(root, number) for number in range(count)]
+
+
+def write_log(path: Path, log: Mapping[str, Array]) -> None:
+    """Write the columns of a log as CSV or NPZ, by the name of the file."""
+    if path.suffix == ".npz":
+        np.savez(path, **log)  # pyright: ignore[reportArgumentType]
+        return
+    form = ["%.8g" if name.startswith("tau") else "%.8f" for name in log]
+    np.savetxt(path, np.column_stack(list(log.values())), fmt=form, delimiter=",", header=",".join(log), comments="")
+
+
+def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
+    """Return what is hidden, what each effect is worth on each joint, and what the links' errors do together; as JSON.
+
+    ``worth`` (J,) is the RMS of the effect's torque over the RMS of the joint's command. ``inertial`` holds the Gram matrix of
+    the links' regressor, lower triangle row by row, in shares of each joint's command, and the true ``error`` of each parameter.
+    """
+    qdd = np.gradient(run.speed, run.time, axis=0)
+    motion = Motion(run.time, run.clean, run.speed, qdd, run.command)
+    command, xml = rms(run.command), drawn.arm.xml
+    parts = drawn.hidden + drawn.remainder
+    effects = [make(*part) for part in parts]
+    few, many = (np.linspace(0, len(qdd) - 1, count).astype(int) for count in (INSTANTS, DENSE))
+    thin = Motion(*(x[many] for x in motion))
+    records = []
+    for part, effect, noted in zip(parts, effects, run.acts, strict=True):
+        worth = rms(_torque(effect, noted, xml, motion, thin)) / command
+        records.append({"effect": part.effect, "joint": part.joint, "parameters": dict(part.parameters), "worth": _short(worth)})
+    bodies = [e for e in effects if has(e, "alter") and not has(e, "passive") and not isinstance(e, JointElasticity)]
+    names, table = columns(xml, Motion(*(x[few] for x in motion)))
+    flat = (table / command[:, None]).reshape(-1, len(names))
+    gram = flat.T @ flat / len(few)
+    error = (inertial(altered(xml, bodies)) - inertial(altered(xml, []))).ravel()
+    _about_origin(records, inertial(altered(xml, [])), inertial(altered(xml, [e for e in bodies if not isinstance(e, Payload)])))
+    return {
+        "mechanism": case.mechanism,
+        "family": case.family,
+        "severity": None,
+        "root": case.root,
+        "joints": len(command),
+        "rate": drawn.rate,
+        "command": _short(command),
+        "hidden": records[: len(drawn.hidden)],
+        "remainder": records[len(drawn.hidden) :],
+        "inertial": {"names": names, "error": _short(error, 9), "gram": _short(gram[np.tril_indices(len(names))], 9)},
+    }
+
+
+def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -> None:
+    """Say first moments and tensors about the bodies' origins, as changes besides that in proportion to the mass.
+
+    So they are linear, and what the mass error, the shift and the change of inertia of one link do together is in them in full.
+    """
+    for record in records:
+        if record["effect"] in ("com_error", "inertia_tensor_error"):
+            before, after = believed[record["joint"]], true[record["joint"]]
+            besides = after - before * (after[0] / before[0])
+            name, columns = ("moment", slice(1, 4)) if record["effect"] == "com_error" else ("tensor", slice(4, 10))
+            record["parameters"][name] = _short(besides[columns])
+
+
+def _torque(effect: Injected, noted: Array, xml: str, motion: Motion, thin: Motion) -> Array:
+    """What an effect did (T, J): as the engine noted it, or at fewer instants by inverse dynamics."""
+    if isinstance(effect, JointElasticity):
+        rotor = np.zeros_like(noted)
+        rotor[:, effect.joint] = effect.motor_inertia * motion.qdd[:, effect.joint]
+        return noted + rotor
+    changes = (has(effect, "alter") and not has(effect, "passive")) or has(effect, "encoder") or has(effect, "misread")
+    return acts(effect, xml, thin) if changes else noted
+
+
+def _short(values: Array, digits: int = 5) -> list[float]:
+    return [float(f"{value:.{digits}g}") for value in values]
+
+
+def store(path: Path, record: Mapping[str, Any]) -> None:
+    """Write a robot's truth as JSON."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(record, allow_nan=False))

@@ -1,0 +1,140 @@
+"""The wider catalogue as it is put into MuJoCo: wrong links, a tilted base, and friction and motors of real gears."""
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from jaxidl.gap.benchmark.injected import Floats, Injected, mujoco, principal, tensor
+
+
+@dataclass
+class ComError(Injected):
+    """The centre of mass of the joint's body is off: ``moment`` is mass times shift, in the body's frame [kg m].
+
+    Its mass is right, and its inertia about the centre, so that the inertia about the joint changes as it does on a real link.
+    """
+
+    moment: Floats
+
+    def alter(self, spec: Any) -> None:
+        body = spec.joints[self.joint].parent
+        body.ipos = body.ipos + np.array(self.moment) / body.mass
+
+
+@dataclass
+class InertiaTensorError(Injected):
+    """The body's inertia about its centre of mass is ``tensor`` larger: xx, yy, zz, xy, xz, yz [kg m²] in the body's axes."""
+
+    tensor: Floats
+
+    def alter(self, spec: Any) -> None:
+        body = spec.joints[self.joint].parent
+        turn = np.zeros(9)
+        mujoco.mju_quat2Mat(turn, np.asarray(body.iquat, float))
+        axes = turn.reshape(3, 3)
+        body.inertia, body.iquat = principal(axes @ np.diag(body.inertia) @ axes.T + tensor(self.tensor))
+
+
+@dataclass
+class BaseTilt(Injected):
+    """The base is turned by the small ``angles`` about x and y [rad]: seen from it, gravity is turned the other way."""
+
+    angles: Floats
+
+    def alter(self, spec: Any) -> None:
+        about_x, about_y = self.angles
+        turn = np.array([about_x, about_y, 0.0])
+        size = float(np.linalg.norm(turn))
+        if size:
+            quaternion, gravity = np.zeros(4), np.zeros(3)
+            mujoco.mju_axisAngle2Quat(quaternion, turn / size, -size)
+            mujoco.mju_rotVecQuat(gravity, np.array(spec.option.gravity), quaternion)
+            spec.option.gravity = gravity
+
+
+@dataclass
+class DirectionalLoadFriction(Injected):
+    """Friction in proportion to the torque that passes the gear, another share where the motor drives than where it is driven."""
+
+    driving: float
+    driven: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        load = abs(delivered)
+        forward, backward = (self.driving, self.driven) if delivered > 0 else (self.driven, self.driving)
+        return forward * load, backward * load, 0.0
+
+
+@dataclass
+class ThermalFriction(Injected):
+    """Viscous friction that falls from ``warm`` + ``excess`` to ``warm`` as the grease gets warm.
+
+    ``time_constant`` [s]; with ``work`` [J] in its place it falls with the work that the friction has done.
+    """
+
+    excess: float
+    warm: float = 0.0
+    time_constant: float = math.inf
+    work: float = math.inf
+    _heat: float = field(default=0.0, init=False, repr=False)
+    _step: float = field(default=0.0, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        self._heat, self._step = 0.0, step
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        speed = qd[self.joint]
+        coefficient = self.warm + self.excess * math.exp(-t / self.time_constant - self._heat / self.work)
+        self._heat += self._step * coefficient * speed * speed
+        return -coefficient * speed
+
+
+@dataclass
+class TorqueCurve(Injected):
+    """A motor that saturates magnetically: of the torque asked for, the share ``loss`` · |torque| [1/Nm] is missing."""
+
+    loss: float
+
+    def actuate(self, t: float, command: float) -> float:
+        return command * (1 - min(0.5, self.loss * abs(command)))
+
+
+@dataclass
+class SublinearFriction(Injected):
+    """Friction that grows less than in proportion to the speed: ``coefficient`` · |speed|^``power``, against the motion."""
+
+    coefficient: float
+    power: float = 0.5
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        speed = qd[self.joint]
+        slow = 1e-3  # m/s or rad/s; below it in proportion, since no step is short enough for an infinite slope
+        size = abs(speed) ** self.power if abs(speed) > slow else abs(speed) * slow ** (self.power - 1)
+        return -math.copysign(self.coefficient * size, speed)
+
+
+@dataclass
+class CoupledJointFriction(Injected):
+    """Friction on the sum (``sign`` 1) or difference (-1) of the speeds of two joints, as in a wrist: the engine's own tendon."""
+
+    other: int
+    viscous: float
+    dry_level: float = 0.0
+    sign: float = 1.0
+
+    def alter(self, spec: Any) -> None:
+        name = f"couple{self.joint}{self.other}"
+        tendon = spec.add_tendon(name=name)
+        tendon.wrap_joint(spec.joints[self.joint].name, 1.0)
+        tendon.wrap_joint(spec.joints[self.other].name, self.sign)
+        viscous = np.zeros(np.shape(tendon.damping))  # newer engines take a polynomial of the speed, linear term first
+        tendon.damping = self.viscous if viscous.ndim == 0 else [self.viscous, *viscous[1:]]
+        tendon.frictionloss = self.dry_level
+        tendon.solref_friction, tendon.solimp_friction = (1e-3, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
+
+    def passive(self, qd: Floats) -> dict[int, float]:
+        speed = qd[self.joint] + self.sign * qd[self.other]
+        torque = -self.viscous * speed - (math.copysign(self.dry_level, speed) if speed else 0.0)
+        return {self.joint: torque, self.other: self.sign * torque}
