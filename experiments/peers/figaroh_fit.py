@@ -50,12 +50,11 @@ class Identification(BaseIdentification):
         joints, parts, start = self.model.nv, [], 0.0
         for file in self.files:
             log = read(file)
-            dt = float(np.median(np.diff(log["time"])))
-            time = np.arange(0.0, FITTED * (log["time"][-1] - log["time"][0]), dt)
-            even = lambda key: np.stack(
-                [np.interp(time, log["time"] - log["time"][0], log[f"{key}{j}"]) for j in range(joints)], 1
-            )  # noqa: E731, B023
-            parts.append((start + time, even("q"), even("tau"), (time > 0.25) & (time < time[-1] - 0.25)))
+            since = log["time"] - log["time"][0]
+            dt = float(np.median(np.diff(since)))
+            time = np.arange(0.0, FITTED * since[-1], dt)
+            q, tau = (np.stack([np.interp(time, since, log[f"{k}{j}"]) for j in range(joints)], 1) for k in ("q", "tau"))
+            parts.append((start + time, q, tau, (time > 0.25) & (time < time[-1] - 0.25)))
             start += time[-1] + dt
         t, q, tau, mask = (np.concatenate(x) for x in zip(*parts, strict=True))
         slides = [self.model.joints[j + 1].shortname().startswith("JointModelP") for j in range(joints)]
