@@ -13,27 +13,16 @@ import pytest
 from flax import struct
 
 from jaxidl import gap
-from jaxidl.effects import CATALOGUE, Effect, OnJoint, Parameter, Spring, catalogue, from_dict, register, searchable, searched
+from jaxidl.effects import CATALOGUE, Effect, OnJoint, Parameter, Spring, from_dict, register, searchable, searched
 from jaxidl.errors import ConfigurationError, EffectError
 from jaxidl.gap.alignment import ALIGNMENT
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.systems.mjcf import read_model
+from tests.registry import restored
 
 SCRIPT = Path(__file__).parents[1] / "experiments" / "own_effect.py"
-STATES = (CATALOGUE, catalogue._never, catalogue._aside)
-
-
-def restored():
-    """The catalogue is afterwards what it was before: other tests count it."""
-    before = [state.copy() for state in STATES]
-    yield
-    for state, old in zip(STATES, before, strict=True):
-        state.clear()
-        state.update(old)
-
-
 clean = pytest.fixture(restored)
 clean_module = pytest.fixture(restored, scope="module")
 

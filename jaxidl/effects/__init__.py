@@ -5,7 +5,7 @@ from jaxidl.effects.base import Effect, regressor
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
-from jaxidl.effects.inertia import InertiaError, Payload
+from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint, placed
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
@@ -21,6 +21,8 @@ __all__ = [
     "ActuatorLag",
     "AsymmetricFriction",
     "Backlash",
+    "BaseTilt",
+    "ComError",
     "ConstantOffset",
     "CoulombFriction",
     "CoupledFriction",
@@ -28,6 +30,7 @@ __all__ = [
     "EncoderQuantisation",
     "Guess",
     "InertiaError",
+    "InertiaTensorError",
     "JointElasticity",
     "LoadDependentFriction",
     "OnJoint",

@@ -76,6 +76,7 @@ class TorqueScale(Effect):
     name: ClassVar[str] = "torque_scale"
     sentence: ClassVar[str] = "the motor delivers another share of its command than believed"
     parameters: ClassVar = {"scale": Parameter("1", 0.05, 20.0, "delivered over commanded torque")}
+    neutral: ClassVar[float] = 1.0
     mjcf: ClassVar = {"scale": "general/gear"}
     prior: ClassVar[float] = 0.03
     advice: ClassVar[str] = (
@@ -104,6 +105,7 @@ class TorqueSaturation(Effect):
     name: ClassVar[str] = "torque_saturation"
     sentence: ClassVar[str] = "the motor cannot deliver more than a certain torque"
     parameters: ClassVar = {"limit": Parameter("N", 1e-6, 1e6, "the largest torque")}
+    neutral: ClassVar[float] = float("inf")
     mjcf: ClassVar = {"limit": "general/forcerange"}
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = "command steps of torque that grow beyond the largest so far, and watch the acceleration stop to grow"

@@ -51,6 +51,12 @@ class Effect(struct.PyTreeNode):
     """Does conventional identification fit it on every joint?"""
     friction: ClassVar[bool] = False
     """Must it dissipate, together with all other friction of its joint?"""
+    neutral: ClassVar[float] = 0.0
+    """Value of its one parameter with which an effect without amplitudes does nothing; infinite: none."""
+    fixed: ClassVar[tuple[str, ...]] = ()
+    """Parameters that a fit leaves where a variant has them: the ends of a table, say."""
+    internal: ClassVar[tuple[str, ...]] = ()
+    """Parameters that no report shows: those that ``settled`` puts into others."""
     advice: ClassVar[str] = "repeat the motion slowly and fast, over the whole range, with rests, and once with a known load"
     """The motion or load that would separate it from what looks alike."""
 
@@ -99,7 +105,11 @@ class Effect(struct.PyTreeNode):
 
     def seen(self, logged: History, predicted: History) -> History:
         """Command (T, J) that a fit passes through ``actuate``: of the ``logged`` one and that ``predicted`` for the motion."""
-        return predicted
+        return logged
+
+    def settled(self) -> "Effect":
+        """Return the same effect with its parameters as a person reads them; those of a fit may be others, say moments."""
+        return self
 
     def reads_torque(self, joints: int = 1) -> bool:
         """Does what it adds on a mechanism of ``joints`` joints depend on the delivered torque? Found out from its methods."""

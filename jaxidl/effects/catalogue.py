@@ -12,7 +12,7 @@ from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
-from jaxidl.effects.inertia import InertiaError, Payload
+from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
@@ -35,7 +35,10 @@ CATALOGUE: dict[str, type[Effect]] = {
         LoadDependentFriction,
         CoupledFriction,
         InertiaError,
+        ComError,
+        InertiaTensorError,
         Payload,
+        BaseTilt,
         ConstantOffset,
         Spring,
         TorqueRipple,

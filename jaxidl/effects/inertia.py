@@ -1,13 +1,15 @@
-"""The rigid body is not the one it is said to be."""
+"""The rigid body is not the one it is said to be: what is wrong about it is linear in the ten inertial parameters of a link."""
 
 from typing import Any, ClassVar
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Parameter, Scale, Variant
+from jaxidl.effects.ten import about, ten
 from jaxidl.types import Joints, Scalar
 
 LINK = 0.2  # probability of an error in a link's mass, centre or inertia
@@ -22,7 +24,7 @@ ACCELERATIONS = (
 class InertiaError(Effect):
     """Inertia that the model lacks: of each joint's rotor, and of the body that a joint carries; negative where it has too much.
 
-    A body's inertia about its centre of mass changes in proportion to its mass.
+    A body's inertia changes in proportion to its mass, its centre stays.
     """
 
     extra: Joints  # (J,) of the rotor [kg or kg m^2]
@@ -49,26 +51,131 @@ class InertiaError(Effect):
         return [Variant({}, ("extra",)), Variant({}, ("mass",), prior=LINK)]
 
 
+class ComError(Effect):
+    """A first moment that the model lacks on each joint's body, whose mass and inertia about its frame's origin stay."""
+
+    moment: Float[Array, "J 3"]  # in the body's frame [kg m]
+
+    name: ClassVar[str] = "com_error"
+    sentence: ClassVar[str] = "a link's centre of mass is not where the model has it"
+    parameters: ClassVar = {"moment": Parameter("kg m", -1e4, 1e4, "the missing first moment of the body")}
+    linear: ClassVar[bool] = True
+    mjcf: ClassVar = {"moment": "body/inertial"}
+    prior: ClassVar[float] = LINK
+    common: ClassVar[bool] = True
+    advice: ClassVar[str] = ACCELERATIONS
+
+    def alter(self, body: Any) -> Any:
+        return body.add_link(ten(moment=self.moment))
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return [Variant({"moment": np.zeros((1, 3))}, ("moment",))]
+
+
+class InertiaTensorError(Effect):
+    """Rotational inertia that the model lacks on each joint's body: xx, yy, zz, xy, xz, yz about its frame's origin."""
+
+    tensor: Float[Array, "J 6"]  # in the body's frame [kg m^2]
+
+    name: ClassVar[str] = "inertia_tensor_error"
+    sentence: ClassVar[str] = "a link has another rotational inertia than the model says"
+    parameters: ClassVar = {"tensor": Parameter("kg m^2", -1e4, 1e4, "the missing inertia tensor of the body")}
+    linear: ClassVar[bool] = True
+    mjcf: ClassVar = {"tensor": "body/inertial"}
+    prior: ClassVar[float] = LINK
+    common: ClassVar[bool] = True
+    advice: ClassVar[str] = ACCELERATIONS
+
+    def alter(self, body: Any) -> Any:
+        return body.add_link(ten(inertia=self.tensor))
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return [Variant({"tensor": np.zeros((1, 6))}, ("tensor",))]
+
+
 class Payload(Effect):
-    """A point-like mass carried by the last body, at ``com`` in that body's frame."""
+    """A load on the last body that moves, in that body's frame; negative where the model has a load that is gone.
+
+    It is a ``mass`` at ``com`` with ``inertia`` about that point: what reports show. Beside it stands a first ``moment`` for
+    fits: with the centre kept at the origin the torque is linear in mass, moment and inertia, and ``settled`` finds the centre.
+    """
 
     mass: Scalar  # [kg]
     com: Float[Array, "3"]  # [m]
+    moment: Float[Array, "3"] | Scalar = 0.0  # beside mass times com [kg m]
+    inertia: Float[Array, "6"] | Scalar = 0.0  # xx, yy, zz, xy, xz, yz about com [kg m^2]
 
     name: ClassVar[str] = "payload"
     sentence: ClassVar[str] = "the last body carries a load that the model does not have"
     parameters: ClassVar = {
-        "mass": Parameter("mass", 0.0, 1e4, "the load"),
+        "mass": Parameter("mass", -1e4, 1e4, "the load"),
         "com": Parameter("length", -5.0, 5.0, "where it is in the last body's frame"),
+        "moment": Parameter("mass length", -1e4, 1e4, "the first moment beside mass times centre"),
+        "inertia": Parameter("kg m^2", -1e4, 1e4, "the load's inertia about its centre"),
     }
     whole: ClassVar[bool] = True
+    fixed: ClassVar[tuple[str, ...]] = ("com",)
+    internal: ClassVar[tuple[str, ...]] = ("moment",)
+    mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial", "moment": "body/inertial", "inertia": "body/inertial"}
     prior: ClassVar[float] = 0.15
     advice: ClassVar[str] = ACCELERATIONS
-    mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial"}
+
+    def numbers(self) -> Float[Array, "10"]:
+        """Return the load's ten inertial parameters about the origin of its body's frame."""
+        com = jnp.asarray(self.com)
+        moment = self.mass * com + self.moment
+        return ten(self.mass, moment, about(self.mass, com) + self.inertia)
+
+    def settled(self) -> "Payload":
+        """Return the same load with its first moment in ``com``, as it is if it has no mass or a centre out of bounds."""
+        numbers = self.numbers()
+        heavy = jnp.abs(numbers[0]) > 1e-9
+        com = numbers[1:4] / jnp.where(heavy, numbers[0], 1.0)
+        there = heavy & jnp.all(jnp.abs(com) < self.parameters["com"].upper)
+        settled = Payload(self.mass, com, jnp.zeros(3), numbers[4:] - about(numbers[0], com))
+        mine = self.replace(com=jnp.asarray(self.com), moment=jnp.zeros(3) + self.moment, inertia=jnp.zeros(6) + self.inertia)
+        return jax.tree.map(lambda new, old: jnp.where(there, new, old), settled, mine)
 
     def alter(self, body: Any) -> Any:
-        return body.add_payload(self.mass, jnp.asarray(self.com))
+        return body.add_payload(self.numbers())
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        return [Variant({"mass": 0.0, "com": np.zeros(3)}, ("mass",))]
+        """With its centre left at the frame's origin, where mass, moment and inertia are amplitudes."""
+        values = {"mass": 0.0, "com": np.zeros(3), "moment": np.zeros(3), "inertia": np.zeros(6)}
+        return [Variant(values, ("mass", "moment", "inertia"))]
+
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """All that may be wrong about the last link."""
+        return ("inertia_error.mass", "com_error", "inertia_tensor_error")
+
+
+class BaseTilt(Effect):
+    """The base is not level: turned by small ``angles`` about two horizontal axes, x and y where gravity points along z.
+
+    Linear: gravity in the base's frame changes by minus the turn's cross product with it.
+    """
+
+    angles: Float[Array, "2"]  # [rad]
+
+    name: ClassVar[str] = "base_tilt"
+    sentence: ClassVar[str] = "the base is not level, so gravity points another way"
+    parameters: ClassVar = {"angles": Parameter("rad", -0.5, 0.5, "the tilt about two horizontal axes")}
+    linear: ClassVar[bool] = True
+    whole: ClassVar[bool] = True
+    mjcf: ClassVar = {"angles": "option/gravity"}
+    advice: ClassVar[str] = (
+        "put a level on the base, or hold still in many postures with the first joint turned all the way round: a tilt goes with "
+        "the base, a wrong link or encoder with its joint"
+    )
+
+    def alter(self, body: Any) -> Any:
+        return body.tilt(self.angles)
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """More than a quarter of a radian would have been seen."""
+        return [Variant({"angles": np.zeros(2)}, ("angles",), {"angles": (-0.25, 0.25)})]

@@ -27,6 +27,10 @@ class _Part:
     def add_inertia(self, extra: Own) -> "_Part":
         return _Part(self.body.add_inertia(self._spread(extra)), self.joint, self.like)
 
+    def add_link(self, extra: Float[Array, "1 10"]) -> "_Part":
+        spread = jnp.zeros((self.like.shape[0], 10)).at[self.joint].set(extra[0])
+        return _Part(self.body.add_link(spread), self.joint, self.like)
+
     def add_mass(self, extra: Own | Scalar) -> "_Part":
         return _Part(self.body.add_mass(self._spread(extra)), self.joint, self.like)
 
@@ -77,6 +81,9 @@ class OnJoint(Effect):
     def seen(self, logged: History, predicted: History) -> History:
         column = slice(self.joint, self.joint + 1)
         return predicted.at[:, column].set(self.effect.seen(logged[:, column], predicted[:, column]))
+
+    def settled(self) -> "OnJoint":
+        return self.replace(effect=self.effect.settled())
 
     def reads_torque(self, joints: int = 1) -> bool:
         return self.effect.reads_torque()

@@ -39,6 +39,7 @@ class Stiction(Effect):
 
     name: ClassVar[str] = "stiction"
     sentence: ClassVar[str] = "a joint at rest sticks until the torque exceeds a breakaway value"
+    fixed: ClassVar[tuple[str, ...]] = ("speed", "below")
     parameters: ClassVar = {
         "breakaway": Parameter("N", 0.0, 1e5, "the breakaway torque"),
         "speed": Parameter("m/s", 0.0, 1.0, "the resting speed"),

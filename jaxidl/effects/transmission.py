@@ -18,6 +18,7 @@ from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
 SUBSTEPS = 4
+MOST_TWIST = 0.05  # of the joint's range: no drive is softer
 SOFTEST = 3.0  # transmission that a search looks for: frequency of the motor against a link held still [Hz]
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
@@ -61,9 +62,10 @@ class Transmission(Effect):
 
         def variant(guess: Guess) -> Variant:
             inertia = float(guess["motor_inertia"])
-            softest = (2.0 * np.pi * SOFTEST) ** 2 * inertia
+            softest = max((2.0 * np.pi * SOFTEST) ** 2 * inertia, scale.torque / (MOST_TWIST * scale.width))
             motor = (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia))
-            return Variant(guess, within={"motor_inertia": motor, "stiffness": (softest, cls.parameters["stiffness"].upper)})
+            begin = dict(guess) | {"stiffness": max(float(guess["stiffness"]), softest)}
+            return Variant(begin, within={"motor_inertia": motor, "stiffness": (softest, cls.parameters["stiffness"].upper)})
 
         return [variant(guess) for guess in cls.guesses(scale)]
 
@@ -97,8 +99,8 @@ class JointElasticity(Transmission):
             return {"stiffness": omega**2 * inertia, "damping": 2.0 * ratio * omega * inertia, "motor_inertia": inertia}
 
         top = min(1.5 * scale.band, 0.2 / scale.dt)
-        tones = [hertz for hertz in (4.0, 6.0, 9.0, 13.0, 19.0, 28.0, 40.0, 60.0, 90.0, 130.0) if hertz < top]
-        return [guess(share, f, ratio) for share in (0.05, 0.1, 0.2, 0.4, 0.65) for f in tones for ratio in (0.05, 0.25)]
+        tones = [hertz for hertz in (5.0, 9.0, 16.0, 28.0, 50.0, 90.0) if hertz < top]
+        return [guess(share, f, 0.15) for share in (0.1, 0.25, 0.6) for f in tones]
 
 
 class Backlash(Transmission):
@@ -132,9 +134,9 @@ class Backlash(Transmission):
             return {"gap": gap * width, "stiffness": stiffness, "damping": 0.6 * omega * inertia, "motor_inertia": inertia}
 
         top = 0.25 / scale.dt
-        tones = [min(share * scale.band, top) for share in (0.6, 1.2, 2.4)]
-        gaps = (0.0007, 0.0014, 0.0028, 0.0045, 0.007, 0.011, 0.018, 0.03)
-        return [guess(share, gap, f) for share in (0.06, 0.12, 0.2, 0.35) for gap in gaps for f in tones]
+        tones = [min(share * scale.band, top) for share in (0.8, 2.0)]
+        gaps = (0.0007, 0.0017, 0.004, 0.009, 0.02)
+        return [guess(share, gap, f) for share in (0.08, 0.2) for gap in gaps for f in tones]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:

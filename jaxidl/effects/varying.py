@@ -45,6 +45,7 @@ class PositionDependentFriction(Effect):
 
     name: ClassVar[str] = "position_dependent_friction"
     sentence: ClassVar[str] = "friction that varies with position"
+    fixed: ClassVar[tuple[str, ...]] = ("lower", "upper")
     parameters: ClassVar = {
         "level": Parameter("N", -1e5, 1e5, "dry friction at the table's positions"),
         "coefficient": Parameter("N s/m", -1e4, 1e4, "torque per speed at the table's positions"),
@@ -91,6 +92,7 @@ class CoupledFriction(Effect):
 
     name: ClassVar[str] = "coupled_friction"
     sentence: ClassVar[str] = "friction that varies with another joint's position"
+    fixed: ClassVar[tuple[str, ...]] = ("lower", "upper")
     parameters: ClassVar = PositionDependentFriction.parameters
     prior: ClassVar[float] = 0.02
     friction: ClassVar[bool] = True

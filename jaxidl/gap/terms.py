@@ -69,8 +69,7 @@ def with_parameters(effect: Any, free: Free, values: Any) -> Any:
 
 def alone(effect: Effect) -> bool:
     """Does the effect concern one joint only, whatever the others do?"""
-    mass = getattr(effect, "mass", None)
-    changes_bodies = mass is not None and bool(np.any(np.asarray(mass) != 0.0))
+    changes_bodies = any(np.any(np.asarray(getattr(effect, name, 0.0)) != 0.0) for name in ("mass", "moment", "tensor"))
     return not (effect.whole or isinstance(effect, CoupledFriction) or changes_bodies or on_encoders(effect))
 
 
@@ -142,7 +141,7 @@ def _many(structure: Any, values: list[Array], drive: Drive, starts: Any, dt: fl
 
 def _sliced(table: Tables, columns: Columns) -> Tables:
     """The tables of some joints, as if the others did not move."""
-    return Tables(*(x[:, columns] if x.ndim == 2 or x.shape[2] == 10 else x[:, columns][:, :, columns] for x in table))
+    return table.part(columns)
 
 
 @partial(jax.jit, static_argnames=("free", "dt"))

@@ -67,6 +67,8 @@ class Numbers:
             case cls if cls is InertiaError:
                 return self._inertia(per_joint(effect, "extra", joints, 0.0), per_joint(effect, "mass", joints, 0.0))
             case cls if cls is Payload and isinstance(effect, Payload):
+                if np.any(np.asarray(effect.moment)) or np.any(np.asarray(effect.inertia)) or float(effect.mass) < 0.0:
+                    return None
                 self.payloads.append((float(effect.mass), np.asarray(effect.com, float)))
                 return "body/inertial"
         return None

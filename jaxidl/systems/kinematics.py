@@ -16,9 +16,9 @@ from jaxtyping import Array, Float
 from jaxidl.types import Joints, Scalar
 
 
-def place(source: mujoco.MjModel, centre: Float[Array, "B 3"], q: Joints) -> dict[str, Array]:
+def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
     """Fields of MuJoCo's data at positions ``q`` (J,): frames of bodies ``xpos`` (B, 3), ``xmat`` (B, 3, 3), of their inertia
-    ``xipos``, ``ximat`` about the ``centre`` (B, 3) of mass in the body's frame, and joints' ``xanchor``, ``xaxis`` (J, 3) [m].
+    ``xipos``, ``ximat`` about its centre of mass, and joints' ``xanchor``, ``xaxis`` (J, 3) [m].
     """
     still, turn = _matrices(source.body_quat), _matrices(source.body_iquat)
     pos, rot = [jnp.zeros(3, q.dtype)], [jnp.eye(3, dtype=q.dtype)]
@@ -43,7 +43,7 @@ def place(source: mujoco.MjModel, centre: Float[Array, "B 3"], q: Joints) -> dic
     return {
         "xpos": xpos,
         "xmat": xmat,
-        "xipos": xpos + jnp.einsum("bij,bj->bi", xmat, centre),
+        "xipos": xpos + jnp.einsum("bij,bj->bi", xmat, source.body_ipos.astype(q.dtype)),
         "ximat": xmat @ turn.astype(q.dtype),
         "xanchor": jnp.stack(anchors),
         "xaxis": jnp.stack(axes),

@@ -19,15 +19,12 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.errors import EffectError
+from jaxidl.effects.ten import COLUMNS, ROWS, moved
 from jaxidl.systems.kinematics import place
 from jaxidl.types import Joints, Scalar
 
 with contextlib.redirect_stdout(io.StringIO()):  # it announces what optional packages are missing
     from mujoco import mjx
-
-LOAD = "jaxidl_payload"  # a massless body on the last one that moves, in every loaded model: a payload's place
-LOADS = (LOAD, f"{LOAD}_2", f"{LOAD}_3")  # a place for each payload; as siblings they cost MJX next to nothing
 
 
 @functools.lru_cache(maxsize=64)
@@ -40,32 +37,44 @@ def _constants(source: mujoco.MjModel) -> Any:
 class MujocoBody(struct.PyTreeNode):
     """Body number ``bodies[j]`` moves with joint j. Shares its methods with :class:`jaxidl.systems.point_mass.PointMass`.
 
-    Its leaves are what effects change, of B bodies and J joints; all else of the model is constant in compiled programs.
+    Its leaves are what effects change, of B bodies and J joints; all else of the model is constant in compiled programs. What is
+    added to bodies is linear in it.
     """
 
-    mass: Float[Array, " B"]  # [kg]
-    inertia: Float[Array, "B 3"]  # principal moments [kg m^2]
-    centre: Float[Array, "B 3"]  # of mass, in the body's frame [m]
+    added: Float[Array, "B 10"]  # inertial parameters that the bodies have more than the source, in their frames
     armature: Joints  # (J,) rotor inertia [kg or kg m^2]
+    gravity: Float[Array, "3"]  # [m/s^2]
     source: mujoco.MjModel = struct.field(pytree_node=False)  # the body in C, as loaded
     names: tuple[str, ...] = struct.field(pytree_node=False)
     kinds: tuple[str, ...] = struct.field(pytree_node=False)  # slide or hinge
     bodies: tuple[int, ...] = struct.field(pytree_node=False)
-    loads: int = struct.field(pytree_node=False, default=0)  # payloads added so far
+    body_names: tuple[str, ...] = struct.field(pytree_node=False)  # of all B bodies
+
+    @property
+    def carrier(self) -> str:
+        """Name of the body in whose frame a payload is."""
+        return self.body_names[last_moving(self.source)]
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
         """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
         q, qd = jnp.asarray(q), jnp.asarray(qd)  # in NumPy's arrays MJX sees constants of the model
-        model = _constants(self.source).replace(
-            body_mass=self.mass, body_inertia=self.inertia, body_ipos=self.centre, dof_armature=self.armature
-        )
+        model = _constants(self.source)
+        model = model.replace(dof_armature=self.armature, opt=model.opt.replace(gravity=self.gravity))
         # float64 only where JAX has it
         model = jax.tree.map(lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model)
         with jax.numpy_rank_promotion("allow"):  # MJX relies on it
-            data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(self.source, model.body_ipos, q))
-            for stage in (mjx.com_pos, mjx.crb, mjx.com_vel):
+            data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(self.source, q))
+            data = self._heavier(mjx.com_pos(model, data), q.dtype)
+            for stage in (mjx.crb, mjx.com_vel):
                 data = stage(model, data)
             return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+
+    def _heavier(self, data: Any, dtype: Any) -> Any:
+        """MJX's data with what is ``added``, as MJX has inertias: about the tree's centre of mass, along the world's axes."""
+        offset = data.xpos - data.subtree_com[self.source.body_rootid]
+        more = jax.vmap(moved)(jnp.asarray(self.added, dtype), data.xmat, offset)
+        order = jnp.concatenate([more[:, 4:], more[:, 1:4], more[:, :1]], 1)
+        return data.tree_replace({"_impl.cinert": data._impl.cinert + order})
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
         """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,)."""
@@ -85,24 +94,22 @@ class MujocoBody(struct.PyTreeNode):
         """The body with rotor inertia ``extra`` (J,) more on its joints [kg or kg m^2]."""
         return self.replace(armature=self.armature + extra)
 
+    def add_link(self, extra: Float[Array, "J 10"]) -> "MujocoBody":
+        """The body whose j-th joint's body has inertial parameters ``extra`` (J, 10) more: :mod:`jaxidl.effects.ten`."""
+        return self.replace(added=self.added.at[jnp.asarray(self.bodies)].add(extra))
+
     def add_mass(self, extra: Joints | Scalar) -> "MujocoBody":
         """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in proportion."""
-        heavier = self.mass.at[jnp.asarray(self.bodies)].add(extra)
-        weighty = self.mass > 0.0
-        factor = jnp.where(weighty, heavier / jnp.where(weighty, self.mass, 1.0), 1.0)
-        return self.replace(mass=heavier, inertia=factor[:, None] * self.inertia)
+        share = per_mass(self.source)[list(self.bodies)]
+        return self.add_link((extra + jnp.zeros(len(share)))[:, None] * share)
 
-    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "MujocoBody":
-        """The body with a point of ``mass`` [kg] more at ``com`` (3,) [m] in the frame of its last body that moves.
+    def add_payload(self, extra: Float[Array, "10"]) -> "MujocoBody":
+        """The body whose last body that moves has inertial parameters ``extra`` (10,) more, in its frame."""
+        return self.replace(added=self.added.at[last_moving(self.source)].add(extra))
 
-        Raises:
-            EffectError: for more payloads than there are places.
-        """
-        if self.loads == len(LOADS):
-            raise EffectError(f"at most {len(LOADS)} payloads", "one more", "put them together in one")
-        load = mujoco.mj_name2id(self.source, mujoco.mjtObj.mjOBJ_BODY, LOADS[self.loads])
-        place = self.centre.at[load].set(jnp.asarray(com, self.centre.dtype))
-        return self.replace(mass=self.mass.at[load].add(mass), centre=place, loads=self.loads + 1)
+    def tilt(self, angles: Float[Array, "2"]) -> "MujocoBody":
+        """The body on a base turned by small ``angles`` (2,) [rad] about the axes of :func:`level`; linear in them."""
+        return self.replace(gravity=self.gravity + level(self.source) @ angles)
 
 
 def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
@@ -115,15 +122,48 @@ def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
     kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type)
     _constants(bare)  # MuJoCo complains here if at all
     return MujocoBody(
-        mass=jnp.asarray(bare.body_mass),
-        inertia=jnp.asarray(bare.body_inertia),
-        centre=jnp.asarray(bare.body_ipos),
+        added=jnp.zeros((bare.nbody, 10)),
         armature=jnp.asarray(bare.dof_armature),
+        gravity=jnp.asarray(bare.opt.gravity),
         source=bare,
         names=joint_names(model),
         kinds=kinds,
         bodies=tuple(int(b) for b in bare.jnt_bodyid),
+        body_names=tuple(model.body(b).name or f"body{b}" for b in range(model.nbody)),
     )
+
+
+def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
+    """Return the inertial parameters of all bodies of a model, in their frames."""
+    turns = np.zeros((source.nbody, 9))
+    for turn, quaternion in zip(turns, source.body_iquat, strict=True):
+        mujoco.mju_quat2Mat(turn, quaternion)
+    turns, m, c = turns.reshape(-1, 3, 3), source.body_mass[:, None, None], source.body_ipos
+    about = m * ((c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :])
+    tensor = turns @ (source.body_inertia[:, :, None] * turns.transpose(0, 2, 1)) + about
+    return np.concatenate([source.body_mass[:, None], m[:, 0] * c, tensor[:, ROWS, COLUMNS]], 1)
+
+
+def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
+    """Return the inertial parameters of all bodies per unit of mass; of massless ones those of a point at their centre."""
+    c, massless = source.body_ipos, source.body_mass[:, None] <= 0.0
+    tensor = (c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
+    points = np.concatenate([np.ones((source.nbody, 1)), c, tensor[:, ROWS, COLUMNS]], 1)
+    return np.where(massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None]))
+
+
+def level(source: mujoco.MjModel) -> Float[np.ndarray, "3 2"]:
+    """Return the change of gravity in the base's frame per radian that the base turns about two horizontal axes.
+
+    They are x and y where gravity points along −z; else the horizontal direction nearest to x, or to y, and the one across it.
+    """
+    gravity = source.opt.gravity
+    size = np.linalg.norm(gravity)
+    up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+    first = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
+    first = first - (first @ up) * up
+    first /= np.linalg.norm(first)
+    return -np.cross([first, np.cross(up, first)], gravity).T
 
 
 def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
@@ -137,11 +177,7 @@ def last_moving(model: mujoco.MjModel) -> int:
 
 
 def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Bodies, joints and gravity of a compiled model, without geometry, and with places for payloads.
-
-    Geometry costs time, MJX does not know all of it, and the compiler's settings (a least mass, a total mass) would be applied
-    to the places for payloads too.
-    """
+    """Bodies, joints and gravity of a compiled model, without geometry: it costs time, and MJX does not know all of it."""
     spec = mujoco.MjSpec()
     weightless = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     spec.option.gravity = np.zeros(3) if weightless else model.opt.gravity
@@ -157,10 +193,6 @@ def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
         bodies[model.jnt_bodyid[j]].add_joint(
             name=model.joint(j).name, type=model.jnt_type[j], armature=model.dof_armature[j], **frame
         )
-    for name in LOADS:
-        # away from the body's origin and turned, or MuJoCo would note that the two frames are one and ignore where the load goes
-        turned = {"ipos": np.ones(3), "iquat": [0.8, 0.6, 0.0, 0.0]}
-        bodies[last_moving(model)].add_body(name=name, mass=0.0, explicitinertial=True, inertia=np.zeros(3), **turned)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     return spec.compile()

@@ -32,9 +32,17 @@ class PointMass(struct.PyTreeNode):
         """A point's mass and an axis' inertia are the same thing."""
         return PointMass(self.mass + extra)
 
-    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "PointMass":
+    def add_link(self, extra: Float[Array, "J 10"]) -> "PointMass":
+        """Of the ten inertial parameters only mass matters where nothing turns."""
+        return PointMass(self.mass + extra[:, 0])
+
+    def add_payload(self, extra: Float[Array, "10"]) -> "PointMass":
         """All axes move the load; where it sits makes no difference."""
-        return PointMass(self.mass + mass)
+        return PointMass(self.mass + extra[0])
+
+    def tilt(self, angles: Float[Array, "2"]) -> "PointMass":
+        """There is no gravity to point another way."""
+        return self
 
 
 def point_mass(mass: Scalar, joints: int = 2) -> PointMass:

@@ -79,8 +79,16 @@ class _Probe:
 
     add_mass = add_inertia
 
-    def add_payload(self, mass: Any, com: Any) -> "_Probe":
-        jnp.concatenate([jnp.reshape(mass, (1,)), jnp.reshape(com, (3,))])
+    def add_link(self, extra: Any) -> "_Probe":
+        jnp.reshape(extra, (self.joints, 10))
+        return self
+
+    def add_payload(self, extra: Any) -> "_Probe":
+        jnp.reshape(extra, (10,))
+        return self
+
+    def tilt(self, angles: Any) -> "_Probe":
+        jnp.reshape(angles, (2,))
         return self
 
 

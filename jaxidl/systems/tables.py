@@ -3,7 +3,6 @@
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
 
-import copy
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -13,26 +12,14 @@ from flax import struct
 from jaxtyping import Array, Float
 from scipy.interpolate import interp1d
 
-from jaxidl.systems.mujoco_body import LOAD
+from jaxidl.effects.ten import PLACES
+from jaxidl.systems.mujoco_body import last_moving, level, per_mass
 from jaxidl.systems.point_mass import PointMass
 from jaxidl.types import Joints, Scalar
 
 Rows = Float[np.ndarray, "T J"]
 
-_POINTS = np.array(
-    [[0, 0, 0], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1], [1, 1, 0], [0, 1, 1], [1, 0, 1]], float
-)
-
-
-def _monomials(com: Any) -> Any:
-    """1, the three coordinates, and their six products: a point mass's torque is linear in these times its mass."""
-    x, y, z = com
-    return jnp.stack([jnp.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, y * z, x * z])
-
-
-_FROM_POINTS = np.linalg.inv(
-    np.stack([[1, x, y, z, x * x, y * y, z * z, x * y, y * z, x * z] for x, y, z in _POINTS])
-)  # (10, 10)
+SMALL = 1e-12  # of the largest: what is smaller is rounding, and no information
 
 
 class Tables(NamedTuple):
@@ -45,93 +32,176 @@ class Tables(NamedTuple):
     inertia: Float[Any, "*T J J"]  # its derivative by acceleration: the inertia matrix
     by_q: Float[Any, "*T J J"]  # ... by position
     by_qd: Float[Any, "*T J J"]  # ... by velocity
-    by_mass: Float[Any, "*T J J"]  # ... by the mass of each joint's body
-    by_load: Float[Any, "*T J 10"]  # ... by a load times the monomials of its place
+    by_mass: Float[Any, "*T J J"]  # ... by the mass of each joint's body, whose inertia goes with it
+    by_link: Float[Any, "*T J J 10"]  # ... by the ten inertial parameters of each joint's body (the second J), in its frame
+    by_load: Float[Any, "*T J 10"]  # ... by those of the last body that moves, which may be welded to a joint's
+    by_gravity: Float[Any, "*T J 3"]  # ... by gravity
+    by_tilt: Float[Any, "*T J 2"]  # ... by small turns of the base
+
+    def part(self, joints: slice | list[int]) -> "Tables":
+        """Return the tables (T rows) of some joints, as if the others did not move."""
+        square = ("inertia", "by_q", "by_qd", "by_mass", "by_link")
+        own = {name: values[:, joints] for name, values in self._asdict().items()}
+        return Tables(**{name: x[:, :, joints] if name in square else x for name, x in own.items()})
 
 
 def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     """Tables of ``body`` along a log (T, J), in float64 NumPy.
 
-    ``torque`` is exact at every instant; the others are computed at every ``stride``-th and interpolated.
+    All are exact at every instant but the derivatives by position and velocity, which are central differences at every
+    ``stride``-th, and interpolated.
     """
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
+    motion = _motion(body.source, q, qd, qdd)
+    by_load = _by_body(motion, last_moving(body.source), body.source)
+    by_link = np.stack([_by_body(motion, b, body.source) for b in body.bodies], 2)
+    by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
+    by_gravity = _by_gravity(motion, body.source)
     coarse = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
-    model = _Inverse(body.source)
-    torque = model(q, qd, qdd)
-    parts = _derivatives(body, q[coarse], qd[coarse], qdd[coarse])
-    if len(coarse) < len(q):
-        spread = interp1d(coarse, np.concatenate([p.reshape(len(coarse), -1) for p in parts], 1), axis=0, assume_sorted=True)
-        flat = np.split(spread(np.arange(len(q))), np.cumsum([p[0].size for p in parts])[:-1], axis=1)
-        parts = [values.reshape(len(q), *p.shape[1:]) for values, p in zip(flat, parts, strict=True)]
-    return Tables(torque, *parts)
+    along = lambda part: interp1d(coarse, part, axis=0, assume_sorted=True)(np.arange(len(q)))  # noqa: E731
+    by_q, by_qd = (x if len(x) == len(q) else along(x) for x in _differences(body, q[coarse], qd[coarse], qdd[coarse]))
+    by_tilt = by_gravity @ level(body.source)
+    return Tables(motion.torque, motion.inertia, by_q, by_qd, by_mass, by_link, by_load, by_gravity, by_tilt)
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
     """Inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):
         return np.asarray(body.mass, float) * qdd
-    return _Inverse(body.source)(q, qd, qdd)
+    return _inverse(body.source, q, qd, qdd)
 
 
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
-    eye, none = np.eye(len(mass)), np.zeros((*qdd.shape, len(mass)))
-    by_load = np.zeros((*qdd.shape, 10))
-    by_load[..., 0] = qdd
-    return Tables(mass * qdd, none + np.diag(mass), none, none, qdd[..., None] * eye, by_load)
+    joints = len(mass)
+    eye, none = np.eye(joints), np.zeros((*qdd.shape, joints))
+    by_mass, by_link, by_load = qdd[..., None] * eye, np.zeros((*none.shape, 10)), np.zeros((*qdd.shape, 10))
+    by_link[..., 0], by_load[..., 0] = by_mass, qdd
+    gravity = np.zeros((*qdd.shape, 3))
+    return Tables(mass * qdd, none + np.diag(mass), none, none, by_mass, by_link, by_load, gravity, gravity[..., :2])
 
 
-def _derivatives(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> list[np.ndarray]:
-    """Central differences by position and velocity; exact ones by what inverse dynamics is linear in.
+class _Motion(NamedTuple):
+    """MuJoCo's data along a log; spatial vectors of B bodies and J joints: angular, then linear at the tree's centre of mass."""
 
-    MuJoCo in C does this in seconds where MJX's derivatives take minutes to compile; the test compares both.
+    torque: np.ndarray  # (T, J)
+    inertia: np.ndarray  # (T, J, J)
+    axes: np.ndarray  # (T, J, 6) of the joints
+    speed: np.ndarray  # (T, B, 6)
+    acceleration: np.ndarray  # (T, B, 6) less gravity
+    place: np.ndarray  # (T, B, 3) of the frames
+    turn: np.ndarray  # (T, B, 3, 3)
+    centre: np.ndarray  # (T, B, 3) of mass of the subtrees
+
+
+def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> _Motion:
+    """What MuJoCo computes on the way to inverse dynamics."""
+    T, J, B = len(q), source.nv, source.nbody
+    shapes = (J,), (J, J), (J, 6), (B, 6), (B, 6), (B, 3), (B, 9), (B, 3)
+    out = [np.empty((T, *shape)) for shape in shapes]
+    torque, inertia, axes, speed, acceleration, place, turn, centre = out
+    data = mujoco.MjData(source)
+    position, velocity, wanted, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
+    cdof, cvel, cacc, xpos, xmat, subtree = data.cdof, data.cvel, data.cacc, data.xpos, data.xmat, data.subtree_com
+    inverse, accelerations, full = mujoco.mj_inverse, mujoco.mj_rnePostConstraint, mujoco.mj_fullM
+    for t in range(T):
+        position[:], velocity[:], wanted[:] = q[t], qd[t], qdd[t]
+        inverse(source, data)
+        accelerations(source, data)
+        full(source, data, inertia[t])
+        torque[t], axes[t], speed[t], acceleration[t] = force, cdof, cvel, cacc
+        place[t], turn[t], centre[t] = xpos, xmat, subtree
+    return _Motion(torque, inertia, axes, speed, acceleration, place, turn.reshape(T, B, 3, 3), centre)
+
+
+def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
+    """Which joints (J,) move a body."""
+    above = []
+    while body:
+        above.append(body)
+        body = int(source.body_parentid[body])
+    return np.isin(source.dof_bodyid, above)
+
+
+def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
+    """Torque (T, J, 10) per inertial parameter of a body: Newton and Euler about the origin of its frame, along its axes."""
+    into = motion.turn[:, b].transpose(0, 2, 1)
+    arm = motion.place[:, b] - motion.centre[:, source.body_rootid[b]]
+    local = lambda vectors: np.einsum("tij,t...j->t...i", into, vectors)  # noqa: E731
+    omega, alpha = motion.speed[:, b, :3], motion.acceleration[:, b, :3]
+    speed = motion.speed[:, b, 3:] + np.cross(omega, arm)
+    linear = local(motion.acceleration[:, b, 3:] + np.cross(alpha, arm) + np.cross(omega, speed))
+    omega, alpha = local(omega), local(alpha)
+    turn, spin = _cross(omega), _inertia_of(omega)
+    wrench = np.zeros((len(arm), 6, 10))  # torque, then force
+    wrench[:, 3:, 0] = linear
+    wrench[:, 3:, 1:4] = _cross(alpha) + turn @ turn
+    wrench[:, :3, 1:4] = -_cross(linear)
+    wrench[:, :3, 4:] = _inertia_of(alpha) + turn @ spin
+    axes = motion.axes * _carries(source, b)[:, None]
+    moves = np.concatenate([local(axes[..., :3]), local(axes[..., 3:] + np.cross(axes[..., :3], arm[:, None]))], 2)
+    return _without_rounding(moves @ wrench)
+
+
+def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
+    """Torque (T, J, 3) per unit of gravity: minus the mass of each joint's subtree times how its centre moves."""
+    on = source.dof_bodyid
+    arm = motion.centre[:, on] - motion.centre[:, source.body_rootid[on]]
+    moves = motion.axes[..., 3:] + np.cross(motion.axes[..., :3], arm)
+    return _without_rounding(-source.body_subtreemass[on][:, None] * moves)
+
+
+def _cross(vectors: np.ndarray) -> np.ndarray:
+    """Matrices (T, 3, 3) of cross products with vectors (T, 3)."""
+    return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1)
+
+
+def _inertia_of(omega: np.ndarray) -> np.ndarray:
+    """(T, 3, 6): times the six elements of an inertia tensor, its product with ``omega`` (T, 3)."""
+    out = np.zeros((len(omega), 3, 6))
+    for i, places in enumerate(PLACES):
+        for j, place in enumerate(places):
+            out[:, i, place] = omega[:, j]
+    return out
+
+
+def _without_rounding(x: np.ndarray) -> np.ndarray:
+    x[np.abs(x) < SMALL * np.abs(x).max(initial=0.0)] = 0.0
+    return x
+
+
+def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> list[np.ndarray]:
+    """Derivatives (T, J, J) by position and by velocity.
+
+    MuJoCo in C does this in seconds where MJX's derivatives take minutes to compile; a test compares both.
     """
-    model, joints = _Inverse(body.source), q.shape[1]
-    plain, still = model(q, qd, qdd), model(q, qd, 0.0 * qdd)
-    columns = np.eye(joints)
+    columns = np.eye(q.shape[1])
 
-    def central(which: int, step: float) -> np.ndarray:
-        def moved(column: np.ndarray) -> np.ndarray:
-            return model(q + step * column, qd, qdd) if which == 0 else model(q, qd + step * column, qdd)
+    def central(by_q: float, by_qd: float) -> np.ndarray:
+        def moved(c: np.ndarray) -> np.ndarray:
+            return _inverse(body.source, q + by_q * c, qd + by_qd * c, qdd)
 
-        return np.stack([(moved(c) - moved(-c)) / (2.0 * step) for c in columns], -1)
+        return np.stack([(moved(c) - moved(-c)) / (2.0 * (by_q + by_qd)) for c in columns], -1)
 
-    inertia = np.stack([model(q, qd, np.broadcast_to(c, q.shape)) - still for c in columns], -1)
-    by_mass = np.stack([_Inverse(body.source, body.bodies[j])(q, qd, qdd) - plain for j in range(joints)], -1)
-    load = mujoco.mj_name2id(body.source, mujoco.mjtObj.mjOBJ_BODY, LOAD)
-    at_points = np.stack([_Inverse(body.source, load, point)(q, qd, qdd) - plain for point in _POINTS], -1)
-    by_load = at_points @ _FROM_POINTS.T
-    by_load[np.abs(by_load) < 1e-9 * np.abs(by_load).max()] = 0.0  # rounding is no information
-    return [inertia, central(0, 1e-5), central(1, 1e-5), by_mass, by_load]
+    return [central(1e-5, 0.0), central(0.0, 1e-5)]
 
 
-class _Inverse:
-    """MuJoCo's inverse dynamics along a log, of the model with one body 1 kg heavier if one is named."""
-
-    def __init__(self, source: mujoco.MjModel, body: int | None = None, place: np.ndarray | None = None):
-        self.model = source
-        if body is not None:
-            self.model = copy.copy(source)
-            mass = source.body_mass[body]
-            self.model.body_mass[body] = mass + 1.0
-            self.model.body_inertia[body] *= (mass + 1.0) / mass if mass > 0.0 else 1.0
-            if place is not None:
-                self.model.body_ipos[body] = place
-        self.data = mujoco.MjData(self.model)
-
-    def __call__(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-        out = np.empty(q.shape)
-        model, data, inverse = self.model, self.data, mujoco.mj_inverse
-        position, velocity, acceleration, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
-        for t in range(len(q)):
-            position[:], velocity[:], acceleration[:] = q[t], qd[t], qdd[t]
-            inverse(model, data)
-            out[t] = force
-        return out
+def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """MuJoCo's inverse dynamics along a log."""
+    out, data, inverse = np.empty(q.shape), mujoco.MjData(source), mujoco.mj_inverse
+    position, velocity, acceleration, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
+    for t in range(len(q)):
+        position[:], velocity[:], acceleration[:] = q[t], qd[t], qdd[t]
+        inverse(source, data)
+        out[t] = force
+    return out
 
 
 class TabledBody(struct.PyTreeNode):
-    """A body at one instant of a log: it can be altered as any other, and tells by how much its inverse dynamics then differs."""
+    """A body at one instant of a log: it can be altered as any other, and knows by how much its inverse dynamics then differs.
+
+    Linear: what another gravity does to what was added is left out.
+    """
 
     table: Tables
     qdd: Joints
@@ -143,5 +213,11 @@ class TabledBody(struct.PyTreeNode):
     def add_mass(self, extra: Joints | Scalar) -> "TabledBody":
         return self.replace(extra=self.extra + self.table.by_mass @ (extra + jnp.zeros_like(self.qdd)))
 
-    def add_payload(self, mass: Scalar, com: Float[Array, "3"]) -> "TabledBody":
-        return self.replace(extra=self.extra + mass * (self.table.by_load @ _monomials(com)))
+    def add_link(self, extra: Float[Array, "J 10"]) -> "TabledBody":
+        return self.replace(extra=self.extra + jnp.einsum("ijp,jp->i", self.table.by_link, extra))
+
+    def add_payload(self, extra: Float[Array, "10"]) -> "TabledBody":
+        return self.replace(extra=self.extra + self.table.by_load @ extra)
+
+    def tilt(self, angles: Float[Array, "2"]) -> "TabledBody":
+        return self.replace(extra=self.extra + self.table.by_tilt @ angles)
