@@ -22,6 +22,8 @@ def friction(run: Run) -> np.ndarray:
     return columns.reshape(samples, joints, -1)
 
 
+# <<<
+# >>> with free links
 def cross(a: np.ndarray) -> np.ndarray:
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
 
@@ -55,6 +57,8 @@ def links(model: mujoco.MjModel, run: Run) -> np.ndarray:
     return out.reshape(samples, joints, -1)
 
 
+# <<<
+# >>> what a user writes
 def solve(columns: np.ndarray, target: np.ndarray, free: int) -> np.ndarray:
     """Parameters (P,) for columns (N, J, P) and torques (N, J), each joint weighted by what is left on it.
 

@@ -13,10 +13,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from cases import CASES, FITTED
 from table import table
+
+from jaxidl.files import write_bytes
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "figures" / "peers.json"
@@ -30,11 +32,14 @@ class Peer(NamedTuple):
     script: str
     words: tuple[str, ...]
     where: str = ""  # environment variable with its interpreter, or with the checkout it is imported from
-    lines: int | None = None  # that a user writes; None: counted between the marks of the script
+    lines: int | None = None  # that a user writes; None: counted between the marks of the script,
+    without: str = ""  # but for those under this mark
 
 
 PEERS = {
-    "least_squares": Peer("least squares, nominal links", "least_squares.py", ("CASE", "nominal", "ANSWER")),
+    "least_squares": Peer(
+        "least squares, nominal links", "least_squares.py", ("CASE", "nominal", "ANSWER"), without="free links"
+    ),
     "least_squares_links": Peer("least squares, free links", "least_squares.py", ("CASE", "links", "ANSWER")),
     "prototype": Peer("prototype", "prototype.py", ("CASE", "ANSWER"), lines=1),
     "figaroh": Peer("FIGAROH", "figaroh_fit.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"),
@@ -45,12 +50,15 @@ PEERS = {
 }
 
 
-def count(script: Path) -> int:
-    """Count lines of code between the marks ``# >>>`` and ``# <<<``, without comments, docstrings of one line and blank lines."""
+def count(script: Path, without: str) -> int:
+    """Count lines of code between the marks ``# >>>`` and ``# <<<``, without comments, docstrings of one line and blank lines.
+
+    Lines under a mark that has the words ``without`` are left out.
+    """
     inside, n = False, 0
     for line in map(str.strip, script.read_text().splitlines()):
         if line.startswith(("# >>>", "# <<<")):
-            inside = line.startswith("# >>>")
+            inside = line.startswith("# >>>") and not (without and without in line)
         elif inside and line and not line.startswith(("#", '"""')):
             n += 1
     return n
@@ -86,24 +94,40 @@ def ask(name: str, case: str) -> dict[str, object]:
     return {"status": "ran", "cpu_seconds": round(seconds, 2), **found}
 
 
+def known() -> dict[str, Any]:
+    """Return the answers so far, peers and cases in the order of the declarations above."""
+    found = json.loads(OUT.read_text()) if OUT.exists() else {"fitted": FITTED, "cases": {}, "peers": {}}
+    for key, order in (("peers", [*PEERS]), ("cases", [*CASES])):
+        found[key] = {name: found[key][name] for name in order if name in found[key]}
+    return found
+
+
+def add(name: str, case: str, answer: dict[str, object]) -> None:
+    """Write one answer into the file; one that is skipped here does not replace one from elsewhere."""
+    found, peer = known(), PEERS[name]
+    entry = found["peers"].setdefault(name, {"answers": {}})
+    entry |= {"title": peer.title, "lines": count(HERE / peer.script, peer.without) if peer.lines is None else peer.lines}
+    if name == "jaxidl":
+        git = ["git", "-C", str(HERE), "describe", "--always", "--dirty"]
+        answer = answer | {"revision": subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()}
+    if answer["status"] != "skipped" or case not in entry["answers"]:
+        entry["answers"][case] = answer
+    if not CASES[case].missing():
+        found["cases"][case] = {"joints": CASES[case].joints, "low_pass_hz": CASES[case].cut}
+    write_bytes(OUT, (json.dumps(found, indent=1, allow_nan=False) + "\n").encode())
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--peers", nargs="*", choices=[*PEERS], default=[*PEERS], metavar="NAME", help=", ".join(PEERS))
     parser.add_argument("--cases", nargs="*", choices=[*CASES], default=[*CASES], metavar="NAME", help=", ".join(CASES))
     parser.add_argument("--table", action="store_true", help="print the table of what is there")
     options = parser.parse_args()
-    found = json.loads(OUT.read_text()) if OUT.exists() else {"fitted": FITTED, "cases": {}, "peers": {}}
     for name in [] if options.table else options.peers:
-        peer = PEERS[name]
-        entry = found["peers"].setdefault(name, {"answers": {}})
-        entry |= {"title": peer.title, "lines": count(HERE / peer.script) if peer.lines is None else peer.lines}
         for case in options.cases:
-            print(f"{peer.title}: {case} ...", file=sys.stderr, flush=True)
-            entry["answers"][case] = ask(name, case)
-            if not CASES[case].missing():
-                found["cases"][case] = {"joints": CASES[case].joints, "low_pass_hz": CASES[case].cut}
-            OUT.write_text(json.dumps(found, indent=1, allow_nan=False) + "\n")  # whatever ends early, the rest stays
-    print(table(found))
+            print(f"{PEERS[name].title}: {case} ...", file=sys.stderr, flush=True)
+            add(name, case, ask(name, case))  # whatever ends early, the rest stays
+    print(table(known()))
 
 
 if __name__ == "__main__":
