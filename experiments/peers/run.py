@@ -73,7 +73,7 @@ def ask(name: str, case: str) -> dict[str, object]:
     if peer.where and not place:
         return {"status": "skipped", "reason": f"{peer.where} is not set"}
     python = place if peer.where.endswith("PYTHON") else sys.executable
-    one = {f"{n}_NUM_THREADS": "1" for n in ("OMP", "OPENBLAS", "MKL")}
+    one = {f"{n}_NUM_THREADS": "1" for n in ("OMP", "OPENBLAS", "MKL")} | {"JAX_COMPILATION_CACHE_DIR": ""}  # nothing kept
     environment = os.environ | one | ({"PYTHONPATH": place} if peer.where == "JAXIDL_BEFORE" else {})
     with tempfile.TemporaryDirectory() as folder:
         answer, log = Path(folder) / "answer.json", Path(folder) / "log.txt"
