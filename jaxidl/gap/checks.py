@@ -1,31 +1,28 @@
 """What must be true of a measured log before anything is concluded from it, and what is worth telling about it.
 
 From a file's columns to numbers of the same joints in order of time, and what a whole log shows of motion. What a user has to
-mend is a `LogError` that names column and row; what only looks odd is a note.
+correct is a `LogError` that names column and row; what only looks odd is a note.
 """
 
 import difflib
 import re
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.gap.tables import KINDS, Table, listed, shown
+from jaxidl.gap.columns import INSTANTS
+from jaxidl.gap.header import CURRENT, KINDS, read_title
+from jaxidl.gap.motor_side import MotorSide
+from jaxidl.gap.tables import Table, listed, shown
 
 LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log; [s]
+MOVES = 0.02  # [m or rad] of a joint that is taken to stand still: worth telling
 STILL = 1e-9  # [m or rad]; less is no motion
 CLIPPED = 20  # samples in a row at the very same extreme
 LARGEST = 1e9  # no position, speed or torque in SI units is larger
-OTHER_WORDS = {
-    "time": "t times timestamp timestamps sec secs second seconds clock",
-    "run": "runs trial trials episode lap runid",
-    "q": "pos position angle joint theta x qpos",
-    "tau": "torque force effort u f ctrl trq",
-    "qd": "dq qdot vel velocity v qvel speed",
-    "qdd": "ddq qddot acc acceleration a qacc",
-}
-MEANT = {word: kind for kind, words in OTHER_WORDS.items() for word in [kind, *words.split()]}
+UNIX = {"ns": (1e17, 1e-9), "us": (1e14, 1e-6), "ms": (1.2e12, 1e-3)}  # no clock that counts in larger units reads as much
 
 
 class Samples(NamedTuple):
@@ -35,35 +32,63 @@ class Samples(NamedTuple):
     time: np.ndarray  # (T,) [s], strictly increasing within a run
     signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
     run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
+    still: dict[str, float]  # [m or rad] mean positions of the robot's joints that are not taken, by name
+    notes: list[str]
 
 
 def meant(name: str) -> str | None:
-    """The column that a near miss stands for: ``t [ms]`` is ``time``, ``Torque_1`` is ``tau1``."""
-    plain = re.sub(r"[\[(]\s*([0-9]+)\s*[\])]", r"\1", name[:40].lower())  # q[0]; any other bracket holds a unit
-    plain = re.sub(r"_(s|sec|ms|us|ns|rad|deg|m|mm|n|nm)$", "", re.sub(r"[\[(].*", "", plain).strip())
-    parts = re.fullmatch(r"([a-z]+)([0-9]{0,4})", re.sub(r"[^a-z0-9]", "", plain))
-    kind = MEANT.get(parts[1]) if parts else None
-    return kind if kind is None or parts is None or kind in ("time", "run") else f"{kind}{int(parts[2] or 0)}"
+    """The column that a title may stand for: ``t [ms]`` is ``time``, ``Torque_1`` is ``tau1``."""
+    title = read_title(name[:40])
+    if title is None or title.wish:
+        return None
+    return title.kind if title.kind in INSTANTS else f"{title.kind}{title.number or 0}"
 
 
-def count_joints(table: Table, joints: int | None) -> int:
+def count_joints(table: Table, joints: int | None, current: bool = False) -> int:
     """J, once time is there, and q and tau are there for each of the joints 0 to J - 1.
 
     Args:
         joints: how many the model has; None takes the log's word for it.
+        current: are motor currents there instead of torques?
 
     Raises:
         LogError: if a column is missing, with the one that may be it; if the joints are not the model's.
     """
-    has = {kind: sorted(int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)) for kind in KINDS}
-    count = max([0, *has["q"], *has["tau"]]) + 1 if joints is None else joints
+    drive = CURRENT if current else "tau"
+    kinds = (*KINDS, CURRENT) if current else KINDS
+    has = {kind: sorted(int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)) for kind in kinds}
+    count = max([0, *has["q"], *has[drive]]) + 1 if joints is None else joints
     if "time" not in table.columns:
         got = f"columns {listed([*table.columns, *table.ignored])}"
         raise LogError(f"a column time in {table.name}", got, (_near(table, "time") or "add a column time") + ", in seconds")
-    for kind in KINDS:
-        if kind in ("q", "tau") or has[kind]:
+    if has["q"] == list(range(count)) and not has[drive]:
+        _without_drive(table, count, current)
+    for kind in kinds:
+        if kind in ("q", drive) or (has[kind] and kind != "tau"):
             _numbered(table, kind, has[kind], count, joints)
     return count
+
+
+def _without_drive(table: Table, count: int, current: bool) -> None:
+    """Complain about a log that has positions and no torques, and say where they may come from."""
+    key, span = (CURRENT, "currents") if current else ("tau", "torques")
+    expected = f"{span} {key}0{f'..{key}{count - 1}' if count > 1 else ''} in {table.name}"
+    titles = [read_title(name) for name in table.ignored[:200]]
+    if not current and any(title and title.kind == CURRENT and not title.wish for title in titles):
+        name = next(n for n, title in zip(table.ignored, titles, strict=False) if title and title.kind == CURRENT)
+        remedy = "give --torque-constant [Nm/A of the motor] and --gear-ratio, or --motor FILE.yaml"
+        raise LogError(expected, f"currents ({shown(name)[1:-1]} ...)", remedy)
+    if _near(table, f"{key}0"):
+        return
+    wishes = [name for name, title in zip(table.ignored, titles, strict=False) if title and title.kind == "q" and title.wish]
+    if wishes or not current:
+        got = f"positions and their targets only ({shown(wishes[0])[1:-1]} ...)" if wishes else "positions only"
+        if not wishes and table.ignored:
+            got = f"columns {listed([*table.columns, *table.ignored])}"
+        remedy = (
+            "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply voltage * kt / R as tau"
+        )
+        raise LogError(expected, got, (f"add a column {key}0: " if not wishes else "") + remedy)
 
 
 def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int | None) -> None:
@@ -88,7 +113,7 @@ def _near(table: Table, key: str) -> str | None:
     """What to do about a missing column if it seems to go by another name."""
     candidates = [name for name in table.ignored[:200] if len(name) <= 40]
     near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(key, candidates, 1, 0.7)
-    return f"rename column {shown(near[0])} to {key}" if near else None
+    return f"rename column {shown(near[0])} to {key}, or give --columns {key}={shown(near[0])[1:-1]}" if near else None
 
 
 def numbers(table: Table, key: str) -> np.ndarray:
@@ -97,7 +122,7 @@ def numbers(table: Table, key: str) -> np.ndarray:
     Raises:
         LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on sizes that no SI unit gives.
     """
-    column, where = table.columns[key], f"column {key} of {table.name}"
+    column, where = table.columns[key], f"column {table.called(key)} of {table.name}"
     if isinstance(column, list):
         values = _parsed(table, key, column)
     elif column.dtype.kind not in "fiu":
@@ -111,7 +136,8 @@ def numbers(table: Table, key: str) -> np.ndarray:
         got = f"{values[bad[0]]} in {table.row(int(bad[0]))}" + (f" and in {bad.size - 1} more" if bad.size > 1 else "")
         remedy = "interpolate them, or cut those rows out and start a new `run` after them"
         raise LogError(f"finite numbers in {where}", got, remedy)
-    big = np.flatnonzero(np.abs(values) > LARGEST) if key != "time" else bad
+    values = values * table.factors.get(key, 1.0)
+    big = np.flatnonzero(np.abs(values) > LARGEST) if key not in INSTANTS else bad
     if big.size:
         got = f"{values[big[0]]:g} in {table.row(int(big[0]))}"
         raise LogError(f"SI units (m or rad, N or N m) in {where}", got, "convert the column, or remove that row")
@@ -137,17 +163,20 @@ def _parsed(table: Table, key: str, cells: list[str]) -> np.ndarray:
             got, remedy = f"an empty cell in {table.row(i)}", "fill it, or remove the row"
         elif re.fullmatch(r"[-+]?[0-9]+,[0-9]+", text):
             remedy = "write decimals with a point, not a comma"
-        raise LogError(f"numbers in column {key} of {table.name}", got, remedy)
+        raise LogError(f"numbers in column {table.called(key)} of {table.name}", got, remedy)
     raise AssertionError("a cell that is no number")
 
 
-def samples(table: Table, joints: int | None) -> Samples:
+def samples(table: Table, joints: int | None, motor: MotorSide | None = None) -> Samples:
     """A file's columns as numbers, once they are complete, of equal length, and in order.
 
     Raises:
         LogError: naming column and row.
     """
-    count = count_joints(table, joints)
+    current = motor is not None and motor.torque_constant is not None
+    if "nanosec" in table.columns and "time" not in table.columns:
+        table = replace(table, columns={"time": table.columns["sec"], **table.columns})
+    count = count_joints(table, joints, current)
     lengths = {key: len(column) for key, column in table.columns.items()}
     for key, length in lengths.items():
         if length != lengths["time"]:
@@ -155,12 +184,66 @@ def samples(table: Table, joints: int | None) -> Samples:
             raise LogError(f"as many rows in every column of {table.name}", got, "store all columns at the same instants")
     if not lengths["time"]:
         raise LogError(f"rows of data in {table.name}", "none below the header", "record the motion again, or export it whole")
-    time = numbers(table, "time")
-    kinds = [kind for kind in KINDS if f"{kind}0" in table.columns]
+    notes = list(table.notes)
+    time = instants(table, notes)
+    kinds = [kind for kind in (*KINDS, *[CURRENT] * current) if f"{kind}0" in table.columns]
     signals = {kind: np.stack([numbers(table, f"{kind}{j}") for j in range(count)], axis=1) for kind in kinds}
-    found = Samples(table, time, signals, labels(table) if "run" in table.columns else np.zeros(len(time), int))
+    run = labels(table) if "run" in table.columns else np.zeros(len(time), int)
+    found = distinct(Samples(table, time, signals, run, {}, notes))
+    if motor is not None:
+        if current and "tau" in signals:
+            notes.append(f"tau of {table.name} plays no part: torques are computed from currents")
+        found = found._replace(signals=motor.joint_side(found.signals))
     in_order(found)
-    return found
+    return found._replace(still=others(table, notes))
+
+
+def instants(table: Table, notes: list[str]) -> np.ndarray:
+    """Time (T,) [s] of a table; one in seconds and nanoseconds, or with a clock's large numbers, begins at zero.
+
+    Raises:
+        LogError: as :func:`numbers`.
+    """
+    time = numbers(table, "time")
+    if "nanosec" in table.columns:
+        notes.append(f"time of {table.name} from its seconds and nanoseconds, counted from the first row")
+        return (time - time[0]) + 1e-9 * numbers(table, "nanosec")
+    for unit, (least, scale) in UNIX.items():
+        middle = float(np.median(time))
+        if "time" not in table.factors and least < middle < 1e3 * least:
+            notes.append(f"time of {table.name} is a clock's in {unit}: converted, and counted from the first row")
+            return (time - time[0]) * scale
+    return time
+
+
+def distinct(found: Samples) -> Samples:
+    """Without rows that say the same as the one before, time included: robots log twice."""
+    table, every = found.table, np.column_stack([found.time, found.run, *found.signals.values()])
+    same = np.concatenate([[False], (every[1:] == every[:-1]).all(axis=1)])
+    if not same.any():
+        return found
+    keep = np.flatnonzero(~same)
+    count = int(same.sum())
+    found.notes.append(f"{count} row{'s' * (count > 1)} of {table.name} repeated the one before: left out")
+    lines = None if table.lines is None else [table.lines[i] for i in keep]
+    table = replace(table, rows=keep, lines=lines)
+    signals = {kind: signal[keep] for kind, signal in found.signals.items()}
+    return found._replace(table=table, time=found.time[keep], run=found.run[keep], signals=signals)
+
+
+def others(table: Table, notes: list[str]) -> dict[str, float]:
+    """Mean positions [m or rad] of joints that are not taken, by name; what cannot be read of them is left out."""
+    means = {}
+    for key in [key for key in table.columns if key.startswith("q@")]:
+        try:
+            values = numbers(table, key)
+        except LogError:
+            continue
+        means[key[2:]] = float(values.mean())
+        if np.ptp(values) > MOVES:
+            what = f"{key[2:]} is locked in the model, but moves by {np.ptp(values):.3g} in {table.name}"
+            notes.append(f"{what}: what that does to the others looks like something missing")
+    return means
 
 
 def labels(table: Table) -> np.ndarray:

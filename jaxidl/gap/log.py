@@ -1,7 +1,7 @@
 """Measured logs: read from CSV, NPZ or Parquet, checked, and brought onto one sampling interval.
 
 A log is what a mechanism did: time, positions and torques of its joints, perhaps velocities and accelerations, in SI units,
-in one run or several. What cannot be used is refused with one line that names column and row; what was mended is a note.
+in one run or several. What cannot be used is refused with one line that names column and row; what was changed is a note.
 """
 
 import os
@@ -17,15 +17,22 @@ from jaxtyping import Float64, Int
 from jaxidl.errors import LogError
 from jaxidl.gap import checks
 from jaxidl.gap.checks import Samples
-from jaxidl.gap.tables import KINDS, Table, expanded, listed, load, name_of, reason
+from jaxidl.gap.columns import Wanted
+from jaxidl.gap.header import KINDS
+from jaxidl.gap.motor_side import MotorSide
+from jaxidl.gap.ros_bag import is_bag, load_bag
+from jaxidl.gap.tables import Table, expanded, listed, load, name_of, reason
 
 LATEST = 1e10  # [s]; a Unix time is smaller
 LEAST_RATE = 20.0  # [Hz]
 LEAST_RUN = 50  # samples
 BRIDGED = 5  # as many missing samples in a row are interpolated, more split the run
 UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left as they are
-IRREGULAR = 0.1  # share of intervals that may be off by half
+IRREGULAR = 0.1  # share of intervals off by half; more is jitter
 SAME_RATE = 0.01  # relative; further apart is another rate
+AVERAGED = 1.25  # times slower: from here on samples are averaged, or what is faster would fold over
+MOST_APART = 5.0  # times; rates further apart are not brought together
+MOST_GAPS = 0.5  # share of the time in intervals half as long again as most
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,7 @@ class Log:
     run: Int[np.ndarray, " T"]  # 0, 1, 2, ... in order of appearance
     dt: float  # [s] nominal sampling interval
     notes: tuple[str, ...]  # what is worth telling and was no error
+    still: tuple[tuple[str, float], ...] = ()  # mean positions [m or rad] of the robot's joints that were not taken, by name
 
     @property
     def joints(self) -> int:
@@ -57,30 +65,49 @@ class Log:
         return int(self.run[-1]) + 1
 
     def segments(self) -> list[slice]:
-        """The rows of each run."""
+        """Return the rows of each run."""
         edges = np.searchsorted(self.run, np.arange(self.runs + 1)).tolist()
         return [slice(a, b) for a, b in pairwise(edges)]
 
 
-def read(paths: Path | str | Sequence[Path | str], joints: int | None = None) -> Log:
-    """A log from files; each file after the first adds its runs.
+def read(
+    paths: Path | str | Sequence[Path | str],
+    joints: int | Sequence[str] | None = None,
+    *,
+    robot: Sequence[str] = (),
+    columns: Sequence[str] = (),
+    motor: MotorSide | None = None,
+    topic: str | None = None,
+) -> Log:
+    """Return the log in files; each file after the first adds its runs.
 
     Args:
         paths: CSV (comma, semicolon or tab; ``#`` comments), NPZ or Parquet, with columns ``time``, ``q0...``, ``tau0...`` and,
             where there are such, ``qd0...``, ``qdd0...`` and ``run`` (any labels). NPZ may hold ``q`` and ``tau`` as (T, J).
-        joints: how many the model has; None takes the log's word for it.
+            Other titles are understood where they can mean one thing only (``actual_q_0``, ``elbow/effort``); a note says how.
+            ROS bags with ``sensor_msgs/JointState`` are read if ``rosbags`` is installed.
+        joints: how many the model has, or their names in its order; None takes the log's word for it.
+        robot: names of all joints of the robot, in order; columns of those not in ``joints`` are left out. Default: ``joints``.
+        columns: which column is which, as ``"q0=actual_q_0"`` or, for all joints, ``"q=actual_q_*"``.
+        motor: how joints follow from motors, where the log has motors' data.
+        topic: of a ROS bag, if it has several with joint states.
 
     Raises:
         LogError: if a file cannot be read, or what it holds cannot be used.
     """
     files = [Path(path) for path in ([paths] if isinstance(paths, Path | str) else paths)]
     if not files:
-        raise LogError("at least one log", "none", "name a CSV, NPZ or Parquet file")
-    tables = [load(path) for path in files]
+        raise LogError("at least one log", "none", "name a CSV, NPZ or Parquet file, or a ROS bag")
+    count = joints if isinstance(joints, int) or joints is None else len(joints)
+    names = () if isinstance(joints, int) or joints is None else tuple(joints)
+    whole = tuple(robot) or names
+    taken = tuple(whole.index(name) for name in names) if names else tuple(range(len(whole)))
+    wanted = Wanted(count, whole, taken, tuple(columns), motor is not None and motor.torque_constant is not None)
+    tables = [load_bag(path, wanted, topic) if is_bag(path) else load(path, wanted) for path in files]
     for i, path in enumerate(files):
         if any(os.path.samefile(path, other) for other in files[:i]):
             raise LogError("each log once", f"{name_of(path)} twice", "leave one of them out, or data kept aside would be known")
-    return _assemble(tables, joints)
+    return _assemble(tables, count, motor)
 
 
 def from_arrays(
@@ -113,25 +140,28 @@ def from_arrays(
                 arrays[key] = np.asarray(value)
         except Exception as error:  # whatever a foreign array type raises
             raise LogError(f"an array for {key}", reason(error), "give lists of numbers of one length") from None
-    return _assemble([expanded("the arrays", arrays, ())], joints)
+    return _assemble([expanded("the arrays", arrays, Wanted(joints))], joints)
 
 
-def _assemble(tables: list[Table], joints: int | None) -> Log:
+def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None = None) -> Log:
     """One log of all files' runs."""
     found: list[Samples] = []
     notes: list[str] = []
     for table in tables:
-        found.append(checks.samples(table, joints))
+        found.append(checks.samples(table, joints, motor))
         counts = [samples.signals["q"].shape[1] for samples in found]
         if counts[-1] != counts[0]:
             got = f"{counts[0]} in {tables[0].name} and {counts[-1]} in {table.name}"
             raise LogError("as many joints in every log", got, "give logs of one mechanism")
+        notes += found[-1].notes
         if table.ignored:
             notes.append(f"column{'s' * (len(table.ignored) > 1)} {listed(table.ignored)} of {table.name} ignored")
     kinds = [kind for kind in KINDS if all(kind in samples.signals for samples in found)]
     for kind in KINDS:
         if kind not in kinds and any(kind in samples.signals for samples in found):
             notes.append(f"{kind} ignored: not every log has it")
+    if motor is not None:
+        notes.append(motor.note())
     cut = [piece for samples in found for piece in pieces(samples, notes)]
     if not cut:
         raise LogError(f"a run of at least {LEAST_RUN} samples", "only shorter ones", "record longer")
@@ -141,10 +171,14 @@ def _assemble(tables: list[Table], joints: int | None) -> Log:
         notes.append(f"{missing} missing sample{'s were' if missing > 1 else ' was'} interpolated")
     if uneven := max(part.uneven for part in even):
         notes.append(f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by linear interpolation")
+    if slowed := sum(part.slowed for part in even):
+        rates = sorted({f"{1 / piece.step:.4g}" for piece in cut}, key=float)
+        notes.append(f"rates of {', '.join(rates[:6])} Hz: {slowed} run{'s' * (slowed > 1)} resampled to {1 / dt:.4g} Hz")
     time = np.concatenate([part.time for part in even])
     run = np.repeat(np.arange(len(even)), [len(part.time) for part in even])
     signals = {kind: np.concatenate([part.signals[kind] for part in even]) for kind in kinds}
-    log = Log(time, signals["q"], signals["tau"], signals.get("qd"), signals.get("qdd"), run, dt, ())
+    still = {name: float(np.mean([s.still[name] for s in found if name in s.still])) for s in found for name in s.still}
+    log = Log(time, signals["q"], signals["tau"], signals.get("qd"), signals.get("qdd"), run, dt, (), tuple(still.items()))
     return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments())))
 
 
@@ -164,6 +198,7 @@ class Even(NamedTuple):
     signals: dict[str, np.ndarray]  # each (n, J)
     missing: int  # samples that were not measured
     uneven: float  # largest deviation of an interval from the nominal one, relative to it; 0 if no sample was moved
+    slowed: bool  # brought to the rate of another run
 
 
 def pieces(found: Samples, notes: list[str]) -> list[Piece]:
@@ -194,19 +229,28 @@ def pieces(found: Samples, notes: list[str]) -> list[Piece]:
 
 
 def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
-    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no sample is missing."""
+    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no sample is missing.
+
+    A clock that jitters misses none, but for gaps; more time in gaps than between samples is no sampling.
+    """
     if stop - start < LEAST_RUN:
         return np.ones(stop - start - 1, int)
     with np.errstate(over="ignore"):
         step = np.diff(found.time[start:stop])
         relative = step / np.median(step)
+    counts = np.clip(np.rint(relative), 1, 1e6).astype(int)
     off = np.flatnonzero(np.abs(relative - 1) > 0.5)
-    if off.size > IRREGULAR * step.size:
-        where = f"{found.table.row(int(start + off[0]))} with {step[off[0]]:.3g} s instead of {np.median(step):.3g} s"
-        got = f"{off.size / step.size:.0%} of the intervals off by half or more, first after {where}"
+    if off.size <= IRREGULAR * step.size:
+        return counts
+    long = relative > 1.5
+    share = float(step[long].sum() / step.sum())
+    if not share <= MOST_GAPS:
+        first = int(np.flatnonzero(long)[0]) if long.any() else int(off[0])
+        where = f"{found.table.row(start + first)} with {step[first]:.3g} s instead of {np.median(step):.3g} s"
+        got = f"{share:.0%} of the time in longer intervals, first after {where}"
         remedy = "record at a constant rate, or write time with more digits"
         raise LogError(f"a constant sampling interval in {found.table.name}", got, remedy)
-    return np.clip(np.rint(relative), 1, 1e6).astype(int)
+    return np.where(counts > BRIDGED + 1, counts, 1)
 
 
 def _slope(number: np.ndarray, time: np.ndarray) -> float:
@@ -222,7 +266,9 @@ def interval(cut: Iterable[Piece]) -> float:
         LogError: if time cannot be in seconds, or the pieces differ.
     """
     cut = list(cut)
-    dt = float(np.quantile([piece.step for piece in cut], 0.5, method="nearest"))
+    steps = np.array([piece.step for piece in cut])
+    same = steps.max() <= (1 + SAME_RATE) * steps.min()
+    dt = float(np.quantile(steps, 0.5, method="nearest") if same else steps.max())  # what is slower has no more to tell
     name, time = cut[0].samples.table.name, cut[0].samples.time
     if dt > 1 / LEAST_RATE:
         got = f"one sample every {dt:g} s"
@@ -236,10 +282,10 @@ def interval(cut: Iterable[Piece]) -> float:
         if abs(piece.samples.time[piece.where][[0, -1]]).max() > LATEST:
             got = f"{piece.samples.time[piece.where.start]:g} in {table.row(piece.where.start)}"
             raise LogError(f"time in seconds in {table.name}", got, "convert it, or subtract the first instant")
-        if abs(piece.step / dt - 1) > SAME_RATE:
+        if piece.step > MOST_APART * min(p.step for p in cut):
             where = f"{table.row(piece.where.start)} of {table.name}"
-            got = f"{1 / piece.step:.6g} Hz from {where} on, and {1 / dt:.6g} Hz elsewhere"
-            raise LogError("one sampling rate for all runs", got, "resample to one rate, or give the logs one at a time")
+            got = f"{1 / piece.step:.6g} Hz from {where} on, and {1 / min(p.step for p in cut):.6g} Hz elsewhere"
+            raise LogError(f"sampling rates within a factor of {MOST_APART:g}", got, "give the logs one at a time")
     return dt
 
 
@@ -248,12 +294,42 @@ def resample(piece: Piece, dt: float) -> Even:
     time, signals = piece.samples.time[piece.where], {kind: s[piece.where] for kind, s in piece.samples.signals.items()}
     step = piece.step if abs(piece.step / dt - 1) < 1e-4 else dt  # clocks of two recordings differ by parts in a million
     grid = (time - time[0]) / step
+    if abs(piece.step / dt - 1) > SAME_RATE:
+        return Even(time[0] + step * np.arange(int(grid[-1] + 1e-6) + 1), _slower(grid, signals, piece.step / dt), 0, 0.0, True)
     offset = grid - piece.number
     missing = int(piece.number[-1]) + 1 - len(time)
     uneven = float(np.abs(np.diff(offset)).max()) if np.ptp(offset) > 2 * UNIFORM else 0.0
     if not missing and not uneven:
-        return Even(time, signals, 0, 0.0)
+        return Even(time, signals, 0, 0.0, False)
     places = np.arange(int(grid[-1] + 1e-6) + 1) if uneven else np.arange(piece.number[-1] + 1)
     at = grid if uneven else piece.number
     filled = {kind: np.stack([np.interp(places, at, s) for s in signal.T], axis=1) for kind, signal in signals.items()}
-    return Even(time[0] + step * places, filled, missing, uneven)
+    return Even(time[0] + step * places, filled, missing, uneven, False)
+
+
+def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> dict[str, np.ndarray]:
+    """Signals (n, J) at ``grid`` (n,), whose samples are ``step`` < 1 apart, at 0, 1, 2, ...
+
+    Much slower, each sample is the mean over one new interval around it, torques as well as positions: a filter without phase.
+    """
+    places = np.arange(int(grid[-1] + 1e-6) + 1)
+    if step * AVERAGED > 1.0:
+        return {kind: np.stack([np.interp(places, grid, s) for s in signal.T], axis=1) for kind, signal in signals.items()}
+    half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))  # narrower at the ends: still centred
+    half = np.maximum(half, 1e-3)
+    found = {}
+    for kind, signal in signals.items():
+        padded = np.concatenate([grid[:1] - 1, grid, grid[-1:] + 1])
+        held = np.concatenate([signal[:1], signal, signal[-1:]])
+        area = np.concatenate(
+            [np.zeros((1, signal.shape[1])), np.cumsum(0.5 * np.diff(padded)[:, None] * (held[1:] + held[:-1]), 0)]
+        )
+
+        def integral(x: np.ndarray, padded: np.ndarray = padded, held: np.ndarray = held, area: np.ndarray = area) -> np.ndarray:
+            i = np.clip(np.searchsorted(padded, x, side="right") - 1, 0, len(padded) - 2)
+            share = ((x - padded[i]) / (padded[i + 1] - padded[i]))[:, None]
+            width = (padded[i + 1] - padded[i])[:, None]
+            return area[i] + width * share * (held[i] + 0.5 * share * (held[i + 1] - held[i]))
+
+        found[kind] = (integral(places + half) - integral(places - half)) / (2 * half)[:, None]
+    return found

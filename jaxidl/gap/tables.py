@@ -1,20 +1,18 @@
 """Tables in files: CSV, NPZ or Parquet into columns by name. What the columns hold is looked at elsewhere."""
 
 import csv
-import re
 import warnings
 import zipfile
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from jaxidl.errors import LogError
+from jaxidl.gap.columns import INSTANTS, MOST, Chosen, Wanted, choose
+from jaxidl.gap.header import UNITS
 
-COLUMNS = 10_000  # a header with more is damage, not a log
-KNOWN = re.compile(r"time|run|(q|tau|qd|qdd)(0|[1-9][0-9]{0,3})", re.ASCII)
-KINDS = ("q", "tau", "qd", "qdd")
 LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; text takes ten times as much while it is read
 MAGIC = {
     b"PAR1": "Parquet",
@@ -34,9 +32,19 @@ class Table:
     columns: dict[str, np.ndarray | list[str]]  # each (T,); text, where the format has nothing else
     ignored: tuple[str, ...] = ()  # names of columns that no one asked for
     lines: list[int] | None = None  # (T,) line of the file in which each row stands
+    factors: Mapping[str, float] = field(default_factory=dict)  # into SI units, by column; 1 if it is not there
+    titles: Mapping[str, str] = field(default_factory=dict)  # of columns that the file calls otherwise
+    notes: tuple[str, ...] = ()  # on how columns were understood
+    rows: np.ndarray | None = None  # (T,) number of each row in the file, where some were dropped
+
+    def called(self, key: str) -> str:
+        """How to call a column so that a person finds it."""
+        title = self.titles.get(key, key)
+        return key if title.lower() == key else f"{key} ({shown(title, 44)[1:-1]})"
 
     def row(self, i: int) -> str:
         """How to call row i, counted from 0, so that a person finds it."""
+        i = i if self.rows is None else int(self.rows[i])
         return f"row {i + 1}" if self.lines is None else f"row {i + 1} (line {self.lines[i]})"
 
 
@@ -55,33 +63,8 @@ def listed(names: Sequence[str], most: int = 8) -> str:
     return (text or "none") + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-def pick(name: str, headers: Sequence[str], bare: bool = False) -> tuple[dict[str, int], tuple[str, ...]]:
-    """Which columns a log is made of, as ``{"q0": place in the header}``, and the names of the others.
-
-    Args:
-        bare: take ``q``, ``tau``, ``qd`` and ``qdd`` for columns too (arrays hold all joints in one).
-
-    Raises:
-        LogError: if one of them is there twice, or there are too many to be true.
-    """
-    if len(headers) > COLUMNS:
-        raise LogError(f"at most {COLUMNS} columns in {name}", f"{len(headers)}", "keep time, q*, tau* and run")
-    found: dict[str, int] = {}
-    ignored: list[str] = []
-    for place, header in enumerate(headers):
-        key = header.strip().lower() if len(header) < 100 else ""
-        if not (KNOWN.fullmatch(key) or (bare and key in KINDS)):
-            ignored.append(header.strip() or "(no name)")
-        elif key in found:
-            places = f"twice, as columns {found[key] + 1} and {place + 1}"
-            raise LogError(f"one column {key} in {name}", places, "remove or rename one of them")
-        else:
-            found[key] = place
-    return found, tuple(ignored)
-
-
-def load(path: Path) -> Table:
-    """The table in a file.
+def load(path: Path, wanted: Wanted) -> Table:
+    """The table in a file, so far as it is ``wanted``.
 
     Raises:
         LogError: if there is no such file, or not one of the kind that its name says.
@@ -102,7 +85,7 @@ def load(path: Path) -> Table:
             raise LogError(f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parser's guesses about a damaged file
-            return reader(path)
+            return reader(path, wanted)
     except LogError:
         raise
     except PermissionError:
@@ -112,7 +95,7 @@ def load(path: Path) -> Table:
         raise LogError(f"a readable {kind} file at {name}", reason(error), remedy) from None
 
 
-def _csv(path: Path) -> Table:
+def _csv(path: Path, wanted: Wanted) -> Table:
     name, content = name_of(path), path.read_bytes()
     for magic, kind in MAGIC.items():
         if content.startswith(magic):
@@ -137,8 +120,8 @@ def _csv(path: Path) -> Table:
     if _are_numbers(header) or (delimiter not in header and len(header.split()) > 1):
         remedy = "begin with a line time,q0,tau0 and separate columns by commas"
         raise LogError(f"a header with the names of the columns in {name}", shown(header), remedy)
-    if header.count(delimiter) > COLUMNS:  # before it is taken apart
-        raise LogError(f"at most {COLUMNS} columns in {name}", f"{header.count(delimiter)}", "keep time, q*, tau* and run")
+    if header.count(delimiter) > MOST:  # before it is taken apart
+        raise LogError(f"at most {MOST} columns in {name}", f"{header.count(delimiter)}", "keep time, q*, tau* and run")
 
     def cells(row: str) -> list[str]:
         return next(csv.reader([row], delimiter=delimiter, skipinitialspace=True)) if '"' in row else row.split(delimiter)
@@ -150,9 +133,13 @@ def _csv(path: Path) -> Table:
         if width != len(headers):
             got = f"{width} in row {i + 1} (line {line})" + (", the last: the file may be cut off" if i + 1 == len(lines) else "")
             raise LogError(f"{len(headers)} cells in each row of {name}, as in its header", got, "complete or remove that row")
-    found, ignored = pick(name, headers)
+    chosen = choose(name, headers, wanted)
     columns = list(zip(*[cells(rows[line - 1]) for line in lines], strict=True)) or [()] * len(headers)
-    return Table(name, {key: list(columns[place]) for key, place in found.items()}, ignored, lines)
+    return _table(name, {key: list(columns[place]) for key, place in chosen.places.items()}, chosen, lines)
+
+
+def _table(name: str, columns: dict[str, np.ndarray | list[str]], chosen: Chosen, lines: list[int] | None = None) -> Table:
+    return Table(name, columns, chosen.ignored, lines, chosen.factors, chosen.titles, chosen.notes)
 
 
 def _are_numbers(row: str) -> bool:
@@ -163,23 +150,23 @@ def _are_numbers(row: str) -> bool:
         return False
 
 
-def _npz(path: Path) -> Table:
+def _npz(path: Path, wanted: Wanted) -> Table:
     name = name_of(path)
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         _fits(name, sum(member.file_size for member in members))
-        found, ignored = pick(name, [member.filename.removesuffix(".npy") for member in members], bare=True)
+        chosen = choose(name, [member.filename.removesuffix(".npy") for member in members], wanted, bare=True)
         arrays = {}
-        for key, place in found.items():
+        for key, place in chosen.places.items():
             try:
                 with archive.open(members[place]) as file:
                     arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
             except Exception as error:  # as above, but known to be this column
                 raise LogError(f"an array {key} in {name}", reason(error), "store it again, as float64") from None
-    return expanded(name, arrays, ignored)
+    return expanded(name, arrays, wanted, chosen)
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path, wanted: Wanted) -> Table:
     name = name_of(path)
     try:
         import pyarrow.parquet as parquet  # optional, and slow to load
@@ -189,9 +176,9 @@ def _parquet(path: Path) -> Table:
     with parquet.ParquetFile(path) as file:
         headers = file.schema_arrow.names
         _fits(name, sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)))
-        found, ignored = pick(name, headers)
-        table = file.read(columns=[headers[place] for place in found.values()], use_threads=False)
-    return Table(name, {key: table.column(headers[place]).to_numpy() for key, place in found.items()}, ignored)
+        chosen = choose(name, headers, wanted)
+        table = file.read(columns=list(dict.fromkeys(headers[place] for place in chosen.places.values())), use_threads=False)
+    return _table(name, {key: table.column(headers[place]).to_numpy() for key, place in chosen.places.items()}, chosen)
 
 
 def _fits(name: str, size: int) -> None:
@@ -210,30 +197,40 @@ def reason(error: Exception) -> str:
     return shown(" ".join(text.split()), 160)[1:-1].rstrip(".")
 
 
-def expanded(name: str, arrays: dict[str, np.ndarray], ignored: tuple[str, ...]) -> Table:
-    """Arrays (T, J) of all joints taken apart into columns.
+def expanded(name: str, arrays: dict[str, np.ndarray], wanted: Wanted, chosen: Chosen | None = None) -> Table:
+    """Arrays (T, J) of all joints taken apart into columns; of a whole robot's, those of the joints that are taken.
 
     Raises:
         LogError: if they have no such shape.
     """
+    chosen = Chosen({}, {}, {}, ()) if chosen is None else chosen
     rows = arrays["time"].size if "time" in arrays else 0
     columns: dict[str, np.ndarray | list[str]] = {}
+    factors, titles = dict(chosen.factors), dict(chosen.titles)
     for key, array in arrays.items():
         wide = array[:, None] if array.ndim == 1 else array
-        most = COLUMNS if key in KINDS else 1
-        if wide.ndim != 2 or wide.shape[1] > most or (rows and len(wide) != rows):
-            got, shape = f"shape {array.shape}", "(T, J) or (T,)" if key in KINDS else "(T,)"
+        many = key in UNITS and key not in INSTANTS
+        if wide.ndim != 2 or wide.shape[1] > (MOST if many else 1) or (rows and len(wide) != rows):
+            got, shape = f"shape {array.shape}", "(T, J) or (T,)" if many else "(T,)"
             remedy = "transpose it" if rows and array.ndim == 2 and array.shape[1] == rows else "store one row for each instant"
             raise LogError(f"shape {shape} of {key} in {name}" + f", with T = {rows} as in time" * (rows > 0), got, remedy)
+        part = many and 0 < len(wanted.taken) < len(wanted.names) == wide.shape[1]
         for j, column in enumerate(wide.T):
-            title = f"{key}{j}" if key in KINDS else key
+            place = wanted.place(j) if part else j
+            title = key if not many else f"{key}{place}" if place is not None else f"{key}@{wanted.names[j]}"
+            if place is None and key != "q":
+                continue
             if title in columns or (title != key and title in arrays):
                 raise LogError(f"one column {title} in {name}", f"both {key} and {title}", "remove one of them")
             columns[title] = column
-    return Table(name, columns, ignored)
+            if key in chosen.factors:
+                factors[title] = chosen.factors[key]
+            if chosen.titles.get(key, key).lower() != key:
+                titles[title] = chosen.titles[key]
+    return Table(name, columns, chosen.ignored, None, factors, titles, chosen.notes)
 
 
-READERS: dict[str, Callable[[Path], Table]] = {
+READERS: dict[str, Callable[[Path, Wanted], Table]] = {
     ".csv": _csv,
     ".tsv": _csv,
     ".txt": _csv,

@@ -7,7 +7,6 @@ import contextlib
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -35,7 +34,7 @@ class Model(NamedTuple):
     notes: tuple[str, ...]
     path: Path
     part: tuple[str, ...] | None = None  # names of the joints that were asked for; None: all
-    locked: Mapping[str, float] = MappingProxyType({})  # [m or rad] where other joints were to be locked, by name
+    locked: Mapping[str, float] | None = None  # [m or rad] where other joints were to be locked, by name
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -64,7 +63,7 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
     path = Path(path)
     with quietly() as said:
         part = None if joints is None else tuple(joints)
-        spec, changed = load_part(path, part, locked or {})
+        spec, changed = load_part(path, part, locked)
         _refuse(spec, path)
         model = compile_spec(spec, path)
         try:
@@ -74,7 +73,7 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
         _check_inertia(bare(body.source), path)
     effects = (*_effects(model, path), *(entry.effect for entry in read_record(path, model.njnt) if not entry.in_mjcf))
     notes = (*changed, *_notes(model), *said)
-    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, MappingProxyType(dict(locked or {})))
+    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked)
 
 
 def names_of(path: str | Path) -> tuple[str, ...]:
@@ -84,7 +83,7 @@ def names_of(path: str | Path) -> tuple[str, ...]:
         ModelError: if the file cannot be read.
     """
     with quietly():
-        spec, _ = load_part(Path(path), None, {})
+        spec, _ = load_part(Path(path), None, None)
         return joint_names(compile_spec(spec, Path(path)))
 
 
@@ -104,7 +103,7 @@ def quietly() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, float]) -> tuple[mujoco.MjSpec, list[str]]:
+def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, float] | None) -> tuple[mujoco.MjSpec, list[str]]:
     """Return MuJoCo's editable model of a file, made fit to compile and cut down to ``joints``, and notes on what was changed.
 
     Raises:
@@ -117,7 +116,7 @@ def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, flo
     spec = load_spec(path, text)
     notes += drop_missing(spec, path, urdf)
     notes += accept_masses(spec, path)
-    return spec, [*notes, *take_part(spec, path, joints, locked, urdf)]
+    return spec, [*notes, *take_part(spec, path, joints, locked or {}, urdf)]
 
 
 def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
