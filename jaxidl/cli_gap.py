@@ -21,29 +21,46 @@ def gap(
     min_gain: float = 0.05,
     effects: Annotated[Names, arg(metavar="NAME ...")] = (),
     refine: bool = False,
+    joints: Annotated[Names, arg(metavar="NAME ...")] = (),
+    columns: Annotated[Names, arg(metavar="KEY=TITLE ...")] = (),
+    motor: Annotated[Path | None, arg(metavar="FILE.yaml")] = None,
+    torque_constant: Annotated[tuple[float, ...], arg(metavar="NM/A ...")] = (),
+    gear_ratio: Annotated[tuple[float, ...], arg(metavar="RATIO ...")] = (),
+    topic: str | None = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect, show the gap shrink.
 
     Args:
-        logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Several files are several runs.
-        model: MJCF or URDF, joints in the order of the log's columns; its folder's effects.json counts if it was written for it.
+        logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Other titles are understood where
+            they can mean one thing only. ROS bags with joint states if rosbags is installed. Several files are several runs.
+        model: MJCF or URDF, joints in the order of the log's columns, unless these have the joints' names; its folder's
+            effects.json counts if it was written for it.
         out: folder for report.html, report.json, figures, and the patched model.xml and effects.json.
         held_out: share of the log that takes no part in fitting and ranking.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         effects: look for these effects only; all of the catalogue unless told.
         refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is so followed more closely.
+        joints: look at these joints of the model only; the others are locked.
+        columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, qd, qdd, tau or i.
+        motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio, coupling, offset, motor_positions.
+        torque_constant: of motors whose currents (columns i0...) the log has instead of torques; one for all or one a joint.
+        gear_ratio: of motors whose currents or torques the log has; one for all or one a joint.
+        topic: of a ROS bag that has several with joint states.
     """
     from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
+    from jaxidl.gap.inputs import read_inputs
     from jaxidl.gap.table import as_table
     from jaxidl.plot.report import check_folder
 
     check_folder(out, model)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, transient=True) as progress:
+    motors = {"motor": motor, "torque_constant": torque_constant, "gear_ratio": gear_ratio}
+    shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*shown, transient=True) as progress:
         bar = progress.add_task("reading", total=1.0)
+        log, robot = read_inputs(logs, model, joints=joints, columns=columns, topic=topic, **motors)
         found = diagnose(
-            logs,
-            model,
+            log,
+            robot,
             held_out=held_out,
             effects=effects or None,
             min_gain=min_gain,

@@ -60,7 +60,11 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
     count = max([0, *has["q"], *has[drive]]) + 1 if joints is None else joints
     if "time" not in table.columns:
         got = f"columns {listed([*table.columns, *table.ignored])}"
-        raise LogError(f"a column time in {table.name}", got, (_near(table, "time") or "add a column time") + ", in seconds")
+        raise LogError(
+            f"a column time in {table.name}",
+            got,
+            (_near(table, "time") or "add a column time, or name it: --columns time=TITLE") + ", in seconds",
+        )
     if has["q"] == list(range(count)) and not has[drive]:
         _without_drive(table, count, current)
     for kind in kinds:
@@ -98,7 +102,10 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
     missing = sorted(set(range(count)) - set(has))
     remedy = f"remove {kind}{count} and above, or give the model that was measured"
     if missing:
-        remedy = _near(table, f"{kind}{missing[0]}") or f"add a column {kind}{missing[0]}"
+        remedy = (
+            _near(table, f"{kind}{missing[0]}")
+            or f"add a column {kind}{missing[0]}, or name it: --columns {kind}{missing[0]}=TITLE"
+        )
     from_one = has == list(range(1, len(has) + 1)) and not any(f"{other}0" in table.columns for other in KINDS)
     if has and from_one and "rename" not in remedy:
         count -= joints is None

@@ -36,8 +36,8 @@ def read_inputs(
     Args:
         logs: files as :func:`jaxidl.gap.read` takes them.
         model: MJCF or URDF.
-        joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked where the log has them on average, or else as the model's
-            file draws them. Default: all.
+        joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked where the log has them on
+            average, or else as the model's file draws them. Default: all.
         columns: which column is which, as ``"q0=actual_q_0"`` or ``"q=actual_q_*"``.
         motor: YAML file that says how joints follow from motors, as :func:`jaxidl.gap.motor_side.motor_side` reads it.
         torque_constant: [Nm/A] of motors whose currents the log has; one for all or one for each joint.
