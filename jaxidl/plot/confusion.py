@@ -33,7 +33,11 @@ def plot_confusion(score: dict[str, Any]) -> Figure:
         axes.set_ylabel("hidden")
         axes.grid(False)
         right, none = score["singles"]["right"], score["none"]["false_alarm"]
-        axes.set_title(f"single effects right: {_percent(right)}; false alarms: {_percent(none)}", fontsize=9)
+        title = f"single effects right: {_percent(right)}; false alarms: {_percent(none)}"
+        robots = score.get("robots", {}).get("precision", {"n": 0})
+        if robots["n"]:
+            title += f"\nwhole robots: precision {_percent(robots)}; recall {_percent(score['robots']['recall'])}"
+        axes.set_title(title, fontsize=9)
     return figure
 
 

@@ -133,13 +133,13 @@ def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
     """
     columns = case.measure(duration).log()
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "model.xml").write_text(MECHANISMS[case.mechanism])
     if case.log.endswith("npz"):
         np.savez(folder / case.log, **columns)  # pyright: ignore[reportArgumentType]
     else:
         form = ["%.8g" if name.startswith("tau") else "%.6f" for name in columns]
         table = np.column_stack(list(columns.values()))
         np.savetxt(folder / case.log, table, fmt=form, delimiter=",", header=",".join(columns), comments="")
+    (folder / "model.xml").write_text(MECHANISMS[case.mechanism])
 
 
 def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:

@@ -1,15 +1,17 @@
 """What one report is worth against the truth. A report is the workflow's ``report.json``, or None where it gave none."""
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
+from jaxidl.gap.benchmark.translate import errors, expected
+
 Record = Mapping[str, Any]
 Key = tuple[str, int | None]
 
-WHOLE = {"payload"}  # effects of the whole mechanism, on whatever joint a report puts them
+CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
+WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
 TIED = {
     "slider": {"inertia_error", "torque_scale", "actuator_delay", "sensor_delay"},
     "pendulum": {"actuator_delay", "sensor_delay"},
@@ -24,9 +26,30 @@ def key(record: Record) -> Key:
     return record["effect"], None if record["effect"] in WHOLE else record["joint"]
 
 
+def confidence(effect: Record) -> float:
+    """Return the reported confidence in [0, 1] that the effect is there; 1 where a report gives none."""
+    value = effect.get("confidence")
+    return 1.0 if value is None else float(value)
+
+
 def named(report: Record | None) -> list[Key]:
-    """The effects that a report names, in the order in which they were added."""
-    return [key(effect) for effect in report["effects"]] if report else []
+    """Return the effects that a report names with confidence, in the order in which they were added."""
+    return [key(effect) for effect in report["effects"] if confidence(effect) >= CONFIDENT] if report else []
+
+
+def misnamed(report: Record | None) -> bool:
+    """Return whether a report names an effect with confidence on a joint that it does not call unexplained or ambiguous.
+
+    A report without ``unexplained_joints`` that is unexplained is so on every joint; so is an ambiguous one without candidates.
+    """
+    if report is None:
+        return False
+    groups = set().union(*candidates(report))
+    joints = report.get("unexplained_joints")
+    if (report["verdict"] == "unexplained" and joints is None) or (report["verdict"] == "ambiguous" and not groups):
+        return False
+    unsure = {joint for _, joint in groups} | set(joints or ())
+    return any(joint not in unsure and not (joint is None and unsure) for _, joint in named(report))
 
 
 def candidates(report: Record | None) -> list[set[Key]]:
@@ -79,32 +102,9 @@ def column(truth: Record, report: Record | None) -> str:
     return names[0][0]
 
 
-def parameter_errors(hidden: Record, effect: Record) -> dict[str, tuple[float, float | None]]:
-    """Relative error of each parameter that truth and report share, and the same in standard errors, None without one.
-
-    A scale is compared by its distance from 1, a phase, which has no relative error, in half turns.
-    """
-    errors = {}
-    reported = effect.get("parameters", {})
-    if hidden["parameters"].get("kind", "") == "mass" and "kind" not in reported:
-        return {}  # a body's mass error has another unit than a rotor's inertia
-    for name, true in hidden["parameters"].items():
-        if name in ("kind", "other") or name not in reported:
-            continue
-        value, true = np.ravel(reported[name]["value"]), np.ravel(true)
-        if len(true) == 1 and len(value) > 1:
-            value = value[[hidden["joint"] or 0]]  # one value for each joint
-        if len(value) != len(true):
-            continue
-        off = value - true
-        if name == "phase":
-            errors[name] = abs(math.remainder(float(off[0]), 2 * math.pi)) / math.pi, None
-            continue
-        scale = float(np.linalg.norm(true - 1 if name == "scale" else true))
-        stderr = reported[name].get("stderr")
-        deviation = float(abs(off[0])) / stderr if len(off) == 1 and isinstance(stderr, (int, float)) and stderr > 0 else None
-        errors[name] = (float(np.linalg.norm(off)) / scale if scale else math.inf), deviation
-    return errors
+def parameter_errors(hidden: Record, effect: Record, mechanism: str) -> dict[str, tuple[float, list[float]]]:
+    """Return the relative error of each parameter that truth and report share, and its components in standard errors."""
+    return errors(expected(hidden, mechanism), effect.get("parameters", {}), hidden["joint"])
 
 
 def removed(truth: Record, report: Record | None) -> float | None:
@@ -112,7 +112,7 @@ def removed(truth: Record, report: Record | None) -> float | None:
 
     None where nothing is named, or where there was no error above the noise floor.
     """
-    if not report or not report["effects"]:
+    if not named(report) or report is None:
         return None
     joints = [hidden["joint"] for hidden in truth["hidden"]]
     gap = report["gap"]

@@ -45,3 +45,4 @@ TWO_LINK = f"""<mujoco model="two_link">
 
 MECHANISMS = {"slider": SLIDER, "pendulum": PENDULUM, "two_link": TWO_LINK}
 JOINTS = {"slider": 1, "pendulum": 1, "two_link": 2}
+MASSES = {("slider", 0): 2.0, ("pendulum", 0): 1.0, ("two_link", 0): 1.5, ("two_link", 1): 1.0}  # kg, of the joints' bodies

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxidl.files import write_bytes
 from jaxidl.gap.benchmark.arm_engine import ArmRun, Sensors, rates, run_arm
 from jaxidl.gap.benchmark.arms import Arm, excitation, random_arm
 from jaxidl.gap.benchmark.believed import Diverged, inverse_dynamics
@@ -24,7 +25,7 @@ from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial,
 RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
 COARSE = 50.0  # Hz; of the motion that the effects are sized on
 INSTANTS, DENSE = 300, 1500  # of a run, at which the links' regressor is taken, and the worth of a changed body
-SCALE = 0.015  # standard deviation of the error of a joint's torque constant, at most twice that
+SCALE, MOST = 0.015, 0.029  # standard deviation and largest error of a joint's torque constant
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Robot:
         known = {part.joint for part in hidden if part.effect == "torque_scale"}
         for j in range(joints):
             if j not in known:
-                off = float(np.clip(rng.normal(0, SCALE), -2 * SCALE, 2 * SCALE))
+                off = float(np.clip(rng.normal(0, SCALE), -MOST, MOST))
                 hidden.append(Part("torque_scale", j, {"scale": 1 + off}))
         quantum = np.asarray(2 * math.pi / 2.0 ** rng.integers(17, 22, joints), np.float64)
         noise = rms(need).max() * 0.02 + rms(need)
@@ -145,7 +146,8 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
     flat = (table / command[:, None]).reshape(-1, len(names))
     gram = flat.T @ flat / len(few)
     error = (inertial(altered(xml, bodies)) - inertial(altered(xml, []))).ravel()
-    _about_origin(records, inertial(altered(xml, [])), inertial(altered(xml, [e for e in bodies if not isinstance(e, Payload)])))
+    believed = inertial(altered(xml, []))
+    _about_origin(records, believed, inertial(altered(xml, [e for e in bodies if not isinstance(e, Payload)])))
     return {
         "mechanism": case.mechanism,
         "family": case.family,
@@ -156,7 +158,12 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
         "command": _short(command),
         "hidden": records[: len(drawn.hidden)],
         "remainder": records[len(drawn.hidden) :],
-        "inertial": {"names": names, "error": _short(error, 9), "gram": _short(gram[np.tril_indices(len(names))], 9)},
+        "inertial": {
+            "names": names,
+            "believed": _short(believed.ravel(), 9),
+            "error": _short(error, 9),
+            "gram": _short(gram[np.tril_indices(len(names))], 12),
+        },
     }
 
 
@@ -189,5 +196,4 @@ def _short(values: Array, digits: int = 5) -> list[float]:
 
 def store(path: Path, record: Mapping[str, Any]) -> None:
     """Write a robot's truth as JSON."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(record, allow_nan=False))
+    write_bytes(path, json.dumps(record, allow_nan=False).encode())

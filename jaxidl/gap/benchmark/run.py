@@ -1,10 +1,13 @@
 """Run the benchmark: make each case's log, let the workflow read it, keep its report; then the score."""
 
+import csv
+import io
 import json
 import multiprocessing
 import os
 import shutil
 import time
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from pathlib import Path
 from typing import Any
@@ -13,15 +16,20 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
 from jaxidl.files import write_bytes
-from jaxidl.gap.benchmark.cases import Case, all_cases, truth, write_case
+from jaxidl.gap.benchmark.calibration import training_rows
+from jaxidl.gap.benchmark.cases import Case, all_cases, truth
+from jaxidl.gap.benchmark.robots import Robot, robots, store
 from jaxidl.gap.benchmark.score import score
 
-FAMILIES = ("single", "none", "pair", "outside")
+FAMILIES = ("single", "none", "pair", "outside", "robot")
 SEVERITIES = ("weak", "medium", "clear")
+DEVELOPMENT = 2026  # the root to develop with; another one is run once, at the end
+ROBOTS = 60
+AnyCase = Case | Robot
 
 
-def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int) -> list[Case]:
-    """The cases asked for: of each family and severity each ``every``-th.
+def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int, root: int = DEVELOPMENT) -> list[AnyCase]:
+    """Return the cases asked for: of each family and severity each ``every``-th.
 
     Raises:
         ConfigurationError: for an unknown family or severity, or if nothing is left.
@@ -34,8 +42,9 @@ def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int) -
             raise one_of("a severity", name, SEVERITIES)
     if every < 1:
         raise ConfigurationError("--every of at least 1", str(every), "give 1 for all cases")
-    groups: dict[tuple[str, str | None], list[Case]] = {}
-    for case in all_cases():
+    groups: dict[tuple[str, str | None], list[AnyCase]] = {}
+    small = all_cases(root) if set(families) - {"robot"} else []
+    for case in [*small, *robots(root, ROBOTS)]:
         if case.family in families and (case.family != "single" or case.severity in severities):
             groups.setdefault((case.family, case.severity), []).append(case)
     order = sorted(groups, key=lambda key: (FAMILIES.index(key[0]), -SEVERITIES.index(key[1] or "clear")))
@@ -46,56 +55,153 @@ def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int) -
 
 
 def run_benchmark(
-    out: Path, families: tuple[str, ...], severities: tuple[str, ...], every: int, processes: int, overwrite: bool = False
+    out: Path,
+    families: tuple[str, ...],
+    severities: tuple[str, ...],
+    every: int,
+    processes: int,
+    overwrite: bool = False,
+    root: int = DEVELOPMENT,
 ) -> dict[str, Any]:
     """Run what has no report yet, each case in its own process, and return the score, which is in ``out/benchmark.json``, too.
 
-    The truth lies in ``out/truth.json``, which no diagnosis reads; ``out/cases/ID`` holds log and model, ``out/reports/ID.json``
-    the report. A case that fails counts as wrong, and its error is in its report's place.
+    The truth lies in ``out/truth.json`` (of each robot also in ``out/truth``), which no diagnosis reads; ``out/cases/ID`` holds
+    log and model, ``out/reports/ID.json`` the report. A case that fails counts as wrong, with its error in its report's place.
+
+    Raises:
+        ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of another root.
     """
-    cases = chosen(families, severities, every)
+    cases = chosen(families, severities, every, root)
+    _claim(out, root)
     if overwrite:
         shutil.rmtree(out / "reports", ignore_errors=True)
-    write_bytes(out / "truth.json", json.dumps(truth(cases), indent=1).encode())
-    left = [case for case in cases if not _report(out, case).is_file()]
-    bar = (TextColumn("hidden cases"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*bar) as progress:
-        task = progress.add_task("cases", total=len(cases), completed=len(cases) - len(left))
-        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_core) as pool:
-            waiting = {pool.submit(judge_case, case, out) for case in left}
-            try:
-                while waiting:
-                    done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        future.result()
-                    progress.advance(task, len(done))
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
-    reports = {case.id: json.loads(_report(out, case).read_text()) for case in cases}
-    result = score(truth(cases), {name: None if "error" in report else report for name, report in reports.items()})
+    _each(judge_case, cases, out, processes, lambda case: _report(out, case).is_file())
+    known = _truth(cases, out)
+    write_bytes(out / "truth.json", json.dumps(known, indent=1).encode())
+    result = {"root": root} | score(known, _reports(out, list(known)))
     write_bytes(out / "benchmark.json", json.dumps(_plain(result), indent=1, allow_nan=False).encode())
     return result
 
 
-def judge_case(case: Case, out: Path) -> None:
+def generate(
+    out: Path,
+    families: tuple[str, ...] = ("robot",),
+    severities: tuple[str, ...] = SEVERITIES,
+    every: int = 1,
+    processes: int = 1,
+    root: int = DEVELOPMENT,
+) -> list[Path]:
+    """Make the cases' logs and models and ``out/truth.json``, without any diagnosis; return the cases' folders.
+
+    Raises:
+        ConfigurationError: as :func:`run_benchmark`.
+    """
+    cases = chosen(families, severities, every, root)
+    _claim(out, root)
+    _each(make_case, cases, out, processes, lambda case: _made(out, case))
+    write_bytes(out / "truth.json", json.dumps(_truth(cases, out), indent=1).encode())
+    return [out / "cases" / case.id for case in cases]
+
+
+def training_table(out: Path, path: Path | None = None) -> Path:
+    """Write one row for each effect of each finished report in ``out`` as CSV (default: ``out/training.csv``); return its path.
+
+    Columns are those of :func:`.calibration.training_rows`; a number that an entry has not is left empty.
+
+    Raises:
+        ConfigurationError: where ``out`` holds no finished benchmark.
+    """
+    path = path or out / "training.csv"
+    if not (out / "truth.json").is_file():
+        raise ConfigurationError(f"a benchmark in {out}", "no truth.json", "run jaxidl gap-benchmark with --out there")
+    known = json.loads((out / "truth.json").read_text())
+    names = [name for name in known if (out / "reports" / f"{name}.json").is_file()]
+    rows = list(training_rows({name: known[name] for name in names}, _reports(out, names)))
+    columns = list(dict.fromkeys(key for row in rows for key in row))
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, columns, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_bytes(path, text.getvalue().encode())
+    return path
+
+
+def make_case(case: AnyCase, out: Path) -> None:
+    """Write one case's log and model if they are not there, and the truth about a robot."""
+    if _made(out, case):
+        return
+    record = case.write(out / "cases" / case.id)
+    if record is not None:
+        store(out / "truth" / f"{case.id}.json", record)
+
+
+def judge_case(case: AnyCase, out: Path) -> None:
     """Make one case's log and write the report of what the workflow finds in it."""
     from jaxidl.gap.diagnose import diagnose
 
     folder = out / "cases" / case.id
-    if not (folder / "model.xml").is_file():
-        write_case(case, folder)
-    begun = time.perf_counter()
+    make_case(case, out)
+    begun, cpu = time.perf_counter(), time.process_time()
     found: dict[str, Any]
     try:
         found = diagnose(folder / case.log, folder / "model.xml", rollouts=False).to_dict()
     except JaxidlError as error:
         found = {"error": str(error)}
-    found["seconds"] = time.perf_counter() - begun
+    found |= {"seconds": time.perf_counter() - begun, "cpu_seconds": time.process_time() - cpu}
     write_bytes(_report(out, case), json.dumps(found, allow_nan=False).encode())
 
 
-def _report(out: Path, case: Case) -> Path:
+def _each(work: Callable[[AnyCase, Path], None], cases: list[AnyCase], out: Path, processes: int, done: Any) -> None:
+    """Do ``work`` for each case that is not ``done``, in processes, with a bar that says how long it will take."""
+    left = [case for case in cases if not done(case)]
+    bar = (TextColumn("hidden cases"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*bar, speed_estimate_period=600) as progress:
+        task = progress.add_task("cases", total=len(cases), completed=len(cases) - len(left))
+        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_core) as pool:
+            waiting = {pool.submit(work, case, out) for case in left}
+            try:
+                while waiting:
+                    ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                    for future in ready:
+                        future.result()
+                    progress.advance(task, len(ready))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
+
+
+def _claim(out: Path, root: int) -> None:
+    """Cases of two roots do not share a folder: their scores would be one."""
+    path = out / "root.json"
+    held = json.loads(path.read_text())["root"] if path.is_file() else root
+    if held != root:
+        raise ConfigurationError(f"cases of root {root} in {out}", f"cases of root {held}", "give another --out or --root")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_bytes(path, json.dumps({"root": root}).encode())
+
+
+def _truth(cases: list[AnyCase], out: Path) -> dict[str, Any]:
+    """The truth about the cases: that about robots is known once they have run."""
+    known: dict[str, Any] = truth(case for case in cases if isinstance(case, Case))
+    for case in cases:
+        if isinstance(case, Robot):
+            known[case.id] = json.loads((out / "truth" / f"{case.id}.json").read_text())
+    return known
+
+
+def _reports(out: Path, names: list[str]) -> dict[str, Any]:
+    """The reports by the cases' identities, None for one that failed."""
+    reports = {name: json.loads((out / "reports" / f"{name}.json").read_text()) for name in names}
+    return {name: None if "error" in report else report for name, report in reports.items()}
+
+
+def _made(out: Path, case: AnyCase) -> bool:
+    """Whether a case's files are there; a robot's truth is written last, a small case's model."""
+    truth_too = isinstance(case, Case) or (out / "truth" / f"{case.id}.json").is_file()
+    return (out / "cases" / case.id / "model.xml").is_file() and (out / "cases" / case.id / case.log).is_file() and truth_too
+
+
+def _report(out: Path, case: AnyCase) -> Path:
     return out / "reports" / f"{case.id}.json"
 
 

@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from jaxidl.gap.benchmark import judge
+from jaxidl.gap.benchmark import judge, robot_judge
+from jaxidl.gap.benchmark.calibration import calibration
+from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.judge import Record
 
 Pair = tuple[Record, Record | None]  # truth and report of a case
@@ -20,7 +22,7 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
         truth: what :func:`jaxidl.gap.benchmark.cases.truth` says of each case that counts.
         reports: the ``report.json`` of each case.
     """
-    families: dict[str, list[Pair]] = {name: [] for name in ("single", "none", "outside", "pair")}
+    families: dict[str, list[Pair]] = {name: [] for name in ("single", "none", "outside", "pair", "robot")}
     for name, record in truth.items():
         families[record["family"]].append((record, reports.get(name)))
     return {
@@ -30,6 +32,8 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
         "none": _none(families["none"]),
         "outside": _outside(families["outside"]),
         "pairs": _pairs(families["pair"]),
+        "robots": _robots(families["robot"]),
+        "calibration": {name: calibration(pairs, share) for name, pairs in families.items()},
         "parameters": _parameters(families["single"]),
         "gap_removed": _gap_removed(families),
         "confusion": confusion(families["single"] + families["none"] + families["outside"]),
@@ -99,11 +103,14 @@ def _none(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _outside(pairs: list[Pair]) -> dict[str, Any]:
-    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence; overall and by kind."""
-    unsure = ("ambiguous", "unexplained")
-    rows = [(t, float(r is not None and bool(judge.named(r)) and r["verdict"] not in unsure)) for t, r in pairs]
+    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence; overall and by kind.
+
+    ``imitable``: of the kinds that follow from the state.
+    """
+    rows = [(truth, float(judge.misnamed(report))) for truth, report in pairs]
     return {
         "misnamed": share(wrong for _, wrong in rows),
+        "imitable": share(wrong for truth, wrong in rows if truth["hidden"][0]["parameters"]["kind"] in IMITABLE),
         "by_kind": _by(rows, lambda truth: truth["hidden"][0]["parameters"]["kind"]),
         "by_severity": _by(rows, lambda truth: truth["severity"]),
         "verdicts": _verdicts(pairs),
@@ -125,21 +132,54 @@ def _pairs(pairs: list[Pair]) -> dict[str, Any]:
     }
 
 
+def _robots(pairs: list[Pair]) -> dict[str, Any]:
+    """``precision``: of what is named with confidence; ``recall``: of hidden effects worth 3 % of a joint's command.
+
+    Both also by effect. ``parameters`` of the names that are right, and ``links``: what is left of the links' errors.
+    """
+    named = [(e, robot_judge.right(t, r, e), t, r) for t, r in pairs if r for e in r["effects"] if _sure(e)]
+    hidden = [(h, robot_judge.found(t, r, h)) for t, r in pairs for h in t["hidden"] if robot_judge.worth(h) >= robot_judge.WORTH]
+    errors = [(e["effect"], robot_judge.parameter_errors(t, r, e)) for e, ok, t, r in named if ok]
+    return {
+        "precision": share(float(ok) for _, ok, *_ in named),
+        "recall": share(float(ok) for _, ok in hidden),
+        "precision_by_effect": _by([(e, float(ok)) for e, ok, *_ in named], lambda effect: effect["effect"]),
+        "recall_by_effect": _by([(h, float(ok)) for h, ok in hidden], lambda effect: effect["effect"]),
+        "names_of_a_robot": quartiles(sum(map(_sure, r["effects"])) for _, r in pairs if r),
+        "parameters": _summary(errors),
+        "links": quartiles(robot_judge.link_error(t, r) for t, r in pairs),
+        "verdicts": _verdicts(pairs),
+    }
+
+
+def _sure(effect: Record) -> bool:
+    return judge.confidence(effect) >= judge.CONFIDENT
+
+
 def _parameters(pairs: list[Pair]) -> dict[str, Any]:
     """Relative errors where a single effect is named right: of all parameters, by effect and parameter; and their honesty."""
-    errors: dict[str, dict[str, list[float]]] = {}
-    deviations: list[float] = []
+    errors: list[tuple[str, dict[str, tuple[float, list[float]]]]] = []
     for truth, report in pairs:
         hidden = truth["hidden"][0]
-        if report is None or judge.single_credit(hidden, report) < 1:
-            continue
-        for name, (error, deviation) in judge.parameter_errors(hidden, report["effects"][0]).items():
-            errors.setdefault(hidden["effect"], {}).setdefault(name, []).append(error)
-            deviations += [] if deviation is None else [deviation]
+        if report is not None and judge.single_credit(hidden, report) == 1:
+            effect = next(e for e in report["effects"] if judge.key(e) == judge.key(hidden))
+            errors.append((hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"])))
+    return _summary(errors)
+
+
+def _summary(errors: list[tuple[str, dict[str, tuple[float, list[float]]]]]) -> dict[str, Any]:
+    """Quartiles of relative errors, and the share of true values within two standard errors; of all and by effect."""
+    grouped: dict[str, dict[str, list[float]]] = {}
+    within: dict[str, list[float]] = {}
+    for effect, found in errors:
+        for name, (error, deviations) in found.items():
+            grouped.setdefault(effect, {}).setdefault(name, []).append(error)
+            within.setdefault(effect, []).extend(float(d <= 2) for d in deviations)
     return {
-        "all": quartiles(e for parts in errors.values() for values in parts.values() for e in values),
-        "by_effect": {effect: {name: quartiles(values) for name, values in parts.items()} for effect, parts in errors.items()},
-        "within_two_stderr": share(float(d <= 2) for d in deviations),
+        "all": quartiles(e for parts in grouped.values() for values in parts.values() for e in values),
+        "by_effect": {effect: {name: quartiles(values) for name, values in parts.items()} for effect, parts in grouped.items()},
+        "within_two_stderr": share(ok for values in within.values() for ok in values),
+        "within_two_stderr_by_effect": {effect: share(values) for effect, values in within.items() if values},
     }
 
 
