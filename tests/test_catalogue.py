@@ -34,6 +34,10 @@ EXAMPLES: dict[str, Effect] = {
             *(pair(x, x) for x in ENDS.values()),
         ),
         fx.LoadDependentFriction(pair(0.2, 0.1)),
+        fx.DirectionalLoadFriction(pair(0.2, 0.1), pair(0.05, 0.15)),
+        fx.SublinearFriction(pair(2.0, 1.0), pair(1.5, 2.1)),
+        fx.ThermalFriction(pair(1.0, 2.0), pair(2.0, 1.5), pair(1.3, 0.7)),
+        fx.CoupledJointFriction(jnp.array(1.5), jnp.array(0.7), jnp.array(0.3), difference=True),
         fx.CoupledFriction(jnp.array([0.7, 0.5, 0.8, 1.2]), jnp.array([2.0, 1.0, 3.0, 2.5]), *map(jnp.array, ENDS.values())),
         fx.InertiaError(pair(1.0, -0.5), pair(0.4, 0.3)),
         fx.ComError(jnp.array([[0.2, 0.1, -0.3], [0.1, 0.0, 0.2]])),
@@ -44,6 +48,8 @@ EXAMPLES: dict[str, Effect] = {
         fx.Spring(pair(8.0, 5.0), pair(0.2, -0.1)),
         fx.TorqueRipple(pair(0.5, 0.8), pair(1.0, -0.6), pair(0.13, 0.2)),
         fx.TorqueScale(pair(0.8, 1.1)),
+        fx.TorqueCurve(pair(0.04, 0.02)),
+        fx.MotorCoupling(jnp.array(0.3)),
         fx.TorqueSaturation(pair(2.0, 3.5)),
         fx.ActuatorLag(pair(0.01, 0.02)),
         fx.ActuatorDelay(pair(0.0043, 0.0077), steps=12),
@@ -57,7 +63,7 @@ EXAMPLES: dict[str, Effect] = {
     )
 }
 MASS, DT = jnp.array([2.0, 2.5]), 1e-3
-BOTH_AXES = ("coupled_friction", "payload", "base_tilt", "paper_friction")  # not an effect of one joint
+BOTH_AXES = {name for name, e in EXAMPLES.items() if not e.alone() or name == "paper_friction"}  # not an effect of one joint
 TURNING = ("com_error", "inertia_tensor_error", "base_tilt")  # what a point mass cannot show: see ``test_links.py``
 SLIDING = State(pair(0.113, 0.312), pair(1.1, -0.9))  # away from every kink
 PUSH = pair(3.1, -4.2)

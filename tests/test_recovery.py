@@ -20,6 +20,7 @@ FIXED = {  # what sets the shape, or what a point mass cannot show
     "stiction": ("speed", "below"),
     "position_dependent_friction": ("lower", "upper"),
     "coupled_friction": ("lower", "upper"),
+    "coupled_joint_friction": ("speed",),
     "payload": ("com", "moment", "inertia"),
 }
 
@@ -81,7 +82,8 @@ def unexplained(effect, log):
     return jax.lax.scan(step, effect.start(log["q"][0]), log)[1]
 
 
-CURVED = {name: SINGLE.get(name, effect) for name, effect in EXAMPLES.items() if not type(effect).linear}
+BESIDE = ("sublinear_friction",)  # alone, its level is cut where it is negative
+CURVED = {name: SINGLE.get(name, e) for name, e in EXAMPLES.items() if not type(e).linear and name not in (*TURNING, *BESIDE)}
 
 
 @pytest.mark.parametrize("effect", CURVED.values(), ids=CURVED.keys())

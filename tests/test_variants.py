@@ -19,7 +19,7 @@ from tests.registry import restored
 clean = pytest.fixture(restored)
 TURNING = ("com_error", "inertia_tensor_error", "base_tilt")  # what a point mass cannot show
 JOINTS = 3
-SCALE = Scale(30.0, 2.0, -0.3, 0.9, 2.0, 1.5, 40.0, 2e-3, 1, JOINTS, (-0.5, -0.3, 0.0), (0.4, 0.9, 0.0), 0.01)
+SCALE = Scale(30.0, 2.0, -0.5, 0.4, 2.0, 1.5, 40.0, 2e-3, 0, JOINTS, (-0.5, -0.3, 0.0), (0.4, 0.9, 0.0), 0.01)
 SEARCHED = {name: CATALOGUE[name] for name in searched()}
 of = pytest.mark.parametrize("cls", SEARCHED.values(), ids=SEARCHED)
 
@@ -28,11 +28,15 @@ QDD = jnp.array([2.0, -3.0, 1.5])
 
 
 def added(effect):
-    """Torque balance (4 J,) that an effect changes: sliding and at rest, and what its body takes."""
+    """What an effect changes (7 J,): torque, dry friction sliding and at rest, its body, the command over three steps."""
     body, zero = PointMass(jnp.array([2.0, 2.5, 1.0])), jnp.zeros(JOINTS)
     altered = effect.alter(body).inverse_dynamics(Q, QD, QDD) - body.inverse_dynamics(Q, QD, QDD)
     levels = effect.dry(Q, QD, TAU, QD), effect.dry(Q, zero, TAU, jnp.ones(JOINTS))
-    return np.concatenate([effect.torque(Q, QD, TAU), *levels, altered])
+    memory, passed = effect.start(Q), []
+    for _ in range(3):
+        tau, memory = effect.actuate(memory, Q, QD, TAU / 100.0, 1.0)  # below any bend of a motor's curve
+        passed.append(tau - TAU / 100.0)
+    return np.concatenate([effect.torque(Q, QD, TAU), *levels, altered, *passed])
 
 
 @of
@@ -106,7 +110,7 @@ def test_a_part_follows_what_is_free():
 
 def test_tables_over_another_joint_leave_out_those_that_do_not_move():
     options = [variant.options for variant in fx.CoupledFriction.variants(SCALE)]
-    assert {(o["joint"], o["other"]) for o in options} == {(1, 0)}  # joint 2 rests
+    assert {(o["joint"], o["other"]) for o in options} == {(0, 1)}  # joint 2 rests
     assert fx.CoupledFriction.variants(SCALE._replace(lows=(), highs=())) == []
 
 

@@ -1,10 +1,17 @@
 """The catalogue of named physical effects."""
 
-from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueSaturation, TorqueScale
+from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueCurve, TorqueSaturation, TorqueScale
 from jaxidl.effects.base import Effect, regressor
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
+from jaxidl.effects.gears import (
+    CoupledJointFriction,
+    DirectionalLoadFriction,
+    MotorCoupling,
+    SublinearFriction,
+    ThermalFriction,
+)
 from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint, placed
 from jaxidl.effects.position import Spring, TorqueRipple
@@ -26,6 +33,8 @@ __all__ = [
     "ConstantOffset",
     "CoulombFriction",
     "CoupledFriction",
+    "CoupledJointFriction",
+    "DirectionalLoadFriction",
     "Effect",
     "EncoderQuantisation",
     "Guess",
@@ -33,6 +42,7 @@ __all__ = [
     "InertiaTensorError",
     "JointElasticity",
     "LoadDependentFriction",
+    "MotorCoupling",
     "OnJoint",
     "PaperFriction",
     "Parameter",
@@ -46,6 +56,9 @@ __all__ = [
     "Spring",
     "Stiction",
     "StribeckFriction",
+    "SublinearFriction",
+    "ThermalFriction",
+    "TorqueCurve",
     "TorqueRipple",
     "TorqueSaturation",
     "TorqueScale",

@@ -97,6 +97,25 @@ class TorqueScale(Effect):
         return [Variant({"scale": 1.1}, within={"scale": (0.4, 2.5)})]
 
 
+class TorqueCurve(Effect):
+    """The motor delivers less the more is asked for, tau·(1 − l·|tau|), but at least half: its iron saturates."""
+
+    loss: Joints  # (J,) l [1/N or 1/Nm]
+
+    name: ClassVar[str] = "torque_curve"
+    sentence: ClassVar[str] = "the motor delivers a smaller share of large torques than of small ones"
+    parameters: ClassVar = {"loss": Parameter("1/N", 0.0, 1e3, "share that is missing per torque")}
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = "hold still against known weights from light to heavy, up to the largest command"
+
+    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+        return tau * (1.0 - jnp.minimum(self.loss * jnp.abs(tau), 0.5)), memory
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        return [Variant({}, ("loss",), {"loss": (0.0, 0.5 / max(scale.torque, 1e-9))})]
+
+
 class TorqueSaturation(Effect):
     """The motor delivers no more than ±limit, whatever its command."""
 

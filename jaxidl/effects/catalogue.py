@@ -8,10 +8,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueSaturation, TorqueScale
+from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueCurve, TorqueSaturation, TorqueScale
 from jaxidl.effects.base import Effect
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
+from jaxidl.effects.gears import (
+    CoupledJointFriction,
+    DirectionalLoadFriction,
+    MotorCoupling,
+    SublinearFriction,
+    ThermalFriction,
+)
 from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint
 from jaxidl.effects.position import Spring, TorqueRipple
@@ -31,9 +38,13 @@ CATALOGUE: dict[str, type[Effect]] = {
         StribeckFriction,
         Stiction,
         QuadraticDrag,
+        SublinearFriction,
         PositionDependentFriction,
         LoadDependentFriction,
+        DirectionalLoadFriction,
         CoupledFriction,
+        CoupledJointFriction,
+        ThermalFriction,
         InertiaError,
         ComError,
         InertiaTensorError,
@@ -43,11 +54,13 @@ CATALOGUE: dict[str, type[Effect]] = {
         Spring,
         TorqueRipple,
         TorqueScale,
+        TorqueCurve,
         TorqueSaturation,
         ActuatorLag,
         ActuatorDelay,
         JointElasticity,
         Backlash,
+        MotorCoupling,
         PositionBias,
         SensorDelay,
         PaperFriction,

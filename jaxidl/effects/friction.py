@@ -33,13 +33,13 @@ class ViscousFriction(Effect):
 
 
 class QuadraticDrag(Effect):
-    """−d·qd·|qd| on each joint: air, water, a fan. Negative beside other friction that grows less than in proportion to speed."""
+    """−d·qd·|qd| on each joint: air, water, a fan."""
 
     coefficient: Joints  # (J,) d [N s^2/m^2 or Nm s^2/rad^2]
 
     name: ClassVar[str] = "quadratic_drag"
     sentence: ClassVar[str] = "drag that grows with the square of speed"
-    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", -1e4, 1e4, "torque per squared speed")}
+    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")}
     linear: ClassVar[bool] = True
     prior: ClassVar[float] = 0.3
     friction: ClassVar[bool] = True

@@ -4,10 +4,13 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
+
+Waves = Float[Array, " J"] | Float[Array, "J H"]
 
 LEAST_WAVES = 2.0  # of a ripple that a search looks for, within the range of positions
 
@@ -55,10 +58,13 @@ class Spring(Effect):
 
 
 class TorqueRipple(Effect):
-    """s·sin(2π·q/p) + c·cos(2π·q/p): cogging, a magnet's poles, a gear's teeth."""
+    """s·sin(2π·q/p) + c·cos(2π·q/p): cogging, a magnet's poles, a gear's teeth.
 
-    sine: Joints  # (J,) s [N or Nm]
-    cosine: Joints  # (J,) c [N or Nm]
+    With tables of amplitudes it has H harmonics: the sum over h = 1 … H of those for the period p/h.
+    """
+
+    sine: Waves  # (J,) or (J, H) s [N or Nm]
+    cosine: Waves  # (J,) or (J, H) c [N or Nm]
     period: Joints  # (J,) p [m or rad]
 
     name: ClassVar[str] = "torque_ripple"
@@ -72,7 +78,10 @@ class TorqueRipple(Effect):
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         angle = 2.0 * jnp.pi * q / self.period
-        return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        if self.sine.ndim == 1:
+            return self.sine * jnp.sin(angle) + self.cosine * jnp.cos(angle)
+        angles = angle[:, None] * jnp.arange(1.0, self.sine.shape[1] + 1.0)[None, :]
+        return jnp.sum(self.sine * jnp.sin(angles) + self.cosine * jnp.cos(angles), axis=1)
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -82,7 +91,9 @@ class TorqueRipple(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Many waves along the way: of a single one nobody knows that it repeats."""
+        """Many waves along the way, as of a single one nobody knows that it repeats; and some with two harmonics."""
         within = {"period": (0.0, scale.width / LEAST_WAVES)}
-        periods = [float(guess["period"]) for guess in cls.guesses(scale)]
-        return [Variant({"period": p}, ("sine", "cosine"), within) for p in periods if p <= within["period"][1]]
+        periods = [p for guess in cls.guesses(scale) if (p := float(guess["period"])) <= within["period"][1]]
+        none = np.zeros((1, 2))
+        two = [{"sine": none, "cosine": none, "period": period} for period in periods[::3]]
+        return [Variant(values, ("sine", "cosine"), within) for values in [*({"period": p} for p in periods), *two]]

@@ -134,9 +134,9 @@ class Backlash(Transmission):
             return {"gap": gap * width, "stiffness": stiffness, "damping": 0.6 * omega * inertia, "motor_inertia": inertia}
 
         top = 0.25 / scale.dt
-        tones = [min(share * scale.band, top) for share in (0.8, 2.0)]
+        tones = [min(share * scale.band, top) for share in (0.6, 2.0)]
         gaps = (0.0007, 0.0017, 0.004, 0.009, 0.02)
-        return [guess(share, gap, f) for share in (0.08, 0.2) for gap in gaps for f in tones]
+        return [guess(share, gap, f) for share in (0.1, 0.35) for gap in gaps for f in tones]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
