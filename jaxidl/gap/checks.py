@@ -75,24 +75,23 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
 
 def _without_drive(table: Table, count: int, current: bool) -> None:
     """Complain about a log that has positions and no torques, and say where they may come from."""
-    key, span = (CURRENT, "currents") if current else ("tau", "torques")
-    expected = f"{span} {key}0{f'..{key}{count - 1}' if count > 1 else ''} in {table.name}"
-    titles = [read_title(name) for name in table.ignored[:200]]
-    if not current and any(title and title.kind == CURRENT and not title.wish for title in titles):
-        name = next(n for n, title in zip(table.ignored, titles, strict=False) if title and title.kind == CURRENT)
+    key, what = (CURRENT, "currents") if current else ("tau", "torques")
+    expected = f"{what} {key}0{f'..{key}{count - 1}' if count > 1 else ''} in {table.name}"
+    got = f"columns {listed([*table.columns, *table.ignored])}"
+    if current:
+        torques = "tau0" in table.columns
+        remedy = "leave --torque-constant out: the log has torques" if torques else f"name them: --columns '{key}=title_*'"
+        raise LogError(expected, got, remedy)
+    titles = {name: read_title(name) for name in table.ignored[:200]}
+    if currents := [name for name, title in titles.items() if title and title.kind == CURRENT and not title.wish]:
         remedy = "give --torque-constant [Nm/A of the motor] and --gear-ratio, or --motor FILE.yaml"
-        raise LogError(expected, f"currents ({shown(name)[1:-1]} ...)", remedy)
-    if _near(table, f"{key}0"):
+        raise LogError(expected, f"currents ({shown(currents[0])[1:-1]} ...)", remedy)
+    if _near(table, "tau0"):
         return
-    wishes = [name for name, title in zip(table.ignored, titles, strict=False) if title and title.kind == "q" and title.wish]
-    if wishes or not current:
-        got = f"positions and their targets only ({shown(wishes[0])[1:-1]} ...)" if wishes else "positions only"
-        if not wishes and table.ignored:
-            got = f"columns {listed([*table.columns, *table.ignored])}"
-        remedy = (
-            "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply voltage * kt / R as tau"
-        )
-        raise LogError(expected, got, (f"add a column {key}0: " if not wishes else "") + remedy)
+    remedy = "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply voltage * kt / R as tau"
+    if wishes := [name for name, title in titles.items() if title and title.kind == "q" and title.wish]:
+        raise LogError(expected, f"positions and their targets only ({shown(wishes[0])[1:-1]} ...)", remedy)
+    raise LogError(expected, got, f"add a column tau0, or name it: --columns tau0=TITLE; {remedy}")
 
 
 def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int | None) -> None:
@@ -214,7 +213,8 @@ def instants(table: Table, notes: list[str]) -> np.ndarray:
     time = numbers(table, "time")
     if "nanosec" in table.columns:
         notes.append(f"time of {table.name} from its seconds and nanoseconds, counted from the first row")
-        return (time - time[0]) + 1e-9 * numbers(table, "nanosec")
+        part = numbers(table, "nanosec")
+        return (time - time[0]) + 1e-9 * (part - part[0])
     for unit, (least, scale) in UNIX.items():
         middle = float(np.median(time))
         if "time" not in table.factors and least < middle < 1e3 * least:
@@ -232,8 +232,7 @@ def distinct(found: Samples) -> Samples:
     keep = np.flatnonzero(~same)
     count = int(same.sum())
     found.notes.append(f"{count} row{'s' * (count > 1)} of {table.name} repeated the one before: left out")
-    lines = None if table.lines is None else [table.lines[i] for i in keep]
-    table = replace(table, rows=keep, lines=lines)
+    table = replace(table, rows=keep)
     signals = {kind: signal[keep] for kind, signal in found.signals.items()}
     return found._replace(table=table, time=found.time[keep], run=found.run[keep], signals=signals)
 
