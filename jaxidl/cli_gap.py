@@ -26,7 +26,7 @@ def gap(
     motor: Annotated[Path | None, arg(metavar="FILE.yaml")] = None,
     torque_constant: Annotated[tuple[float, ...], arg(metavar="NM/A ...")] = (),
     gear_ratio: Annotated[tuple[float, ...], arg(metavar="RATIO ...")] = (),
-    topic: str | None = None,
+    topic: Annotated[str | None, arg(metavar="NAME")] = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect, show the gap shrink.
 

@@ -124,14 +124,37 @@ def test_a_joint_without_any_inertia_is_named(tmp_path):
     assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: on_axis}), "robot.urdf"))
 
 
+FLAT = '<inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="0" iyz="0"/></inertial>'
+
+
 def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
-    flat = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial>'
-    model = read_model(stored(tmp_path, urdf(inside={3: flat}), "robot.urdf"))
-    (note,) = [note for note in model.notes if "A + B < C" in note]
-    assert " l3 " in note
-    np.testing.assert_allclose(model.plant.body.source.body_inertia[4], 0.02)  # the base is body 1
-    negative = flat.replace("0.04", "-0.04")
-    assert "positive" in complaint(stored(tmp_path, urdf(inside={3: negative}), "robot.urdf"))
+    """The largest moment stays, the others become what they must be at least; slightly wrong is slightly changed."""
+    for least, most in ((0.01, 0.04), (0.01, 0.0201)):
+        model = read_model(stored(tmp_path, urdf(inside={3: FLAT.format(least, least, most, 0)}), "robot.urdf"))
+        (note,) = [note for note in model.notes if "A + B < C" in note]
+        assert " l3 " in note
+        np.testing.assert_allclose(
+            sorted(model.plant.body.source.body_inertia[4]), [most / 2, most / 2, most]
+        )  # the base is body 1
+    turned = read_model(stored(tmp_path, urdf(inside={3: FLAT.format(0.025, 0.025, 0.01, 0.015)}), "robot.urdf"))
+    data = mujoco.MjData(turned.plant.body.source)  # moments 0.01, 0.01 and 0.04 about (1, 1, 0)
+    mujoco.mj_kinematics(turned.plant.body.source, data)
+    principal = np.zeros(9)
+    mujoco.mju_quat2Mat(principal, turned.plant.body.source.body_iquat[4])
+    tensor = principal.reshape(3, 3) * turned.plant.body.source.body_inertia[4] @ principal.reshape(3, 3).T
+    np.testing.assert_allclose(tensor, [[0.03, 0.01, 0], [0.01, 0.03, 0], [0, 0, 0.02]], atol=1e-9)
+    assert "positive" in complaint(stored(tmp_path, urdf(inside={3: FLAT.format(0.01, 0.01, -0.04, 0)}), "robot.urdf"))
+
+
+def test_inertia_that_rounding_made_negative_is_none(tmp_path):
+    path = stored(tmp_path, urdf(inside={3: FLAT.format(-5e-20, 0, 4e-18, 0)}), "robot.urdf")
+    model = read_model(path)
+    assert "no inertia of its own: l3" in model.notes
+    assert model.plant.body.source.body_inertia[4].max() < 1e-11
+
+
+def test_a_file_without_masses_says_so(tmp_path):
+    assert "no mass at all" in complaint(stored(tmp_path, urdf(inside=dict.fromkeys((1, 2, 3, 4), "")), "robot.urdf"))
 
 
 def fused(text, name, at):

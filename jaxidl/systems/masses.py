@@ -34,26 +34,85 @@ def accept_masses(spec: mujoco.MjSpec, path: Path) -> list[str]:
         ModelError: with MuJoCo's own words, if the model does not compile all the same.
     """
     notes = []
-    for words, change in (("balanceinertia", _balance), ("larger than mjMINVAL", _fill), ("balanceinertia", _balance)):
+    for _ in range(2 * len(_CHANGES)):  # one may bring up another
         try:
             spec.copy().compile()  # a spec whose compilation failed repeats the error at whatever is asked of it
             return notes
         except (ValueError, mujoco.FatalError) as error:
-            if words in str(error):
-                notes += change(spec)
+            for words, change in _CHANGES.items():
+                if words in str(error):
+                    notes += change(spec)
     compile_spec(spec, path)
     return notes
 
 
 def _balance(spec: mujoco.MjSpec) -> list[str]:
-    spec.compiler.balanceinertia = True
+    """Raise the two smaller moments of inertia as little as makes them possible."""
     names = []
     for body in spec.bodies[1:]:
-        a, b, c = np.sort(_moments(body))
-        if body.explicitinertial and a + b < c:
-            names.append(body.name or "without a name")
-    of = few(names) or "a body"
-    return [f"no mass has the moments of inertia of {of} (A + B < C): their mean is used for all three axes"]
+        moments, axes = _moments(body)
+        lacking = moments[2] - moments[0] - moments[1]
+        if body.explicitinertial and lacking > 0.0:
+            _write(body, moments + 0.5 * lacking * (1 + 1e-9) * np.array([1.0, 1.0, 0.0]), axes)
+            names.append(_called(body))
+    if not names:
+        return []
+    return [f"no mass has the moments of inertia of {few(names)} (A + B < C): the smaller two were raised until A + B = C"]
+
+
+def _lift(spec: mujoco.MjSpec) -> list[str]:
+    """Undo the rounding that made moments of inertia negative, or too small for MuJoCo."""
+    names = []
+    for body in spec.bodies[1:]:
+        moments, axes = _moments(body)
+        if body.explicitinertial and -SMALL < moments[0] < SMALL:
+            _write(body, np.maximum(moments, SMALL), axes)
+            names.append(_called(body))
+    return [f"no inertia of its own: {few(names)}"] if names else []
+
+
+def _fill(spec: mujoco.MjSpec) -> list[str]:
+    """Give next to no mass and inertia to links that move and have none."""
+    names = []
+    for body in spec.bodies[1:]:
+        if not body.joints or (not body.explicitinertial and any(geom.mass != 0.0 for geom in body.geoms)):
+            continue
+        moments, axes = _moments(body) if body.explicitinertial else (np.zeros(3), np.eye(3))
+        own = body.mass if body.explicitinertial else 0.0
+        if own < LIGHT or moments[0] < SMALL:
+            names.append(_called(body))
+            if own < LIGHT:
+                body.mass, body.ipos = LIGHT, np.zeros(3)
+            if moments[0] < SMALL:
+                _write(body, np.maximum(moments, SMALL), axes)
+            body.explicitinertial = True
+    return [f"no mass or inertia of its own: {few(names)}"] if names else []
+
+
+_CHANGES = {"positive eigenvalues": _lift, "balanceinertia": _balance, "larger than mjMINVAL": _fill}  # by MuJoCo's complaint
+
+
+def _moments(body: mujoco.MjsBody) -> tuple[np.ndarray, np.ndarray]:
+    """Principal moments (3,) [kg m^2] as the file gives them, the least first, and their axes (3, 3) in columns."""
+    if np.isfinite(body.fullinertia).all():
+        xx, yy, zz, xy, xz, yz = body.fullinertia
+        moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return moments, axes
+    order = np.argsort(body.inertia)
+    return np.asarray(body.inertia, float)[order], np.eye(3)[:, order]
+
+
+def _write(body: mujoco.MjsBody, moments: np.ndarray, axes: np.ndarray) -> None:
+    """Write principal moments (3,) about ``axes`` (3, 3) the way that the file has them."""
+    tensor = (axes * moments) @ axes.T
+    if np.isfinite(body.fullinertia).all():
+        body.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    else:
+        body.inertia = np.diag(tensor)
+
+
+def _called(body: mujoco.MjsBody) -> str:
+    return body.name or "a body without a name"
 
 
 def few(names: Sequence[str], most: int = 8) -> str:
@@ -61,34 +120,9 @@ def few(names: Sequence[str], most: int = 8) -> str:
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
-def _moments(body: mujoco.MjsBody) -> np.ndarray:
-    """Principal moments (3,) [kg m^2] as the file gives them."""
-    xx, yy, zz, xy, xz, yz = body.fullinertia
-    if not np.isfinite(body.fullinertia).all():
-        return np.asarray(body.inertia, float)
-    return np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def _fill(spec: mujoco.MjSpec) -> list[str]:
-    names = []
-    for body in spec.bodies[1:]:
-        if not body.joints or (not body.explicitinertial and any(geom.mass != 0.0 for geom in body.geoms)):
-            continue
-        least, own = _moments(body).min(), body.mass if body.explicitinertial else 0.0
-        if own < LIGHT or least < SMALL:
-            names.append(body.name or "without a name")
-            if own < LIGHT:
-                body.mass, body.ipos = LIGHT, np.zeros(3)
-            if least < SMALL:
-                body.fullinertia = np.full(6, np.nan)
-                body.inertia = np.maximum(_moments(body), SMALL)
-            body.explicitinertial = True
-    return [f"no mass or inertia of its own: {few(names)}"] if names else []
-
-
 def bare(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return a compiled model without the traces of mass that :func:`accept_masses` leaves."""
     true = copy.copy(model)
     true.body_mass[true.body_mass <= LIGHT] = 0.0
-    true.body_inertia[true.body_inertia <= SMALL] = 0.0
+    true.body_inertia[true.body_inertia <= 2 * SMALL] = 0.0
     return true

@@ -163,7 +163,9 @@ def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
     least, way = (part[..., 0] for part in np.linalg.eigh(inertia / size / size[:, None]))
     if least <= 1e-12:
         got = f"none at {joint_names(model)[int(np.abs(way).argmax())]}"
-        remedy = "give its body or what hangs on it a mass, or the joint armature"
+        remedy = "give its body or what hangs on it a mass, or the joint armature, or leave it out (--joints)"
+        if not model.body_mass.any():
+            got, remedy = "no mass at all", "use a file with the links' masses (<inertial>), this one is for pictures only"
         raise ModelError(f"{path} to have inertia at every joint", got, remedy)
 
 
