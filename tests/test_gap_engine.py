@@ -79,19 +79,108 @@ FORMULAS = {
     ),
     "torque_scale": ({"scale": 0.8}, lambda q, qd, tau: -0.2 * tau),
     "torque_saturation": ({"limit": 1.5}, lambda q, qd, tau: np.clip(tau, -1.5, 1.5) - tau),
+    "torque_curve": ({"loss": 0.03}, lambda q, qd, tau: -0.03 * tau * np.abs(tau)),
+    "sublinear_friction": ({"coefficient": 0.4, "power": 0.5}, lambda q, qd, tau: -0.4 * np.sqrt(np.abs(qd)) * np.sign(qd)),
+    "directional_load_friction": (
+        {"driving": 0.25, "driven": 0.05},
+        lambda q, qd, tau: -np.where(tau * qd > 0, 0.25, 0.05) * np.abs(tau) * np.sign(qd),
+    ),
+    "torque_ripple/harmonics": (
+        {"amplitude": [0.4, 0.2, 0.1], "period": 1.2, "phase": [0.5, 1.0, 2.0]},
+        lambda q, qd, tau: sum(
+            a * np.sin(2 * np.pi * (n + 1) * q / 1.2 + p) for n, (a, p) in enumerate([(0.4, 0.5), (0.2, 1.0), (0.1, 2.0)])
+        ),
+    ),
+    "outside/torque_deadband": ({"width": 0.3}, lambda q, qd, tau: -np.clip(tau, -0.3, 0.3)),
+    "outside/root_load_friction": ({"coefficient": 0.3}, lambda q, qd, tau: -0.3 * np.sqrt(np.abs(tau)) * np.sign(qd)),
+    "outside/fading_motor": ({"loss": 0.1}, lambda q, qd, tau: -0.1 * np.abs(qd) * tau),
 }
 
 
 @pytest.mark.parametrize("name", FORMULAS)
 def test_effect_is_the_torque_of_its_formula(name):
     parameters, formula = FORMULAS[name]
-    log = run(MECHANISMS["pendulum"], [make(name, 0, parameters)], 4, SHORT)
+    name, _, kind = name.partition("/")
+    hidden = make(name, 0, parameters | ({"kind": kind} if name == "outside" else {}))
+    log = run(MECHANISMS["pendulum"], [hidden], 4, SHORT)
     error, _ = residual(MECHANISMS["pendulum"], log)
     q, qd, tau = motion(log)
     moving = np.abs(qd) > 0.05
     wanted, found = low(formula(q, qd, tau))[moving], -error[moving]
     assert np.dot(wanted, found) / np.dot(wanted, wanted) == pytest.approx(1, abs=0.03)
     assert np.linalg.norm(wanted - found) < 0.16 * np.linalg.norm(wanted)  # what is left is where the joint turns round
+
+
+def test_inertia_that_varies_with_position_keeps_the_energy():
+    """Its torque is minus that of the Lagrangian J(q)·qd²/2: J·qdd + J'·qd²/2."""
+    varying = {"kind": "position_inertia", "inertia": 0.04, "period": 2.0, "phase": 0.3}
+    log = run(MECHANISMS["pendulum"], [make("outside", 0, varying)], 4, SHORT)
+    error, _ = residual(MECHANISMS["pendulum"], log)
+    q, qd, _ = motion(log)
+    qdd, turn = np.diff(log.clean, 2, axis=0) * 500**2, np.pi * q + 0.3
+    wanted = low(0.04 * np.sin(turn) * qdd + 0.02 * np.pi * np.cos(turn) * qd**2)
+    assert np.linalg.norm(wanted - error) < 0.15 * np.linalg.norm(wanted)
+
+
+def test_grease_that_gets_warm_rubs_less():
+    time_constant = run(MECHANISMS["pendulum"], [make("thermal_friction", 0, {"excess": 0.6, "time_constant": 2.0})], 4, SHORT)
+    error, _ = residual(MECHANISMS["pendulum"], time_constant)
+    _, qd, _ = motion(time_constant)
+    wanted = low(0.6 * np.exp(-time_constant.time[1:-1, None] / 2.0) * qd)
+    assert np.linalg.norm(wanted - error) < 0.03 * np.linalg.norm(wanted)
+    by_work = make("thermal_friction", 0, {"excess": 0.5, "warm": 0.1, "work": 1.0})
+    by_work.start(0.01, 0.0, 0.0)
+    torques = [by_work.torque(0.0, [0.0], [1.0], 0.0) for _ in range(10000)]
+    assert torques[0] == pytest.approx(-0.6)
+    assert torques[-1] == pytest.approx(-0.1, abs=0.005)
+
+
+def test_friction_on_the_difference_of_two_speeds():
+    coupling = make("coupled_joint_friction", 0, {"other": 1, "coefficient": 0.2, "level": 0.1, "difference": True})
+    log = run(MECHANISMS["two_link"], [coupling], 4, SHORT)
+    error, _ = residual(MECHANISMS["two_link"], log)
+    _, qd, _ = motion(log)
+    between = qd[:, 0] - qd[:, 1]
+    wanted = 0.2 * between + 0.1 * np.sign(between)
+    moving = np.abs(between) > 0.1
+    for column, sign in ((0, 1.0), (1, -1.0)):
+        assert np.linalg.norm(error[moving, column] - sign * wanted[moving]) < 0.05 * np.linalg.norm(wanted[moving])
+
+
+def test_motor_that_turns_two_joints():
+    log = run(MECHANISMS["two_link"], [make("motor_coupling", 0, {"other": 1, "share": 0.1})], 4, SHORT)
+    error, tau = residual(MECHANISMS["two_link"], log)
+    assert np.linalg.norm(error[:, 1] + 0.1 * tau[:, 0]) < 0.03 * np.linalg.norm(0.1 * tau[:, 0])
+    assert np.std(error[:, 0]) < 0.03 * np.std(error[:, 1])
+
+
+def test_wrong_links_and_a_tilted_base():
+    """A centre of mass, an inertia and a tilt, each against the same model written by hand."""
+    believed = MECHANISMS["two_link"]
+    fore = '<inertial pos="0 0 -0.175" mass="1" diaginertia="0.0102 0.0102 0.001"/>'
+    assert fore in believed
+    tilt = 'gravity="0.9779 0 -9.7613"'  # 0.1 rad about y, seen from the base
+    for effect, parameters, other in (
+        ("com_error", {"moment": [0.02, 0.0, -0.03]}, believed.replace('pos="0 0 -0.175"', 'pos="0.02 0 -0.205"')),
+        (
+            "inertia_tensor_error",
+            {"tensor": [0.002, 0.003, 0.001, 0.0, 0.0004, 0.0]},
+            believed.replace(
+                fore, fore.replace('diaginertia="0.0102 0.0102 0.001"', 'fullinertia="0.0122 0.0132 0.002 0 0.0004 0"')
+            ),
+        ),
+        ("base_tilt", {"angles": [0.0, 0.1]}, believed.replace('gravity="0 0 -9.81"', tilt)),
+    ):
+        log = run(believed, [make(effect, 1, parameters)], 4, 4.0)
+        assert severity(other, log, None) < 0.004 < severity(believed, log, None)
+
+
+def test_eccentric_encoder_reads_wrong_once_a_turn():
+    wrong = make("outside", 0, {"kind": "encoder_eccentricity", "error": 0.05, "period": 2.0, "phase": 0.0})
+    log, straight = (run(MECHANISMS["pendulum"], hidden, 4, 4.0) for hidden in ([wrong], []))
+    assert np.abs(log.q - straight.q).max() < 0.02  # the controller follows its reading
+    error, _ = residual(MECHANISMS["pendulum"], log)
+    assert np.std(error) > 0.03
 
 
 @pytest.mark.parametrize("kind", ["coulomb", "viscous"])
@@ -280,5 +369,7 @@ def test_shipped_pairs_do_not_diverge(case):
 
 @pytest.mark.parametrize("case", [c for c in CASES if c.family == "single"][7::70], ids=lambda case: case.id)
 def test_severity_is_about_what_it_says(case):
-    aimed, found = SEVERITIES[case.severity], severity(MECHANISMS[case.mechanism], case.measure(), case.hidden[0].joint)
+    hidden = case.hidden[0]
+    joint = hidden.parameters["other"] if hidden.effect == "motor_coupling" else hidden.joint
+    aimed, found = SEVERITIES[case.severity], severity(MECHANISMS[case.mechanism], case.measure(), joint)
     assert (0.25 if case.hidden[0].effect == "joint_elasticity" else 0.45) < found / aimed < 2.0

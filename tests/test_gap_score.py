@@ -6,6 +6,7 @@ import math
 import pytest
 
 from jaxidl.gap.benchmark import judge
+from jaxidl.gap.benchmark.calibration import calibration
 from jaxidl.gap.benchmark.score import confusion, quartiles, score, share
 
 
@@ -110,20 +111,91 @@ def test_confusion_counts():
     assert confusion(pairs) == {"coulomb_friction": {"coulomb_friction": 2, "viscous_friction": 1}, "none": {"none": 1}}
 
 
+def test_a_suspicion_is_no_name():
+    doubtful = report(C, V)
+    doubtful["effects"][1]["confidence"] = 0.79
+    assert judge.single_credit(hidden(), doubtful) == 1.0
+    doubtful["effects"][0]["confidence"] = 0.3
+    assert judge.named(doubtful) == []
+    assert judge.column(case(hidden()), doubtful) == "none"
+
+
+@pytest.mark.parametrize(
+    ("given", "joints", "wrong"),
+    [
+        (report(C), None, True),
+        (report(C, verdict="unexplained"), None, False),
+        (report(C, verdict="unexplained"), [0], False),
+        (report(C, verdict="unexplained"), [1], True),
+        (report(C, ("spring", 1), verdict="unexplained"), [1], True),
+        (report(("payload", None), verdict="unexplained"), [1], False),
+        (report(C, verdict="ambiguous"), None, False),
+        (report(C, verdict="ambiguous", ambiguous=[[("spring", 1), ("torque_ripple", 1)]]), None, True),
+        (report(C, verdict="ambiguous", ambiguous=[[C, V]]), None, False),
+        (report(), None, False),
+        (None, None, False),
+    ],
+)
+def test_misnamed_with_confidence(given, joints, wrong):
+    if joints is not None:
+        given = given | {"unexplained_joints": joints}
+    assert judge.misnamed(given) == wrong
+
+
+def test_calibration_counts_by_confidence_and_family():
+    def sure(confidence, *names):
+        made = report(*names)
+        for effect in made["effects"]:
+            effect["confidence"] = confidence
+        return made
+
+    pairs = [(case(hidden()), sure(0.95, C, V)), (case(hidden()), sure(0.8, C)), (case(), sure(0.2, V)), (case(), report(V))]
+    curve = calibration(pairs, share)
+    assert {name: (bin["share"], bin["n"]) for name, bin in curve.items() if bin["n"]} == {
+        "0.0-0.5": (0.0, 1),
+        "0.8-0.9": (1.0, 1),
+        "0.9-1.0": (pytest.approx(1 / 3), 3),
+    }
+
+
 def test_parameter_errors():
     def errors(truth, **reported):
-        return judge.parameter_errors(truth, {"parameters": reported})
+        return judge.parameter_errors(truth, {"parameters": reported}, "pendulum")
 
     level = {"value": 2.2, "unit": "N", "stderr": 0.05}
-    assert errors(hidden(), level=level, other=level)["level"] == pytest.approx((0.1, 4.0))
-    assert errors(hidden(joint=1), level={"value": [9.0, 2.2]})["level"] == (pytest.approx(0.1), None)
+    assert errors(hidden(), level=level, other=level)["level"] == (pytest.approx(0.1), pytest.approx([4.0]))
+    assert errors(hidden(joint=1), level={"value": [9.0, 2.2]})["level"] == (pytest.approx(0.1), [])
     assert errors(hidden("torque_scale", scale=0.8), scale={"value": 0.82})["scale"][0] == pytest.approx(0.1)
-    turn = errors(hidden("torque_ripple", phase=6.2), phase={"value": 0.1})["phase"]
-    assert turn[0] == pytest.approx((0.1 - 6.2 + 2 * math.pi) / math.pi)
     load = hidden("payload", None, com=[0.0, 0.0, -0.5])
-    assert errors(load, com={"value": [0.03, 0.0, -0.54]})["com"] == (pytest.approx(0.1), None)
-    assert errors(hidden("inertia_error", extra=0.2, kind="mass"), extra={"value": 0.01}) == {}
+    found = errors(load, com={"value": [0.03, 0.0, -0.54], "stderr": [0.01, 0.01, 0.02]})["com"]
+    assert found == (pytest.approx(0.1), pytest.approx([3.0, 0.0, 2.0]))
+    heavier = hidden("inertia_error", extra=0.2, kind="mass")
+    assert errors(heavier, extra={"value": 0.01}) == {}
+    assert errors(heavier, mass={"value": 0.18})["mass"][0] == pytest.approx(0.1)
     assert errors(hidden(), speed=level) == {}
+
+
+def test_parameters_that_go_by_another_name():
+    def errors(truth, **values):
+        return judge.parameter_errors(
+            truth, {"parameters": {k: {"value": v, "stderr": 0.1} for k, v in values.items()}}, "pendulum"
+        )
+
+    stribeck = hidden("stribeck_friction", sliding=2.0, excess=1.0, speed=0.1)
+    assert errors(stribeck, level=2.2, excess=1.0, speed=0.1)["level"][0] == pytest.approx(0.1)
+    ripple = hidden("torque_ripple", amplitude=2.0, period=0.3, phase=math.pi / 2)
+    found = errors(ripple, sine=0.2, cosine=2.0, period=0.3)
+    assert found["sine"][0] == pytest.approx(0.1)  # of the wave's amplitude, though the true sine is zero
+    assert found["cosine"][0] == pytest.approx(0, abs=1e-12)
+    wave = hidden("position_dependent_friction", level=1.0, variation=0.5, period=1.0, phase=0.0, kind="coulomb")
+    positions = [-0.5 + k / 10 for k in range(11)]
+    table = [1 + 0.5 * math.sin(2 * math.pi * q) for q in positions]
+    right = errors(wave, level=table, lower=-0.5, upper=0.5)["level"]
+    assert right[0] == pytest.approx(0, abs=1e-9)
+    assert len(right[1]) == 11
+    off = errors(wave, level=[1.1 * value for value in table], lower=-0.5, upper=0.5)["level"]
+    assert off[0] == pytest.approx(0.1)
+    assert errors(wave, level=table) == {}  # a table without its ends has no positions
 
 
 def test_share_of_the_gap_removed():
@@ -163,7 +235,7 @@ def test_whole_score():
     }
     result = score(truth, reports)
     json.dumps(result)
-    assert result["cases"] == {"single": 3, "none": 3, "outside": 2, "pair": 2}
+    assert result["cases"] == {"single": 3, "none": 3, "outside": 2, "pair": 2, "robot": 0}
     assert result["failed"] == 1
     singles = result["singles"]
     assert singles["right"]["share"] == pytest.approx(0.5)
@@ -179,6 +251,7 @@ def test_whole_score():
     assert result["pairs"]["exact"]["share"] == 0.5
     assert result["parameters"]["by_effect"]["coulomb_friction"]["level"]["median"] == pytest.approx(0.1)
     assert result["parameters"]["within_two_stderr"]["share"] == 1.0
+    assert result["calibration"]["single"]["0.9-1.0"]["share"] == 0.5
     assert result["gap_removed"]["single"]["n"] == 2
     assert result["gap_removed"]["single_right"]["median"] == pytest.approx(0.75)
     assert result["confusion"]["outside"] == {"viscous_friction": 2}

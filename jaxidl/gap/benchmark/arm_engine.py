@@ -130,7 +130,10 @@ class _Arm:
         joints = range(self.model.nv)
         self.bias = np.array([sum(e.encoder()[1] for e in hidden if e.joint == j) for j in joints])
         self.late = [round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints]
-        self.data.qpos[:] = position = position - self.bias
+        position = position - self.bias
+        for effect in hidden:
+            position[effect.joint] -= effect.misread(float(position[effect.joint]))
+        self.data.qpos[:] = position
         for effect in hidden:
             effect.start(step, float(position[effect.joint]), float(command[effect.joint]))
         number = list(enumerate(hidden))
@@ -138,6 +141,7 @@ class _Arm:
         self.smooth = [(n, e.joint, e.torque) for n, e in number if has(e, "torque")]
         self.rough = [(n, e.joint, e.dry) for n, e in number if has(e, "dry")]
         self.gears = [(n, e.joint, e.transmit) for n, e in number if isinstance(e, JointElasticity)]
+        self.spreads = [(n, e.spread) for n, e in number if has(e, "spread")]
         self.wrong = [(e.joint, e.misread) for e in hidden if has(e, "misread")]
         self.both = [(n, e.passive) for n, e in number if has(e, "passive")]
         self.path = [self.data.qpos.copy()] if any(self.late) else []
@@ -175,6 +179,11 @@ class _Arm:
                 if noting is not None:
                     noting[n, j] += out - delivered[j]
                 delivered[j] = out
+            for n, spread in self.spreads:
+                other, more = spread(delivered)
+                delivered[other] += more
+                if noting is not None:
+                    noting[n, other] += more
             force = delivered.copy()
             for n, j, transmit in self.gears:
                 force[j] = transmit(q[j], qd[j], delivered[j])

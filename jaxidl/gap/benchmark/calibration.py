@@ -14,7 +14,9 @@ def is_right(truth: Record, report: Record, effect: Record) -> bool:
     """Return whether an effect of a report is hidden there; for a whole robot by the equivalences of :mod:`.robot_judge`."""
     if truth["family"] == "robot":
         return robot_judge.right(truth, report, effect)
-    return judge.key(effect) in {judge.key(hidden) for hidden in truth["hidden"]}
+    hidden = {judge.key(h) for h in truth["hidden"]}
+    beside = {(name, joint) for whole, joint in hidden for name in judge.COMPANIONS.get(whole, ())}
+    return judge.key(effect) in hidden | beside
 
 
 def calibration(

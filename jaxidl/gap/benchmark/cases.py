@@ -29,6 +29,8 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("base_tilt", "two_link"): "the same motion as with a bias of the first encoder",
     ("coupled_joint_friction", "slider"): "there is no other joint",
     ("coupled_joint_friction", "pendulum"): "there is no other joint",
+    ("motor_coupling", "slider"): "there is no other joint",
+    ("motor_coupling", "pendulum"): "there is no other joint",
 }
 """What cannot show on a mechanism, and why."""
 
@@ -203,7 +205,7 @@ def _pair(
             one, other = (ones[k] for k in rng.choice(len(ones), 2, replace=False))
         else:
             one, other = ones[rng.integers(len(ones))], others[rng.integers(len(others))]
-        near = one[1] == other[1] or {one[0], other[0]} & {"payload", "com_error", "coupled_joint_friction"}
+        near = one[1] == other[1] or {one[0], other[0]} & {"payload", "com_error", "coupled_joint_friction", "motor_coupling"}
         if one[0] != other[0] and not (near and any({one[0], other[0]} <= group for group in merging)):
             return [(_variant(name, mechanism, int(rng.integers(2))), joint) for name, joint in (one, other)]
 

@@ -38,6 +38,7 @@ INJECTED: dict[str, type[Injected]] = {
     "torque_curve": wider.TorqueCurve,
     "sublinear_friction": wider.SublinearFriction,
     "coupled_joint_friction": wider.CoupledJointFriction,
+    "motor_coupling": wider.MotorCoupling,
 }
 """The names of the catalogue, in its order."""
 

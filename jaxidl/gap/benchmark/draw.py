@@ -120,8 +120,10 @@ def _wide(row: str, size: float, rng: np.random.Generator, place: Place, joint: 
         case "sublinear_friction":
             return {"coefficient": size, "power": _in(rng, 0.4, 0.6)}
         case "coupled_joint_friction":
-            sign, dry = float(rng.choice([-1, 1])), size * _in(rng, 0.2, 0.5)
-            return {"other": 1 - joint, "viscous": size, "dry_level": dry, "sign": sign}
+            difference, dry = bool(rng.integers(2)), size * _in(rng, 0.2, 0.5)
+            return {"other": 1 - joint, "coefficient": size, "level": dry, "difference": difference}
+        case "motor_coupling":
+            return {"other": 1 - joint, "share": size * float(rng.choice([-1, 1]))}
         case "torque_ripple/harmonics":
             waves = {"amplitude": [size, size * _in(rng, 0.4, 0.8), size * _in(rng, 0.2, 0.5)]}
             return waves | {"period": place.span * _in(rng, 0.4, 0.7), "phase": rng.uniform(0, 2 * math.pi, 3).tolist()}

@@ -79,13 +79,17 @@ class _Plant:
         joints = range(self.model.nv)
         self.late = [round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints]
         self.bias = [sum(e.encoder()[1] for e in hidden if e.joint == j) for j in joints]
-        self.data.qpos[:] = position = position - np.array(self.bias)
+        position = position - np.array(self.bias)
+        for effect in hidden:
+            position[effect.joint] -= effect.misread(float(position[effect.joint]))
+        self.data.qpos[:] = position
         for effect in hidden:
             effect.start(step, float(position[effect.joint]), float(command[effect.joint]))
         self.step, self.count = step, 0
         self.motor = [(e.joint, e.actuate) for e in hidden if has(e, "actuate")]
         self.smooth = [(e.joint, e.torque) for e in hidden if has(e, "torque")]
         self.rough = [(e.joint, e.dry) for e in hidden if has(e, "dry")]
+        self.spreads = [e.spread for e in hidden if has(e, "spread")]
         self.wrong = [(e.joint, e.misread) for e in hidden if has(e, "misread")]
         self.gears = [(e.joint, e.transmit) for e in hidden if isinstance(e, JointElasticity)]
         self.path: list[Floats] = [self.data.qpos.tolist()]
@@ -109,6 +113,9 @@ class _Plant:
             delivered = command.copy()
             for j, actuate in self.motor:
                 delivered[j] = actuate(t, delivered[j])
+            for spread in self.spreads:
+                other, more = spread(delivered)
+                delivered[other] += more
             force = delivered.copy()
             for j, transmit in self.gears:
                 force[j] = transmit(position[j], speed[j], delivered[j])

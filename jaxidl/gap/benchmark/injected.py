@@ -68,6 +68,10 @@ class Injected:
         """The torque that the motor delivers for ``command``, or for what the stage before it delivers."""
         return command
 
+    def spread(self, delivered: Floats) -> tuple[int, float]:
+        """Another joint, and the torque that what the motors deliver makes there."""
+        return self.joint, 0.0
+
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         """A smooth torque on the joint."""
         return 0.0

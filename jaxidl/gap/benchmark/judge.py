@@ -10,6 +10,13 @@ from jaxidl.gap.benchmark.translate import errors, expected
 Record = Mapping[str, Any]
 Key = tuple[str, int | None]
 
+COMPANIONS: Mapping[str, tuple[str, ...]] = {
+    "sublinear_friction": ("coulomb_friction", "viscous_friction"),
+    "com_error": ("inertia_error", "inertia_tensor_error"),
+}
+"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, and a centre of mass that is off
+with the link's own inertia kept, as a sum of several of its effects."""
+
 CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
 TIED = {
@@ -60,6 +67,8 @@ def candidates(report: Record | None) -> list[set[Key]]:
 def single_credit(hidden: Record, report: Record | None) -> float:
     """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing outside that set is named."""
     truth, names = key(hidden), named(report)
+    if truth in names:
+        names = [name for name in names if not (name[1] == truth[1] and name[0] in COMPANIONS.get(truth[0], ()))]
     for group in candidates(report):
         if truth in group:
             return 0.5 if set(names) <= group else 0.0
@@ -114,7 +123,7 @@ def removed(truth: Record, report: Record | None) -> float | None:
     """
     if not named(report) or report is None:
         return None
-    joints = [hidden["joint"] for hidden in truth["hidden"]]
+    joints = [h["parameters"]["other"] if h["effect"] == "motor_coupling" else h["joint"] for h in truth["hidden"]]
     gap = report["gap"]
     rms = [np.asarray(x, float) for x in (gap["before"]["torque_rms"], gap["after"]["torque_rms"], gap["noise_floor"])]
     if None not in joints:

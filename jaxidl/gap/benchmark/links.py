@@ -85,7 +85,7 @@ class Links:
             found[name][key], values = values[: block.shape[1]], values[block.shape[1] :]
         return found
 
-    def _fit(self, basis: Array, error: Array) -> tuple[Array, Array]:
+    def _fit(self, basis: Array, error: Array) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
         """Least squares of the torque of ``error`` by that of the ``basis`` (P, n): values (n,), and which of them are unique."""
         normal = basis.T @ self.gram @ basis
         size = np.diag(normal)

@@ -32,7 +32,7 @@ SUMS: Mapping[str, tuple[str, ...]] = {"asymmetric_friction": ("coulomb_friction
 
 TORQUES = {
     *("level", "excess", "positive", "negative", "coefficient", "extra", "offset", "stiffness", "sine", "cosine"),
-    *("viscous", "dry_level", "warm", "damping", "motor_inertia"),
+    *("warm", "damping", "motor_inertia"),
 }
 """Parameters in proportion to the joint's torque: a log whose torque scale is off shows them so much larger."""
 
@@ -42,7 +42,7 @@ def names_of(record: Record) -> list[Key]:
     effect, joint = judge.key(record)
     other = record.get("other", record.get("options", {}).get("other", record["parameters"].get("other")))
     other = other.get("value") if isinstance(other, Mapping) else other
-    if effect == "coupled_joint_friction" and other is not None:
+    if effect in ("coupled_joint_friction", "motor_coupling") and other is not None:
         return [(effect, joint), (effect, int(np.ravel(other)[0]))]
     return [(effect, joint)]
 
@@ -128,10 +128,14 @@ def _merged(truth: Record, name: Key, names: list[Key]) -> dict[str, True_]:
     here = {h["effect"]: expected(h) for h in truth["hidden"] if name in [(name[0], joint) for _, joint in names_of(h)]}
     unnamed = {effect: p for effect, p in here.items() if (effect, name[1]) not in names}
     true = dict(here.get(name[0], {}))
+    if "sublinear_friction" in here and name[0] in judge.COMPANIONS["sublinear_friction"]:
+        return {}  # where a bent friction is hidden, its line depends on the speeds that a report fits it over
     dry, offset = _one(unnamed, "coulomb_friction", "level"), _one(unnamed, "constant_offset", "offset")
     sides = "asymmetric_friction" in unnamed
     if name[0] in ("stribeck_friction", "position_dependent_friction") and "level" in true:
         true["level"] = _plus(true["level"], dry)
+    elif name[0] == "thermal_friction" and true:
+        true["warm"] = _one(unnamed, "viscous_friction", "coefficient") + _one(here, "thermal_friction", "warm")
     elif name[0] == "asymmetric_friction":
         both = true or {"positive": 0.0, "negative": 0.0}
         true = {"positive": _plus(both["positive"], dry - offset), "negative": _plus(both["negative"], dry + offset)}

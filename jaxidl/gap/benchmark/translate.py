@@ -11,7 +11,7 @@ from jaxidl.gap.benchmark.reference import Array
 
 True_ = float | Array | Callable[[Array], Array]
 
-ASIDE = {"kind", "other", "sign", "power"}  # which effect it is, and what a report need not say as a number
+ASIDE = {"kind", "other", "difference", "power"}  # which effect it is, and what a report need not say as a number
 AMPLITUDES = {"sine": ("sine", "cosine"), "cosine": ("sine", "cosine")}
 """Parameters that are judged by the size of several together."""
 
@@ -52,6 +52,8 @@ def errors(true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | 
             wanted = np.ravel(value)
             if len(wanted) == 1 and len(got) > 1:
                 got = got[[joint or 0]]  # one value for each joint
+        if wanted is not None and name in AMPLITUDES and len(got) != len(wanted):
+            got, wanted = (np.pad(x, (0, max(len(got), len(wanted)) - len(x))) for x in (got, wanted))  # other harmonics are zero
         if wanted is None or len(got) != len(wanted):
             continue
         off = got - wanted

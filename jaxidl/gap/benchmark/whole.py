@@ -23,6 +23,7 @@ EXOTIC = (
     "directional_load_friction",
     "coupled_friction",
     "coupled_joint_friction",
+    "motor_coupling",
     "thermal_friction",
     "payload",
     "base_tilt",
@@ -106,7 +107,13 @@ def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, 
         "coupled_friction": {"other": other, "level": ("size", 1.0), "variation": 0.9, "period": period * 2, "phase": phase},
         "load_dependent_friction": {"coefficient": ("size", 1.0)},
         "directional_load_friction": {"driving": ("size", 1.0), "driven": ("size", rng.uniform(0.2, 0.6))},
-        "coupled_joint_friction": {"other": other, "viscous": ("size", 1.0), "dry_level": ("size", 0.5), "sign": sign},
+        "coupled_joint_friction": {
+            "other": other,
+            "coefficient": ("size", 1.0),
+            "level": ("size", 0.5),
+            "difference": sign < 0,
+        },
+        "motor_coupling": {"other": other, "share": ("size", sign)},
         "thermal_friction": {"excess": ("size", 1.0), "time_constant": rng.uniform(12.0, 25.0)},
         "payload": {"mass": ("size", 1.0), "com": _list(arm.lengths[-1] * rng.uniform([-0.3, -0.3, 0.6], [0.3, 0.3, 1.2]))},
         "base_tilt": {"angles": (("size", math.cos(phase)), ("size", math.sin(phase)))},
@@ -150,6 +157,8 @@ def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
     match name:
         case "payload":
             return parameters["mass"] > 0.5 * float(arm.masses.sum())
+        case "motor_coupling":
+            return abs(parameters["share"]) > 1.0
         case "base_tilt":
             return math.hypot(*parameters["angles"]) > 0.12
         case "position_bias":

@@ -117,24 +117,35 @@ class SublinearFriction(Injected):
 
 @dataclass
 class CoupledJointFriction(Injected):
-    """Friction on the sum (``sign`` 1) or difference (-1) of the speeds of two joints, as in a wrist: the engine's own tendon."""
+    """Friction on the sum or the ``difference`` of the speeds of two joints, as in a wrist: the engine's own tendon."""
 
     other: int
-    viscous: float
-    dry_level: float = 0.0
-    sign: float = 1.0
+    coefficient: float
+    level: float = 0.0
+    difference: bool = False
 
     def alter(self, spec: Any) -> None:
-        name = f"couple{self.joint}{self.other}"
-        tendon = spec.add_tendon(name=name)
+        tendon = spec.add_tendon(name=f"couple{self.joint}{self.other}")
         tendon.wrap_joint(spec.joints[self.joint].name, 1.0)
-        tendon.wrap_joint(spec.joints[self.other].name, self.sign)
+        tendon.wrap_joint(spec.joints[self.other].name, -1.0 if self.difference else 1.0)
         viscous = np.zeros(np.shape(tendon.damping))  # newer engines take a polynomial of the speed, linear term first
-        tendon.damping = self.viscous if viscous.ndim == 0 else [self.viscous, *viscous[1:]]
-        tendon.frictionloss = self.dry_level
+        tendon.damping = self.coefficient if viscous.ndim == 0 else [self.coefficient, *viscous[1:]]
+        tendon.frictionloss = self.level
         tendon.solref_friction, tendon.solimp_friction = (1e-3, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
 
     def passive(self, qd: Floats) -> dict[int, float]:
-        speed = qd[self.joint] + self.sign * qd[self.other]
-        torque = -self.viscous * speed - (math.copysign(self.dry_level, speed) if speed else 0.0)
-        return {self.joint: torque, self.other: self.sign * torque}
+        sign = -1.0 if self.difference else 1.0
+        speed = qd[self.joint] + sign * qd[self.other]
+        torque = -self.coefficient * speed - (math.copysign(self.level, speed) if speed else 0.0)
+        return {self.joint: torque, self.other: sign * torque}
+
+
+@dataclass
+class MotorCoupling(Injected):
+    """The motor of the joint turns ``other`` too: a ``share`` of its torque arrives there."""
+
+    other: int
+    share: float
+
+    def spread(self, delivered: Floats) -> tuple[int, float]:
+        return self.other, self.share * delivered[self.joint]

@@ -67,6 +67,8 @@ def acts(effect: Injected, xml: str, motion: Motion) -> Array:
         added[k, j] += delivered - tau[j] + effect.torque(float(t), q, qd, delivered)
         forward, backward, _ = effect.dry(q[j], qd[j], delivered)
         added[k, j] += (-forward if qd[j] > 0 else backward) if abs(qd[j]) > 1e-3 else 0.0
+        other, more = effect.spread(tau)
+        added[k, other] += more
         for other, torque in effect.passive(qd).items():
             added[k, other] += torque
     return added
