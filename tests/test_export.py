@@ -24,6 +24,7 @@ from tests.test_mjcf import RICH, URDF, stored
 ONE, PAIR = lambda x: jnp.array([x]), lambda a, b: jnp.array([a, b])
 ON = lambda effect, joint: OnJoint(effect, joint, 2)  # noqa: E731
 LOAD = fx.Payload(jnp.array(0.4), jnp.array([0.1, 0.05, -0.3]))
+THICK = ON(fx.InertiaTensorError(jnp.array([[0.02, 0.02, 0.02, 0.0, 0.0, 0.0]])), 1)  # a rod allows of no shift
 FAR = LOAD.replace(com=jnp.array([-0.3, 0.0, 0.1]))
 
 WRITTEN: dict[str, tuple[list[Effect], str]] = {
@@ -36,7 +37,24 @@ WRITTEN: dict[str, tuple[list[Effect], str]] = {
         "body/inertial",
     ),
     "both": ([fx.InertiaError(PAIR(0.1, 0.2), PAIR(0.2, -0.1))], "joint/armature, body/inertial"),
+    "centre": ([THICK, ON(fx.ComError(jnp.array([[0.02, -0.01, 0.03]])), 1)], "body/inertial"),
+    "tensor": ([fx.InertiaTensorError(0.001 * jnp.array([[3.0, 2, 4, 0.5, -0.3, 0.2], [1, 1, 1, 0, 0.1, 0]]))], "body/inertial"),
+    "link": (
+        [
+            ON(fx.ComError(jnp.array([[0.02, 0.01, 0.0]])), 1),  # alone not possible
+            THICK,
+            ON(fx.InertiaError(ONE(0.1), ONE(0.2)), 1),
+            fx.BaseTilt(PAIR(0.03, -0.05)),
+        ],
+        "joint/armature, body/inertial, option/gravity",
+    ),
     "payload": ([LOAD], "body/inertial"),
+    "heavy payload": (
+        [LOAD.replace(moment=jnp.array([0.01, 0.0, 0.02]), inertia=0.1 * jnp.array([1.0, 1, 1, 0.1, 0, 0.2]))],
+        "body/inertial",
+    ),
+    "payload gone": ([fx.Payload(jnp.array(-0.2), jnp.array([0.0, 0.0, -0.175]))], "body/inertial"),
+    "tilt": ([fx.BaseTilt(PAIR(0.05, -0.03))], "option/gravity"),
     "payloads": ([LOAD, FAR, ON(fx.InertiaError(ONE(0.0), ONE(0.5)), 1)], "body/inertial"),
 }
 equation = jax.jit(lambda body, q, qd: body.equation_of_motion(q, qd))
@@ -111,10 +129,11 @@ def test_what_mujoco_has_not_is_in_the_record_alone(two_link, tmp_path):
 def test_what_does_not_go_into_mjcf_stays_in_the_record(two_link, tmp_path):
     spring = fx.Spring(PAIR(1.0, 2.0), PAIR(0.1, 0.2))
     light = ON(fx.InertiaError(ONE(-0.04)), 1)  # of 0.03 of armature
+    outside = ON(fx.ComError(jnp.array([[3.0, 0.0, 0.0]])), 1)  # its inertia about that centre would be negative
     void = ON(fx.InertiaError(ONE(0.0), ONE(-1.0)), 1)  # all that the body weighs
-    added = [spring, ON(fx.Spring(ONE(3.0), ONE(0.4)), 1), light, void]
+    added = [spring, ON(fx.Spring(ONE(3.0), ONE(0.4)), 1), light, void, outside]
     model, record = write_patched(two_link, added, tmp_path)
-    assert [entry["in_mjcf"] for entry in record_of(record)["effects"]] == [True, False, False, False]
+    assert [entry["in_mjcf"] for entry in record_of(record)["effects"]] == [True, False, False, False, False]
     compare(Plant(two_link.plant.body, tuple(added)), read_model(model).plant, in_c=False)
 
 

@@ -3,11 +3,12 @@
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Line, late, line, push, variants_of
-from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
+from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, Joints
 
 REACHED = 0.95  # of the limit: from there on a motor counts as saturated
@@ -31,6 +32,11 @@ class ActuatorLag(Effect):
     def actuate(self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Joints]:
         delivered = tau + (memory - tau) * jnp.exp(-dt / self.time_constant)
         return delivered, delivered
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        """A motor has one lag, in front of its limit."""
+        free = motor.lag == 0.0 and motor.force == np.inf
+        return motor._replace(lag=float(self.time_constant[joint])) if free else None
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -59,6 +65,10 @@ class ActuatorDelay(Effect):
     def actuate(self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Line]:
         return late(tau, memory, self.delay / dt + jnp.zeros_like(q)), push(memory, tau)
 
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        """MuJoCo has no dead time, but it may stand anywhere in the order."""
+        return motor
+
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         return [{"delay": x} for x in DELAYS]
@@ -86,6 +96,9 @@ class TorqueScale(Effect):
 
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
         return self.scale * tau, memory
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        return motor._replace(gear=motor.gear * float(self.scale[joint]))
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -132,6 +145,9 @@ class TorqueSaturation(Effect):
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
         return jnp.clip(tau, -self.limit, self.limit), memory
 
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        return motor._replace(force=min(motor.force, float(self.limit[joint]) / motor.gear))
+
     def seen(self, logged: History, predicted: History) -> History:
         """The logged command where it exceeds the limit and the torque that the motion needs reaches it.
 
@@ -161,6 +177,7 @@ class ConstantOffset(Effect):
     sentence: ClassVar[str] = "a constant torque that is always there"
     parameters: ClassVar = {"offset": Parameter("N", -1e4, 1e4, "the torque bias")}
     linear: ClassVar[bool] = True
+    changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.3
     common: ClassVar[bool] = True
     advice: ClassVar[str] = "measure the torque that just starts the joint in each direction, with the motor's offset zeroed"

@@ -26,7 +26,7 @@ from flax import struct
 from jax.interpreters.partial_eval import dce_jaxpr
 from jaxtyping import Array, Float
 
-from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
+from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, JointMask, Joints
 
 
@@ -51,6 +51,8 @@ class Effect(struct.PyTreeNode):
     """Does conventional identification fit it on every joint?"""
     friction: ClassVar[bool] = False
     """Must it dissipate, together with all other friction of its joint?"""
+    changes: ClassVar[float] = 0.02
+    """Probability that it is another one in a second log of the same machine."""
     neutral: ClassVar[float] = 0.0
     """Value of its one parameter with which an effect without amplitudes does nothing; infinite: none."""
     fixed: ClassVar[tuple[str, ...]] = ()
@@ -147,6 +149,29 @@ class Effect(struct.PyTreeNode):
     def alone(cls) -> bool:
         """Do its fields hold the values of one joint each, so that :class:`OnJoint` can put it on one?"""
         return not cls.whole and all(f.name != "joint" for f in fields(cls))
+
+    @classmethod
+    def rigid(cls) -> bool:
+        """Is all that it does to make another rigid body?"""
+        rest = ("start", "actuate", "torque", "dry", "holds", "sense")
+        return cls.alter is not Effect.alter and all(getattr(cls, name) is getattr(Effect, name) for name in rest)
+
+    def write_mjcf(self, numbers: Any) -> str | None:
+        """Add the effect to the attributes of a MuJoCo model, ``numbers``, and return which these are.
+
+        None, with nothing changed, if MuJoCo has none for it or they cannot hold it: then it goes into ``effects.json``.
+        See :class:`jaxidl.systems.attributes.Numbers`. What only alters the rigid body is written without further ado.
+        """
+        return numbers.alter(self) if self.rigid() else None
+
+    @classmethod
+    def read_mjcf(cls, numbers: Any) -> "Effect | None":
+        """Return what one joint of a MuJoCo model has of this effect, given its attributes ``numbers``; None if nothing."""
+        return None
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        """Return MuJoCo's ``motor`` of a joint with the effect behind it; None if it then is none that MuJoCo has."""
+        return motor if type(self).actuate is Effect.actuate else None
 
     def check(self) -> "Effect":
         """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or NaN."""

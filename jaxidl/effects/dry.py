@@ -6,9 +6,10 @@ and without chattering, and a derivative through a step is that of the branch ta
 one does not.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
@@ -31,6 +32,7 @@ class CoulombFriction(Effect):
     parameters: ClassVar = {"level": Parameter("N", 0.0, 1e5, "the level of dry friction")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"level": "joint/frictionloss"}
+    changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.5
     common: ClassVar[bool] = True
     friction: ClassVar[bool] = True
@@ -38,6 +40,14 @@ class CoulombFriction(Effect):
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         return self.level + jnp.zeros_like(qd)
+
+    def write_mjcf(self, numbers: Any) -> str | None:
+        numbers.frictionloss += np.asarray(self.level)
+        return "joint/frictionloss"
+
+    @classmethod
+    def read_mjcf(cls, numbers: Any) -> "CoulombFriction | None":
+        return cls(jnp.asarray(numbers.frictionloss)) if np.any(numbers.frictionloss) else None
 
 
 class AsymmetricFriction(Effect):

@@ -1,9 +1,10 @@
 """Friction: torques that oppose, or in the paper's odd region feed, motion."""
 
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 from jaxidl.effects.base import Effect
@@ -23,6 +24,7 @@ class ViscousFriction(Effect):
     parameters: ClassVar = {"coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"coefficient": "joint/damping"}
+    changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.5
     common: ClassVar[bool] = True
     friction: ClassVar[bool] = True
@@ -30,6 +32,14 @@ class ViscousFriction(Effect):
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.coefficient * qd
+
+    def write_mjcf(self, numbers: Any) -> str | None:
+        numbers.damping += np.asarray(self.coefficient)
+        return "joint/damping"
+
+    @classmethod
+    def read_mjcf(cls, numbers: Any) -> "ViscousFriction | None":
+        return cls(jnp.asarray(numbers.damping)) if np.any(numbers.damping) else None
 
 
 class QuadraticDrag(Effect):

@@ -119,6 +119,7 @@ class Payload(Effect):
     fixed: ClassVar[tuple[str, ...]] = ("com",)
     internal: ClassVar[tuple[str, ...]] = ("moment",)
     mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial", "moment": "body/inertial", "inertia": "body/inertial"}
+    changes: ClassVar[float] = 0.3
     prior: ClassVar[float] = 0.15
     advice: ClassVar[str] = ACCELERATIONS
 

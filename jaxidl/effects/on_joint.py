@@ -8,7 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
-from jaxidl.effects.spec import Variant
+from jaxidl.effects.spec import Motor, Variant
 from jaxidl.errors import EffectError
 from jaxidl.types import History, JointMask, Joints, Scalar
 
@@ -87,6 +87,12 @@ class OnJoint(Effect):
 
     def reads_torque(self, joints: int = 1) -> bool:
         return self.effect.reads_torque()
+
+    def write_mjcf(self, numbers: Any) -> str | None:
+        return numbers.alter(self) if self.effect.rigid() else self.effect.write_mjcf(numbers.own(self.joint))
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        return self.effect.mjcf_motor(motor) if joint == self.joint else motor
 
     def check(self) -> "OnJoint":
         if not 0 <= self.joint < self.joints:

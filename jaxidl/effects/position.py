@@ -1,6 +1,6 @@
 """Torques that depend on position alone."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +38,19 @@ class Spring(Effect):
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.stiffness * (q - self.rest)
+
+    def write_mjcf(self, numbers: Any) -> str | None:
+        """A joint of MuJoCo has one spring; a second one would need another rest position."""
+        stiffness = np.asarray(self.stiffness)
+        if np.any((stiffness != 0.0) & (numbers.stiffness != 0.0)):
+            return None
+        numbers.springref[:] = np.where(stiffness != 0.0, self.rest, numbers.springref)
+        numbers.stiffness += stiffness
+        return "joint/stiffness, joint/springref"
+
+    @classmethod
+    def read_mjcf(cls, numbers: Any) -> "Spring | None":
+        return cls(jnp.asarray(numbers.stiffness), jnp.asarray(numbers.springref)) if np.any(numbers.stiffness) else None
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:

@@ -8,7 +8,7 @@ from flax import struct
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.delay import DELAYS, LATE, late, line, push, variants_of
-from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
+from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, Joints, Scalar
 
 BIGGEST = 0.5  # bias that a search looks for [m or rad]
@@ -92,6 +92,9 @@ class SensorDelay(Effect):
     def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
         """Leaves the torque alone; remembers the position and how many steps the delay is."""
         return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        return motor
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return late(q, *memory)

@@ -74,3 +74,11 @@ class Variant(NamedTuple):
     within: Bounds = NOTHING  # plausible bounds of any parameters, narrower than the catalogue's
     options: Mapping[str, Any] = NOTHING  # static fields
     prior: float | None = None  # probability, where it is not the effect's
+
+
+class Motor(NamedTuple):
+    """Give what MuJoCo's motor of one joint does: command, lag, clipped to ``force``, times ``gear``, torque."""
+
+    gear: float = 1.0
+    force: float = np.inf  # [N or Nm] before the gear
+    lag: float = 0.0  # [s]

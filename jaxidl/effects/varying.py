@@ -20,7 +20,7 @@ _ENDS = {
 }
 
 
-KNOTS = (6, 12, 24)  # of tables that a search tries
+KNOTS = (6, 12)  # of tables that a search tries
 MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
 
 POSTURES = (
@@ -136,6 +136,7 @@ class LoadDependentFriction(Effect):
     sentence: ClassVar[str] = "dry friction in proportion to the transmitted torque"
     parameters: ClassVar = {"coefficient": Parameter("1", 0.0, 0.99, "friction over transmitted torque")}
     linear: ClassVar[bool] = True
+    changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.15
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = POSTURES

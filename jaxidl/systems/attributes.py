@@ -3,28 +3,144 @@
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
 
+import copy
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 
-from jaxidl.effects import (
-    ActuatorDelay,
-    ActuatorLag,
-    CoulombFriction,
-    Effect,
-    InertiaError,
-    OnJoint,
-    Payload,
-    SensorDelay,
-    Spring,
-    TorqueSaturation,
-    TorqueScale,
-    ViscousFriction,
-)
+from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects.spec import Motor
+from jaxidl.effects.ten import PLACES
+from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass
 
-DRIVES = (TorqueScale, TorqueSaturation, ActuatorLag)
+
+class Numbers:
+    """The attributes of a compiled model that effects are written into; J joints. Effects add to them in place.
+
+    ``own`` gives those of one joint, as arrays of one element, and ``alter`` writes what makes another rigid body.
+    """
+
+    def __init__(self, model: mujoco.MjModel):
+        self.damping, self.frictionloss = model.dof_damping.copy(), model.dof_frictionloss.copy()  # (J,)
+        self.stiffness, self.springref = model.jnt_stiffness.copy(), model.qpos_spring.copy()  # (J,)
+        self.rigid = Rigid(model, model.dof_armature.copy(), links(model), model.opt.gravity.copy())
+        self._together = False
+
+    def expect(self, effects: Sequence[Effect]) -> None:
+        """Get ready for ``effects``: what they make of the rigid body together may be possible, and one of them alone not."""
+        altered = self.rigid
+        for effect in effects:
+            altered = effect.alter(altered) if kind(effect).rigid() else altered
+        self._together = altered.possible()
+
+    def own(self, joint: int) -> "Numbers":
+        """Return the numbers of one joint; what is added to them is added to these."""
+        one = copy.copy(self)
+        for name in ("damping", "frictionloss", "stiffness", "springref"):
+            setattr(one, name, getattr(self, name)[joint : joint + 1])
+        return one
+
+    @property
+    def armature(self) -> np.ndarray:
+        """Rotor inertia (J,)."""
+        return self.rigid.armature
+
+    def alter(self, effect: Effect) -> str | None:
+        """Write what an effect makes of the rigid body and return where; None, with nothing changed, if MJCF cannot have it."""
+        altered = effect.alter(self.rigid)
+        if not self._together and not altered.possible():
+            return None
+        names = {"armature": "joint/armature", "links": "body/inertial", "loads": "body/inertial", "gravity": "option/gravity"}
+        same = {name: np.array_equal(getattr(altered, name), getattr(self.rigid, name)) for name in names}
+        places = dict.fromkeys(names[name] for name in names if not same[name])
+        self.rigid = altered
+        return ", ".join(places) or next(iter(kind(effect).mjcf.values()), "body/inertial")
+
+
+class Principal(NamedTuple):
+    """A body's inertia as MJCF has it."""
+
+    mass: float  # [kg]
+    pos: np.ndarray  # (3,) centre of mass [m]
+    quat: np.ndarray  # (4,)
+    diag: np.ndarray  # (3,) [kg m^2]
+
+
+class Rigid(NamedTuple):
+    """A rigid body in numbers, altered as any other; J joints, B bodies."""
+
+    model: mujoco.MjModel
+    armature: np.ndarray  # (J,)
+    links: np.ndarray  # (B, 10) inertial parameters
+    gravity: np.ndarray  # (3,)
+    loads: tuple[np.ndarray, ...] = ()  # (10,) each, of the last body that moves
+
+    def add_inertia(self, extra: Any) -> "Rigid":
+        return self._replace(armature=self.armature + np.asarray(extra, float))
+
+    def add_link(self, extra: Any) -> "Rigid":
+        changed = self.links.copy()
+        np.add.at(changed, self.model.jnt_bodyid, np.asarray(extra, float))
+        return self._replace(links=changed)
+
+    def add_mass(self, extra: Any) -> "Rigid":
+        on = self.model.jnt_bodyid
+        return self.add_link(np.broadcast_to(np.asarray(extra, float), on.shape)[:, None] * per_mass(self.model)[on])
+
+    def add_payload(self, extra: Any) -> "Rigid":
+        return self._replace(loads=(*self.loads, np.asarray(extra, float)))
+
+    def tilt(self, angles: Any) -> "Rigid":
+        return self._replace(gravity=self.gravity + level(self.model) @ np.asarray(angles, float))
+
+    def carried(self) -> list[Principal]:
+        """Return the loads that can be bodies of their own; the others belong to the body that carries them."""
+        return [found for load in self.loads if (found := principal(load, 0.0))]
+
+    def bodies(self) -> dict[int, Principal | None]:
+        """Return the bodies that were changed, by number; None where no body has such numbers."""
+        numbers = self.links.copy()
+        for load in self.loads:
+            if principal(load, 0.0) is None:
+                numbers[last_moving(self.model)] += load
+        before = links(self.model)
+        changed = np.flatnonzero(np.any(numbers != before, axis=1)).tolist()
+        return {b: self._body(numbers[b], before[b], b) for b in changed}
+
+    def possible(self) -> bool:
+        """Has MJCF such a body?"""
+        return not np.any(self.armature < 0.0) and None not in self.bodies().values()
+
+    def _body(self, numbers: np.ndarray, before: np.ndarray, b: int) -> Principal | None:
+        """A body that is heavier or lighter all over keeps its axes."""
+        model, share = self.model, numbers[0] / before[0] if before[0] else 0.0
+        if share * before[0] > mujoco.mjMINVAL and np.allclose(numbers, share * before, rtol=1e-12, atol=0.0):
+            return Principal(share * before[0], model.body_ipos[b], model.body_iquat[b], share * model.body_inertia[b])
+        return principal(numbers, mujoco.mjMINVAL)
+
+
+def principal(numbers: np.ndarray, least: float) -> Principal | None:
+    """Return mass, centre, axes and principal moments of ten inertial parameters; None if no body has them.
+
+    Moments must be larger than ``least``, or zero where that is.
+    """
+    mass = float(numbers[0])
+    if not mass > mujoco.mjMINVAL:
+        return None
+    com = numbers[1:4] / mass
+    about = mass * (com @ com * np.eye(3) - np.outer(com, com))
+    values, axes = np.linalg.eigh(numbers[4:][np.array(PLACES)] - about)
+    rounding = 1e-12 * (np.abs(numbers[4:]).max() + mass * (com @ com))
+    if least == 0.0:
+        values = np.where(np.abs(values) < rounding, 0.0, values)
+    if np.any(values < least) or (least and np.any(values <= least)) or values[0] + values[1] < values[2]:
+        return None
+    axes[:, 2] *= np.sign(np.linalg.det(axes))
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, axes.ravel())
+    return Principal(mass, com, quat, values)
 
 
 def kind(effect: Effect) -> type[Effect]:
@@ -32,101 +148,27 @@ def kind(effect: Effect) -> type[Effect]:
     return type(effect.effect) if isinstance(effect, OnJoint) else type(effect)
 
 
-def per_joint(effect: Effect, parameter: str, joints: int, neutral: float) -> np.ndarray:
-    """An effect's parameter as one number per joint (J,), ``neutral`` where it does not act."""
-    if not isinstance(effect, OnJoint):
-        return np.broadcast_to(np.asarray(getattr(effect, parameter), float), (joints,)).copy()
-    values = np.full(joints, neutral)
-    values[effect.joint] = np.asarray(getattr(effect.effect, parameter), float).reshape(-1)[0]
-    return values
-
-
-class Numbers:
-    """The attributes of a compiled model that effects are written into; J joints, B bodies."""
-
-    def __init__(self, model: mujoco.MjModel):
-        self.damping, self.frictionloss = model.dof_damping.copy(), model.dof_frictionloss.copy()  # (J,)
-        self.stiffness, self.springref = model.jnt_stiffness.copy(), model.qpos_spring.copy()  # (J,)
-        self.armature = model.dof_armature.copy()  # (J,)
-        self.mass, self.inertia = model.body_mass.copy(), model.body_inertia.copy()  # (B,), (B, 3)
-        self.payloads: list[tuple[float, np.ndarray]] = []  # mass and place (3,) in the frame of the last body that moves
-        self._body_of = model.jnt_bodyid
-
-    def write(self, effect: Effect) -> str | None:
-        """Add an effect to the numbers and tell where; None, and nothing is changed, if they cannot hold it."""
-        joints = len(self.damping)
-        match kind(effect):
-            case cls if cls is ViscousFriction:
-                self.damping += per_joint(effect, "coefficient", joints, 0.0)
-                return "joint/damping"
-            case cls if cls is CoulombFriction:
-                self.frictionloss += per_joint(effect, "level", joints, 0.0)
-                return "joint/frictionloss"
-            case cls if cls is Spring:
-                return self._spring(per_joint(effect, "stiffness", joints, 0.0), per_joint(effect, "rest", joints, 0.0))
-            case cls if cls is InertiaError:
-                return self._inertia(per_joint(effect, "extra", joints, 0.0), per_joint(effect, "mass", joints, 0.0))
-            case cls if cls is Payload and isinstance(effect, Payload):
-                if np.any(np.asarray(effect.moment)) or np.any(np.asarray(effect.inertia)) or float(effect.mass) < 0.0:
-                    return None
-                self.payloads.append((float(effect.mass), np.asarray(effect.com, float)))
-                return "body/inertial"
-        return None
-
-    def _spring(self, stiffness: np.ndarray, rest: np.ndarray) -> str | None:
-        """A joint has one spring; a second one would need another rest position."""
-        if np.any((stiffness != 0.0) & (self.stiffness != 0.0)):
-            return None
-        self.springref = np.where(stiffness != 0.0, rest, self.springref)
-        self.stiffness += stiffness
-        return "joint/stiffness, joint/springref"
-
-    def _inertia(self, extra: np.ndarray, mass: np.ndarray) -> str | None:
-        """Less than no armature, or a body without mass, is not MJCF."""
-        armature, heavier = self.armature + extra, self.mass.copy()
-        np.add.at(heavier, self._body_of, mass)
-        changed = heavier != self.mass
-        if np.any(armature < 0.0) or np.any(heavier[changed] <= mujoco.mjMINVAL) or np.any(self.mass[changed] == 0.0):
-            return None
-        self.inertia[changed] *= (heavier[changed] / self.mass[changed])[:, None]
-        self.armature, self.mass = armature, heavier
-        return ", ".join(["joint/armature"] * bool(extra.any()) + ["body/inertial"] * bool(mass.any())) or "joint/armature"
-
-
-class Motor(NamedTuple):
-    """Of one joint: command, lag, clipped to ``force``, times ``gear``, torque."""
-
-    gear: float = 1.0
-    force: float = np.inf  # [N or Nm] before the gear
-    lag: float = 0.0  # [s]
+def drives(effect: Effect, joints: int) -> bool:
+    """Is the effect one that MuJoCo's motors have?"""
+    return any(effect.mjcf_motor(Motor(), j) not in (None, Motor()) for j in range(joints))
 
 
 def motors(effects: Sequence[Effect], joints: int) -> list[Motor]:
     """A motor for each joint that does what the effects do between command and torque, in their order.
 
     None at all if there is nothing to be done, or if a motor cannot do it: a lag behind a saturation or another lag, or anything
-    behind the transmission. Dead times may stand anywhere in the order; the motors do not have them.
+    behind the transmission.
     """
-    made = [Motor() for _ in range(joints)]
+    made = [Motor()] * joints
     behind = np.zeros(joints, bool)  # the transmission
     for effect in effects:
-        cls = kind(effect)
-        if cls in DRIVES:
-            (parameter,) = cls.parameters
-            values = per_joint(effect, parameter, joints, np.nan)
-            for j in np.flatnonzero(np.isfinite(values)):
-                better = None if behind[j] else _with(made[j], cls, values[j])
+        for j in range(joints):
+            alone = effect.mjcf_motor(Motor(), j)
+            if alone is None:
+                behind[j] = True
+            elif alone != Motor():
+                better = None if behind[j] else effect.mjcf_motor(made[j], j)
                 if better is None:
                     return []
                 made[j] = better
-        elif cls.actuate is not Effect.actuate and cls not in (ActuatorDelay, SensorDelay):
-            behind[effect.joint if isinstance(effect, OnJoint) else slice(None)] = True
     return made if any(motor != Motor() for motor in made) else []
-
-
-def _with(motor: Motor, cls: type[Effect], value: float) -> Motor | None:
-    if cls is TorqueScale:
-        return motor._replace(gear=motor.gear * value)
-    if cls is TorqueSaturation:
-        return motor._replace(force=min(motor.force, value / motor.gear))
-    return motor._replace(lag=value) if motor.lag == 0.0 and motor.force == np.inf else None

@@ -17,9 +17,10 @@ import mujoco
 import numpy as np
 
 from jaxidl.effects import Effect
+from jaxidl.effects.spec import Motor
 from jaxidl.errors import ModelError
 from jaxidl.files import write_bytes
-from jaxidl.systems.attributes import DRIVES, Motor, Numbers, kind, motors
+from jaxidl.systems.attributes import Numbers, Principal, drives, kind, motors
 from jaxidl.systems.mjcf import Model, compile_spec, load_part, quietly
 from jaxidl.systems.mujoco_body import joint_names, last_moving
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
@@ -64,19 +65,20 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         spec, _ = load_part(model.path, model.part, model.locked)
         compiled = _prepare(spec, model)
         numbers = Numbers(compiled)
+        numbers.expect(added)
         for effect in added:
-            place = numbers.write(effect)
+            place = effect.write_mjcf(numbers)
             entries.append(Entry(effect, place is not None, place))
-        drives = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
+        made = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
         root = ET.fromstring(spec.to_xml())
         _point_to_assets(root, spec, model.path.parent)
-        _write_gravity(root, compiled)
+        _write_gravity(root, numbers)
         _write_bodies(root, compiled, numbers)
-        _write_motors(root, compiled, drives)
+        _write_motors(root, compiled, made)
         ET.indent(root)
         text = ET.tostring(root, encoding="unicode") + "\n"
         _check(text, compiled, numbers, model.path)
-    return text, {"model": MODEL, "effects": [_with_drive(entry, bool(drives)).to_dict() for entry in entries]}
+    return text, {"model": MODEL, "effects": [_with_drive(entry, joints, bool(made)).to_dict() for entry in entries]}
 
 
 def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
@@ -113,11 +115,11 @@ def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> Non
             compiler.attrib.pop(key, None)
 
 
-def _write_gravity(root: ET.Element, model: mujoco.MjModel) -> None:
+def _write_gravity(root: ET.Element, numbers: Numbers) -> None:
     option = root.find("option")
     if option is None:
         root.insert(0, option := ET.Element("option"))
-    option.set("gravity", _text(model.opt.gravity))
+    option.set("gravity", _text(numbers.rigid.gravity))
 
 
 def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:
@@ -125,6 +127,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
     world = root.find("worldbody")
     assert world is not None  # it has joints
     parents = {child: parent for parent in root.iter() for child in parent}
+    changed = numbers.rigid.bodies()
     elements = {element.get("name"): element for element in world.iter("body")}
     bodies = [world, *(elements[model.body(b).name] for b in range(1, model.nbody))]
     joints = {element.get("name"): element for element in world.iter("joint")}
@@ -133,7 +136,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
         _take_out(body, parents, "childclass")
         bodies[model.body_parentid[b]].append(body)
         _write_pose(body, model.body_pos[b], model.body_quat[b])
-        place = _write_inertial(body, model, numbers, b)
+        place = _write_inertial(body, model, changed.get(b), b)
         for j in np.flatnonzero(model.jnt_bodyid == b):
             joint = joints[model.joint(j).name]
             _take_out(joint, parents, "class")
@@ -143,9 +146,9 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
         if str(body.get("name")).startswith(_NAMELESS):
             del body.attrib["name"]
     taken = {model.body(b).name for b in range(model.nbody)}
-    for mass, com in numbers.payloads:
+    for load in numbers.rigid.carried():
         carried = ET.SubElement(bodies[last_moving(model)], "body", name=_free("payload", taken))
-        ET.SubElement(carried, "inertial", pos=_text(com), mass=_text(mass), diaginertia="0 0 0")
+        carried.append(_inertial(load))
 
 
 def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inherits: str) -> None:
@@ -167,18 +170,23 @@ def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
             element.set(key, _text(value))
 
 
-def _write_inertial(body: ET.Element, model: mujoco.MjModel, numbers: Numbers, b: int) -> int:
+def _write_inertial(body: ET.Element, model: mujoco.MjModel, changed: Principal | None, b: int) -> int:
     """Write a body's mass where it has any; return the place behind it."""
+    now = changed or Principal(model.body_mass[b], model.body_ipos[b], model.body_iquat[b], model.body_inertia[b])
     before = body.find("inertial")
     if before is not None:
         body.remove(before)
-    elif numbers.mass[b] == 0.0:
+    elif now.mass == 0.0:
         return 0
-    inertial = ET.Element("inertial", pos=_text(model.body_ipos[b]))
-    _write_pose(inertial, model.body_ipos[b], model.body_iquat[b])
-    inertial.attrib |= {"mass": _text(numbers.mass[b]), "diaginertia": _text(numbers.inertia[b])}
-    body.insert(0, inertial)
+    body.insert(0, _inertial(now))
     return 1
+
+
+def _inertial(of: Principal) -> ET.Element:
+    inertial = ET.Element("inertial", pos=_text(of.pos))
+    _write_pose(inertial, of.pos, of.quat)
+    inertial.attrib |= {"mass": _text(of.mass), "diaginertia": _text(of.diag)}
+    return inertial
 
 
 HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps, ours does not
@@ -215,10 +223,11 @@ def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Moto
         ET.SubElement(section, "general", general)
 
 
-def _with_drive(entry: Entry, written: bool) -> Entry:
+def _with_drive(entry: Entry, joints: int, written: bool) -> Entry:
     """The entry of a drive's effect, with where the motors have it; other entries as they are."""
-    cls = kind(entry.effect)
-    return entry._replace(mjcf=", ".join(cls.mjcf.values()) if written else None) if cls in DRIVES else entry
+    if not drives(entry.effect, joints):
+        return entry
+    return entry._replace(mjcf=", ".join(kind(entry.effect).mjcf.values()) if written else None)
 
 
 def _text(values: Any) -> str:
@@ -230,6 +239,6 @@ def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> No
     """Read the text back: it must compile, with the same joints and as much mass."""
     spec = mujoco.MjSpec.from_string(text)
     again = compile_spec(spec, path)
-    mass = numbers.mass.sum() + sum(load for load, _ in numbers.payloads)
+    mass = numbers.rigid.links[:, 0].sum() + sum(load[0] for load in numbers.rigid.loads)
     if joint_names(again) != joint_names(model) or not np.isclose(again.body_mass.sum(), mass, rtol=1e-9):
         raise ModelError(f"{path} to be what MuJoCo can write anew", "other joints or masses", "write the model without frames")

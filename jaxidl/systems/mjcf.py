@@ -9,13 +9,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import mujoco
 import numpy as np
 
-from jaxidl.effects import CoulombFriction, Effect, OnJoint, Spring, ViscousFriction
+from jaxidl.effects import CATALOGUE, Effect, OnJoint
 from jaxidl.errors import EffectError, ModelError
 from jaxidl.systems.assets import drop_missing
+from jaxidl.systems.attributes import Numbers
 from jaxidl.systems.masses import accept_masses, bare, compile_spec
 from jaxidl.systems.mujoco_body import joint_names, mujoco_body
 from jaxidl.systems.parts import fixed_in_urdf, take_part
@@ -210,15 +210,9 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
 
 def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
     """What the joints have beside inertia, as effects."""
-    found = []
-    for j in range(model.njnt):
-        damping, loss, stiffness = model.dof_damping[j], model.dof_frictionloss[j], model.jnt_stiffness[j]
-        if damping:
-            found.append(OnJoint(ViscousFriction(jnp.array([damping])), j, model.njnt))
-        if loss:
-            found.append(OnJoint(CoulombFriction(jnp.array([loss])), j, model.njnt))
-        if stiffness:
-            found.append(OnJoint(Spring(jnp.array([stiffness]), jnp.array([model.qpos_spring[j]])), j, model.njnt))
+    numbers = Numbers(model)
+    own = ((j, cls.read_mjcf(numbers.own(j))) for j in range(model.njnt) for cls in CATALOGUE.values())
+    found = [OnJoint(effect, j, model.njnt) for j, effect in own if effect is not None]
     try:
         return [effect.check() for effect in found]
     except EffectError as error:

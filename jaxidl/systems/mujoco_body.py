@@ -53,7 +53,10 @@ class MujocoBody(struct.PyTreeNode):
     @property
     def carrier(self) -> str:
         """Name of the body in whose frame a payload is."""
-        return self.body_names[last_moving(self.source)]
+        b, source = last_moving(self.source), self.source
+        while b not in self.bodies and not source.body_pos[b].any() and source.body_quat[b][0] == 1.0:
+            b = int(source.body_parentid[b])  # the frame is the same: say, the body of a load that was found before
+        return self.body_names[b]
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
         """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
