@@ -75,28 +75,33 @@ def gap(
     print(f"report in {page}")
 
 
+_FAMILIES = ("single", "none", "pair", "outside", "robot")
+
+
 def gap_benchmark(
     *,
     out: Annotated[Path, arg(metavar="DIR")] = Path("out/gap-benchmark"),
-    families: Annotated[Names, arg(metavar="single|none|pair|outside ...")] = ("single", "none", "pair", "outside"),
+    families: Annotated[Names, arg(metavar="single|none|pair|outside|robot ...")] = _FAMILIES,
     severities: Annotated[Names, arg(metavar="weak|medium|clear ...")] = ("weak", "medium", "clear"),
     every: int = 1,
+    root: int = 2026,
     processes: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Hide effects in simulated mechanisms, look for them, and score what was found; continue where an interrupted run stopped.
+    """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue an interrupted run.
 
     Args:
         out: folder for the cases, their reports, benchmark.json and the confusion matrix.
         families: which cases.
         severities: of single effects.
         every: take only each n-th case of each kind.
-        processes: how many cases at a time, one a core unless told.
+        root: from which all cases follow; 2026 is the one that the workflow is developed with, any other is new to it.
+        processes: how many cases at a time (default: one a core).
         overwrite: begin anew.
     """
     from jaxidl.gap.benchmark.run import run_benchmark
     from jaxidl.plot.confusion import write_confusion
 
-    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, overwrite)
+    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, overwrite, root)
     for path in write_confusion(score, out):
         print(f"wrote {path}")
