@@ -1,4 +1,4 @@
-"""From a log and a model to a diagnosis: the rounds of the workflow in their order."""
+"""From a log and a model to a diagnosis."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -7,170 +7,234 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxidl.effects import CATALOGUE, Effect, OnJoint, searchable, searched
+from jaxidl.effects import CATALOGUE, Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.gap.candidates import Candidate, candidates
-from jaxidl.gap.choose import TRIFLE
-from jaxidl.gap.data import Data, data_of, instants_of, used
-from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Estimate, Finding, Gap, Row, Side, Traces, sentence_of
-from jaxidl.gap.experiments import experiment
-from jaxidl.gap.gains import NOISE_MARGIN
-from jaxidl.gap.gauge import Told, settled
+from jaxidl.gap.confidence import ambiguous, confidence
+from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
+from jaxidl.gap.find import Found, aside, find, worse_by
+from jaxidl.gap.library import Library, Reference, library, present, residual
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
-from jaxidl.gap.rank import Ranking
 from jaxidl.gap.rollout import rollout_errors
-from jaxidl.gap.search import Outcome, search
-from jaxidl.gap.signals import Signals, prepare
-from jaxidl.gap.words import summarise
+from jaxidl.gap.rows import Rows, instants_of, rows_of
+from jaxidl.gap.score import Item
+from jaxidl.gap.signals import prepare
+from jaxidl.gap.values import Value, values
+from jaxidl.gap.words import experiment, summarise
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
-LARGE = 0.04  # of the command's spread: a residual of this size is worth a word even if nothing predicts it,
-MUCH = 0.5  # if it is this share of what was there before
-NARROWER = 0.7  # share of the band in which parameters are fitted once more, for their standard errors
-SHOWN = 12  # rows of each round's ranking that are kept
+MUCH = 0.04  # of the command's spread: what is left is worth a word
+SHOWN = 12  # rivals that are reported
 
 Watch = Callable[[str, float], None]
+Source = Log | str | Path | Sequence[str | Path]
 
 
 def diagnose(
-    log: Log | str | Path | Sequence[str | Path],
+    log: Source,
     model: Model | str | Path,
     *,
+    reference: Source | None = None,
     held_out: float = 0.3,
     effects: Sequence[str] | None = None,
+    exclude: Sequence[str] = (),
     min_gain: float = MIN_GAIN,
     rollouts: bool = True,
     watch: Watch = lambda what, share: None,
 ) -> Diagnosis:
-    """Say where a log and a model disagree, which effect is missing, and by how much the gap shrinks with it.
+    """Say where a log and a model disagree, which effects are missing, and by how much the gap shrinks with them.
 
     Args:
         log: a :class:`jaxidl.gap.log.Log`, or files as :func:`jaxidl.gap.log.read` takes them.
         model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
-        held_out: share of the log, at its end, that takes no part in fitting and ranking.
-        effects: names of the catalogue to look for; None: all of it that is searched, with what the user registered.
+        reference: an earlier log of the same machine. What both have in common is no finding, only what changed.
+        held_out: share of the log, at the end of each run, that takes no part in fitting and searching.
+        effects: names of the catalogue to look for; default: all of it that is searched, with what the user registered.
+        exclude: names not to look for.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         rollouts: replay the torques and compare positions, too; compiling that takes some seconds.
         watch: called with what is being done and the share done of it.
 
     Raises:
-        LogError: if the log cannot be used.
+        LogError: if a log cannot be used.
         ModelError: if the model cannot be read.
-        ConfigurationError: for an unknown effect or a share out of its bounds.
+        ConfigurationError: for an unknown effect, a share out of its bounds, or a log of another number of joints.
     """
-    effects = searched() if effects is None else effects
-    _check(held_out, effects, min_gain)
+    names = _names(held_out, effects, exclude, min_gain)
     with jax.enable_x64(True):
         watch("reading", 0.0)
         known = model if isinstance(model, Model) else read_model(model)
-        measured = log if isinstance(log, Log) else read(log, joints=len(known.names))
-        if measured.joints != len(known.names):
-            got = f"{measured.joints} in the log"
-            raise ConfigurationError(
-                f"the model's {len(known.names)} joints in the log", got, "give the log and the model of one mechanism"
-            )
-        watch("comparing with the model", 0.0)
-        signals = prepare(measured, known.plant.body, known.plant.effects)
-        data = data_of(signals, known.plant.effects, held_out)
-        pool = candidates(signals, _rms(data.base, used(data)), effects)
-        outcome = search(Ranking(data, pool, min_gain), watch)
-        before = outcome.before
-        watch("looking for what no effect explains", 0.0)
-        network = check(data, outcome.ranking.fit.residual)
-        narrow = prepare(measured, known.plant.body, known.plant.effects, narrower=NARROWER) if outcome.named else signals
-        wholes = [data_of(s, known.plant.effects, 0.0) for s in (signals, narrow)]
-        findings = _findings(settled(outcome, *wholes), outcome, known)
-        patched = Plant(known.plant.body, (*known.plant.effects, *(f.effect for f in findings)))
-        watch("replaying the log", 0.0)
-        gap = _gap(data, before, outcome.ranking.fit.residual, known, patched, findings, rollouts)
-    after = outcome.ranking.fit.residual
-    remaining = tuple(localise(data, after, known.names))
-    gains = tuple((g.value, g.stderr) for g in network.gains)
-    ambiguous = tuple(
-        Ambiguity(tuple((c.name, c.joint) for c in s), experiment([(c.name, c.joint) for c in s])) for s in outcome.ambiguous
-    )
-    verdict = _verdict(data, before, after, gains, findings, ambiguous)
-    where = tuple(localise(data, before, known.names))
+        measured = _log(log, known)
+        before: Found | None = None
+        common: tuple[Effect, ...] = ()
+        if reference is not None:
+            watch("searching the reference", 0.0)
+            before = _search(_log(reference, known), known, (), names, 0.0, min_gain, watch, resample=False)
+            common = tuple(v.effect for v in _values(before, before.library.rows))
+        found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
+        rows = found.library.rows
+        after, gap = residual(rows, found.solution), rows.gap
+        watch("checking what is left", 0.0)
+        network = check(rows, after)
+        whole = rows_of(rows.signals, (*known.plant.effects, *common), 0.0)
+        findings = _findings(found, _values(found, whole), known)
+        compared = _gap(found, gap, after, known, common, rollouts, watch)
+    still = tuple((n.value, n.stderr) for n in network)
+    doubts = tuple(_ambiguity(groups, found.library.rows.signals.q.shape[1]) for groups in ambiguous(found.named, found.support))
+    unexplained = _unexplained(found, compared, still)
+    verdict = _verdict(findings, doubts, unexplained)
+    where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
+    notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(verdict, findings, ambiguous, gap, where, remaining, known),
+        summary=summarise(verdict, findings, doubts, compared, unexplained, remaining, known),
         findings=findings,
-        ambiguous=ambiguous,
+        ambiguous=doubts,
         where=where,
         remaining=remaining,
-        gap=gap,
-        rounds=_rounds(outcome),
-        network=gains,
+        gap=compared,
+        envelope=_envelope(found.library, compared),
+        unexplained=unexplained,
+        rivals=_rivals(found),
+        network=still,
         model=known,
-        traces=_traces(measured, data, before, after),
-        band=signals.band,
-        notes=(*measured.notes, *known.notes, *_warnings(data, known)),
-        options={"held_out": held_out, "effects": list(effects), "min_gain": min_gain},
-        signals=signals,
+        traces=_traces(measured, rows, gap, after),
+        band=rows.signals.band,
+        notes=notes,
+        options={"held_out": held_out, "effects": names, "min_gain": min_gain, "reference": reference is not None},
+        common=common,
+        signals=rows.signals,
     )
 
 
-def _check(held_out: float, effects: Sequence[str], min_gain: float) -> None:
-    for name in effects:
+def _names(held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float) -> list[str]:
+    """Names of the effects to look for."""
+    for name in (*(effects or ()), *exclude):
         if name not in searchable():
             raise one_of("an effect to look for", name, searchable())
-    if not effects:
+    names = [name for name in (searched() if effects is None else effects) if name not in exclude]
+    if not names:
         raise ConfigurationError("at least one effect to look for", "none", f"choose among {', '.join(searchable())}")
     if not 0.1 <= held_out <= 0.6:
         raise ConfigurationError("a held-out share between 0.1 and 0.6", f"{held_out}", "keep a tenth to six tenths aside")
     if not 0.0 < min_gain < 1.0:
         raise ConfigurationError("a least gain between 0 and 1", f"{min_gain}", "choose 0.05, say")
+    return names
 
 
-def _rms(residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(residual**2 * counted, 0) / np.maximum(counted.sum(0), 1))
+def _log(log: Source, known: Model) -> Log:
+    measured = log if isinstance(log, Log) else read(log, joints=len(known.names))
+    if measured.joints != len(known.names):
+        expected, remedy = f"the model's {len(known.names)} joints in the log", "give the log and the model of one mechanism"
+        raise ConfigurationError(expected, f"{measured.joints} in the log", remedy)
+    return measured
 
 
-def _findings(parameters_of: Sequence[tuple[Effect, Told]], outcome: Outcome, model: Model) -> tuple[Finding, ...]:
-    found = []
-    for named, (effect, estimates) in zip(outcome.named, parameters_of, strict=True):
-        candidate = named.member.candidate
-        joint = candidate.joint
-        single = joint is not None and candidate.name != "coupled_friction"
-        ready: Effect = OnJoint(effect, joint, len(model.names)) if single and joint is not None else effect
-        kind = model.kinds[joint] if joint is not None else "hinge"
+def _search(
+    log: Log,
+    known: Model,
+    common: tuple[Effect, ...],
+    names: Sequence[str],
+    held_out: float,
+    min_gain: float,
+    watch: Watch,
+    before: Found | None = None,
+    resample: bool = True,
+) -> Found:
+    """Prepare a log for the model with what it has in ``common`` with another one, and search."""
+    watch("comparing with the model", 0.0)
+    effects = (*known.plant.effects, *common)
+    signals = prepare(log, known.plant.body, effects)
+    rows = rows_of(signals, effects, held_out)
+    reference = None
+    if before is not None:
+        members = before.named
+        items = before.library.score.anchor.items if before.library.score.anchor else ()
+        score = before.score
+        order = score.solve(before.solution.members).members
+        gram, _ = score.normal(order)
+        information = gram.sum(0) + np.diag(np.concatenate([m.precision for m in order]))
+        keep = [m for m in order if m in members]
+        at = np.concatenate([np.arange(before.solution.of(m).start, before.solution.of(m).stop) for m in keep])
+        reference = Reference((*items, *keep), information[np.ix_(at, at)])
+    watch("computing what each effect would add", 0.0)
+    return find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+
+
+def _values(found: Found, rows: Rows) -> list[Value]:
+    """The effects found with parameters fitted to ``rows``."""
+    members = found.solution.members
+    if rows is not found.library.rows:
+        members = _on(members, rows, found)
+    x = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
+    return values(members, x, rows, found.score, found.predicted)
+
+
+def _on(members: Sequence[Item], rows: Rows, found: Found) -> Sequence[Item]:
+    """The members on other rows of the same log: the same instants, of which others are fitted."""
+    assert len(rows.gap) == len(found.library.rows.gap)
+    return members
+
+
+def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Finding, ...]:
+    """What was found, ordered by the share of the command that it explains."""
+    rows, out = found.library.rows, []
+    command = _rms(rows.command, rows.used)
+    for value in fitted:
+        name, joint = value.key
+        others = [m for m in found.solution.members if m not in value.items]
+        bare = found.score.solve(others)
+        adds = np.zeros_like(rows.gap)
+        for m in value.items:
+            adds[:, list(m.joints)] += np.tensordot(found.solution.x[found.solution.of(m)], m.columns, 1)
+        shares = _rms(adds, rows.used) / np.maximum(command, 1e-300)
+        j = int(np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0)))
+        a, b = (np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare))
+        support = min(found.support.share[m.group] for m in value.items)
+        evidence, share = found.solution.value - bare.value, float(shares[j])
+        kind = known.kinds[joint if joint is not None else j]
+        cls = CATALOGUE[name]
         parameters = {
-            name: Estimate(value, unit_of(CATALOGUE[candidate.name].parameters[name].unit, kind), stderr)
-            for name, (value, stderr) in estimates.items()
+            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e)) for n, (v, e) in value.parameters.items()
         }
-        where = f" (joint {joint}, {model.names[joint]})" if joint is not None else ""
-        gain = named.gain.value, named.gain.stderr
-        found.append(
+        bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
+        gain, stderr = worse_by(found.score, bare, found.solution, j)
+        out.append(
             Finding(
-                candidate.name,
+                name,
                 joint,
-                ready,
-                sentence_of(candidate.name) + where,
+                value.effect,
+                cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                named.before,
-                named.after,
-                *gain,
-                _bounds(candidate),
-            )
+                confidence(support, evidence, share, gain, cls.prior),
+                support,
+                float(evidence),
+                share,
+                j,
+                float(b),
+                float(a),
+                gain,
+                stderr,
+                bounds,
+            )  # fmt: skip
         )
-    return tuple(found)
+    return tuple(sorted(out, key=lambda f: -f.share))
 
 
-def _bounds(candidate: Candidate) -> dict[str, tuple[float, float]]:
-    """Lower and upper bound of each parameter that was fitted."""
-    sizes = [np.size(getattr(candidate.guess, name)) for name in candidate.free]
-    places = np.cumsum([0, *sizes])[:-1]
-    lower, upper = candidate.bounds()
-    return {name: (float(lower[at]), float(upper[at])) for name, at in zip(candidate.free, places, strict=True)}
+def _number(value: np.ndarray) -> float | list[float]:
+    return float(value[0]) if len(value) == 1 else value.tolist()
+
+
+def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))
 
 
 def unit_of(unit: str, kind: str) -> str:
-    """A parameter's unit on a slide or a hinge, from the catalogue's, which is that of a slide."""
-    fixed = {"mass": "kg", "length": "m"}
+    """Return a parameter's unit on a slide or a hinge, from the catalogue's, which is that of a slide."""
+    fixed = {"mass": "kg", "length": "m", "mass length": "kg m"}
     if unit in fixed or kind == "slide":
         return fixed.get(unit, unit)
     hinge = {
@@ -179,67 +243,93 @@ def unit_of(unit: str, kind: str) -> str:
     return hinge.get(unit, unit)
 
 
-def _gap(
-    data: Data, base: np.ndarray, after: np.ndarray, model: Model, patched: Plant, findings: Sequence[Finding], rollouts: bool
-) -> Gap:
-    """Both sides on the rows kept aside, and in the same windows of them."""
-    signals = data.signals
-    behind = signals.behind([f.effect for f in findings])
-    aside = (data.block < 0)[:, None] & used(data)
-    command = _rms(signals.command(signals.tau)[signals.rows], aside)
-    kept_aside = instants_of(signals, data.block < 0)
+def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common: Any, rollouts: bool, watch: Watch) -> Gap:
+    """Both sides on the rows kept aside, and in the same windows of them, with parameters that were fitted without them."""
+    rows, signals = found.library.rows, found.library.rows.signals
+    members = [v.effect for v in _values(found, rows)]
+    behind = signals.behind(members)
+    there = ~rows.training[:, None] & rows.used
+    command = _rms(rows.command, there)
+    kept_aside = instants_of(signals, ~rows.training)
 
-    def side(residual: np.ndarray, plant: Plant, motion: Signals) -> Side:
-        rms = _rms(residual, aside)
+    def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
+        watch("replaying the log", 0.5)
+        rms = _rms(left, there)
         errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
-        return Side(rms.tolist(), (rms / np.maximum(command, 1e-300)).tolist(), {h: e.tolist() for h, e in errors.items()})
+        relative = np.where(command > 0.0, rms / np.maximum(command, 1e-300), np.nan)
+        return Side(rms.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
 
-    before = side(base, model.plant, signals._replace(late=behind.late))
-    later = side(after, patched, behind) if findings else before
-    return Gap(list(model.units), before, later, data.floor.tolist())
+    model = Plant(known.plant.body, (*known.plant.effects, *common))
+    before = side(gap, model, signals._replace(late=behind.late))
+    later = side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
+    return Gap(list(known.units), before, later, rows.floor.tolist())
 
 
-def _verdict(
-    data: Data, before: np.ndarray, after: np.ndarray, network: Any, findings: Sequence[Finding], ambiguous: Sequence[Ambiguity]
-) -> str:
-    if any(_unexplained(data, before, after, j, *gain) for j, gain in enumerate(network)):
+def _envelope(made: Library, compared: Gap) -> Envelope:
+    rms = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
+    relative = rms / np.maximum(
+        np.array(compared.before.torque_rms) / np.maximum(compared.before.torque_relative, 1e-300), 1e-300
+    )
+    return Envelope(rms.tolist(), relative.tolist())
+
+
+def _unexplained(found: Found, compared: Gap, network: Sequence[tuple[float, float]]) -> tuple[int, ...]:
+    """Joints of which much is left: more than conventional identification leaves, or a good part that a network still predicts."""
+    rows, made = found.library.rows, found.library
+    envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
+    out = []
+    for j, (gain, stderr) in enumerate(network):
+        left = compared.after.torque_rms[j]
+        worth = left > MUCH * rows.spread[j] and left > 2.0 * rows.floor[j]
+        systematic = gain > SYSTEMATIC and gain > 2.0 * stderr
+        if worth and (systematic or left > 1.1 * envelope[j]):
+            out.append(j)
+    return tuple(out)
+
+
+def _verdict(findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]) -> str:
+    if unexplained:
         return "unexplained"
-    if ambiguous:
+    sure = {(f.name, f.joint) for f in findings if f.sure}
+    if any(f for f in findings if not f.sure) and doubts and any(not set(d.candidates) & sure for d in doubts):
         return "ambiguous"
-    return "named" if findings else "nothing_missing"
+    return "named" if sure else "ambiguous" if findings else "nothing_missing"
 
 
-def _unexplained(data: Data, before: np.ndarray, after: np.ndarray, j: int, gain: float, stderr: float) -> bool:
-    """Is what is left on joint j too much to be called explained?
-
-    A network still predicts a good part of it, or most of what was there at first is left, and it is neither noise nor a trifle.
-    """
-    rows = used(data)[:, j]
-    was, left = (np.sqrt(max(np.mean(x[rows, j] ** 2) - (NOISE_MARGIN * data.floor[j]) ** 2, 0.0)) for x in (before, after))
-    removed = np.sqrt(np.mean(after[rows, j] ** 2) * (1.0 - (1.0 - gain) ** 2)) if gain > 0.0 else 0.0
-    systematic = gain > SYSTEMATIC and gain > 2.0 * stderr and removed > TRIFLE * data.command[j]
-    return bool(systematic or (left > MUCH * was and left > LARGE * data.command[j]))
+def _ambiguity(groups: Sequence[tuple[str, int | None, str]], joints: int) -> Ambiguity:
+    keys = tuple(dict.fromkeys(g[:2] for g in groups))
+    return Ambiguity(keys, experiment(keys))
 
 
-def _rounds(outcome: Outcome) -> tuple[tuple[Row, ...], ...]:
-    rounds = []
-    for trials, chosen in zip(outcome.rounds, [*outcome.chosen, None], strict=False):
-        named = [(t.candidate.name, t.candidate.joint, t.gain) for t in trials[:SHOWN]]
-        rounds.append(tuple(Row(name, joint, g.value, g.stderr, (name, joint) == chosen) for name, joint, g in named))
-    return tuple(rounds)
+def _rivals(found: Found) -> tuple[Row, ...]:
+    """What was not taken, and why."""
+    dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
+    promise = found.score.promise(found.solution.members)
+    rest = sorted((i for i in found.score.items if id(i) in promise and not i.always), key=lambda i: -promise[id(i)])
+    seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
+    for i in rest:
+        if i.key not in seen and len(dropped) < SHOWN:
+            seen.add(i.key)
+            dropped.append(Row(i.key[0], i.key[1], promise[id(i)], "it does not raise the score"))
+    return tuple(dropped)
 
 
-def _traces(log: Log, data: Data, before: np.ndarray, after: np.ndarray) -> Traces:
-    signals, rows = data.signals, data.signals.rows
-    command = signals.command(signals.tau)[rows]
-    return Traces(log.time[rows], data.block < 0, signals.q[rows], signals.qd[rows], command, before, after, used(data))
+def _traces(log: Log, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
+    s, at = rows.signals, rows.signals.rows
+    return Traces(log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used)
 
 
-def _warnings(data: Data, model: Model) -> list[str]:
-    signals, notes = data.signals, []
-    if np.count_nonzero(np.diff(data.block < 0)) > 1:
+def _warnings(rows: Rows, known: Model) -> list[str]:
+    notes = []
+    if np.count_nonzero(np.diff(~rows.training)) > 2 * len(rows.signals.slices) - 1:
         notes.append("several parts of the log are kept aside: its end holds motion that the rest does not")
-    still = [model.names[j] for j in range(len(model.names)) if not np.any(signals.moving[:, j])]
+    still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
     if still:
         notes.append(f"{', '.join(still)} hardly moved: nothing can be said of friction there")
+    passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
+    if passive:
+        notes.append(f"{', '.join(passive)}: no torque was commanded there")
     return notes
+
+
+__all__ = ["SURE", "diagnose", "unit_of"]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Key = tuple[str, int | None]  # an effect's name and its joint
+SURE = 0.8  # confidence from which an effect is named
 
 
 class Estimate(NamedTuple):
@@ -38,28 +39,44 @@ class Finding:
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    held_out_before: float  # root mean square error on held-out blocks without it, with all others [N or Nm]
-    held_out_after: float
+    confidence: float  # 0 to 1; see :mod:`jaxidl.gap.confidence`
+    support: float  # share of resamples in which it is found again
+    evidence: float  # fall of the score without it
+    share: float  # root mean square of what it adds over that of the command, on the joint where it is largest
+    where: int  # that joint
+    held_out_before: float  # root mean square error there on data kept aside without it, with all others fitted anew [N or Nm]
+    held_out_after: float  # ... with it
     gain: float  # 1 − after/before
     gain_stderr: float
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # of the parameters that were fitted
 
+    @property
+    def sure(self) -> bool:
+        """Is it named, rather than suspected?"""
+        return self.confidence >= SURE
+
 
 class Ambiguity(NamedTuple):
-    """Effects that explain this log equally well (the one that was added first), and the experiment that would tell."""
+    """Effects that stand for each other when the log is resampled (the one that was found first), and what would tell them apart."""
 
     candidates: tuple[Key, ...]
     experiment: str
 
 
 class Row(NamedTuple):
-    """A line of a round's ranking."""
+    """What another effect would add to the score, and why it was not taken."""
 
     name: str
     joint: int | None
-    gain: float
-    gain_stderr: float
-    chosen: bool
+    promise: float
+    reason: str
+
+
+class Envelope(NamedTuple):
+    """What conventional identification reaches: everything common fitted at once. J joints."""
+
+    torque_rms: list[float]  # on the data kept aside [N or Nm]
+    torque_relative: list[float]  # of the command's root mean square
 
 
 class Side(NamedTuple):
@@ -103,20 +120,28 @@ class Diagnosis:
     where: tuple[Place, ...]  # of the residual before
     remaining: tuple[Place, ...]  # of the residual after
     gap: Gap
-    rounds: tuple[tuple[Row, ...], ...]
+    envelope: Envelope
+    unexplained: tuple[int, ...]  # joints of which much is left
+    rivals: tuple[Row, ...]
     network: tuple[tuple[float, float], ...]  # (J) what a network removes of the remaining residual, and its standard error
     model: Model
     traces: Traces
     band: float  # [Hz]
     notes: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
+    common: tuple[Effect, ...] = ()  # what the log shares with the one that it was compared with, and is no finding
     signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
     refinement: Refinement | None = field(default=None, repr=False)  # what :meth:`refined` did
 
     @property
     def plant(self) -> Plant:
         """The model with what was found: it simulates, controls and learns like any other."""
-        return Plant(self.model.plant.body, (*self.model.plant.effects, *(f.effect for f in self.findings)))
+        return Plant(self.model.plant.body, (*self.model.plant.effects, *self.common, *(f.effect for f in self.findings)))
+
+    @property
+    def frame(self) -> str:
+        """Name of the body in whose frame a load is."""
+        return getattr(self.model.plant.body, "carrier", "")
 
     def to_dict(self) -> dict[str, Any]:
         """The content of ``report.json``, without ``files``."""
@@ -131,7 +156,13 @@ class Diagnosis:
                         "effect": f.name,
                         "joint": f.joint,
                         "sentence": f.sentence,
+                        "joint_name": None if f.joint is None else self.model.names[f.joint],
+                        "frame": self.frame if f.joint is None else None,
                         "parameters": {name: p._asdict() for name, p in f.parameters.items()},
+                        "confidence": f.confidence,
+                        "support": f.support,
+                        "evidence": f.evidence,
+                        "share": f.share,
                         "held_out_before": f.held_out_before,
                         "held_out_after": f.held_out_after,
                         "gain": f.gain,
@@ -151,7 +182,9 @@ class Diagnosis:
                     "after": self.gap.after._asdict(),
                     "noise_floor": self.gap.noise_floor,
                 },
-                "rounds": [[r._asdict() for r in rows] for rows in self.rounds],
+                "envelope": self.envelope._asdict(),
+                "unexplained_joints": list(self.unexplained),
+                "rivals": [r._asdict() for r in self.rivals],
                 "network": [{"joint": j, "gain": g, "gain_stderr": s} for j, (g, s) in enumerate(self.network)],
                 "joints": list(self.model.names),
                 "band_hz": self.band,
@@ -200,12 +233,6 @@ class Diagnosis:
         from jaxidl.plot.gap import plot_where
 
         return plot_where(self)
-
-    def plot_ranking(self) -> "Figure":
-        """What each effect would remove of the held-out error, round by round."""
-        from jaxidl.plot.gap import plot_ranking
-
-        return plot_ranking(self)
 
     def plot_gap(self) -> "Figure":
         """Torque error by joint and rollout error by horizon, before and after, on the data kept aside."""

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from jaxidl.gap.data import Data, used
+from jaxidl.gap.rows import Rows
 
 EXCESS = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
 LEAST = 0.08  # and if that is at least this much of the joint's energy
@@ -22,10 +22,10 @@ class Place(NamedTuple):
     sentence: str
 
 
-def localise(data: Data, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
+def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
     """The regimes of each joint that stand out, the most striking first; joints in the order of their relative residual."""
-    counted = used(data)
-    size = [np.sqrt(np.mean(residual[counted[:, j], j] ** 2)) / max(data.command[j], 1e-12) for j in range(len(names))]
+    counted = data.used
+    size = [np.sqrt(np.mean(residual[counted[:, j], j] ** 2)) / max(data.spread[j], 1e-12) for j in range(len(names))]
     places = []
     for j in np.argsort(size)[::-1].tolist():
         energy = residual[:, j] ** 2 * counted[:, j]
@@ -52,9 +52,10 @@ def _everywhere(joint: int, name: str, size: float) -> Place:
     )
 
 
-def _regimes(data: Data, residual: np.ndarray, j: int) -> list[tuple[str, np.ndarray, str]]:
+def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.ndarray, str]]:
     """Name, rows and words of each regime."""
     signals, rows = data.signals, data.signals.rows
+    resting = signals.resting[rows]
     q, qd, qdd, tau = (x[rows, j] for x in (signals.q, signals.qd, signals.qdd, signals.tau))
     speed = np.abs(qd)
     low, high = np.quantile(speed, [0.25, 0.75])
@@ -63,8 +64,8 @@ def _regimes(data: Data, residual: np.ndarray, j: int) -> list[tuple[str, np.nda
     turn = _near(np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0, max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt))))
     quarters = np.arange(len(rows)) * 4 // len(rows)
     out = [
-        ("standstill", data.resting[:, j], "where the joint rests"),
-        ("reversal", turn & ~data.resting[:, j], "within 50 ms of a reversal"),
+        ("standstill", resting[:, j], "where the joint rests"),
+        ("reversal", turn & ~resting[:, j], "within 50 ms of a reversal"),
         ("low speed", speed < low, f"below a speed of {low:.3g}"),
         ("high speed", speed > high, f"above a speed of {high:.3g}"),
         ("positive direction", qd > signals.rest_speed[j], "in motion forwards"),
@@ -85,9 +86,9 @@ def _near(events: np.ndarray, reach: int) -> np.ndarray:
     return np.convolve(events, np.ones(2 * reach + 1), "same") > 0
 
 
-def _direction(data: Data, residual: np.ndarray, j: int, name: str) -> list[Place]:
+def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Place]:
     """Is the residual of one sign with the velocity, or regardless of it; at which frequencies?"""
-    counted = used(data)[:, j]
+    counted = data.used[:, j]
     rows = data.signals.rows
     qd, r = data.signals.qd[rows, j][counted], residual[counted, j]
     if len(r) < 64:

@@ -9,10 +9,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
 
-from jaxidl.gap.data import Data, used
-from jaxidl.gap.gains import Errors, Gain, gain
+from jaxidl.gap.find import jackknife
+from jaxidl.gap.rows import Rows
 from jaxidl.models import ErrorModel, Training
 from jaxidl.models.training import draw_batches, fit, start
 from jaxidl.types import Dataset
@@ -24,19 +23,19 @@ STEPS = 1500
 SYSTEMATIC = 0.25  # share of a joint's residual that the network must remove for it to be called systematic
 
 
-class Check(NamedTuple):
-    """What a network removes of each joint's remaining residual on blocks that it was not trained on."""
+class Gain(NamedTuple):
+    """Share of a joint's root mean square residual that goes, and its standard error."""
 
-    gains: tuple[Gain, ...]  # (J,)
-    predicted: Float[np.ndarray, "N J"]  # its held-out prediction [N or Nm]; zero on rows kept aside
+    value: float
+    stderr: float
 
 
-def check(data: Data, residual: np.ndarray) -> Check:
-    """Train and ask in ``FOLDS`` turns."""
+def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
+    """Return what a network removes of each joint's residual (N, J) on blocks that it was not trained on, in ``FOLDS`` turns."""
     signals, rows = data.signals, data.signals.rows
     x = np.concatenate([signals.q[rows], signals.qd[rows], signals.qdd[rows]], axis=1)
     x = (x - x.mean(0)) / np.maximum(x.std(0), 1e-12)
-    counted = used(data)
+    counted = data.used
     scale = np.array([np.sqrt(np.mean(residual[counted[:, j], j] ** 2)) for j in range(residual.shape[1])])
     y = np.clip(residual / np.maximum(scale, 1e-12), -5.0, 5.0) * counted
     predicted = np.zeros_like(residual)
@@ -45,13 +44,13 @@ def check(data: Data, residual: np.ndarray) -> Check:
     for k in range(FOLDS):
         train, asked = np.flatnonzero((fold >= 0) & (fold != k))[:fewest], np.flatnonzero(fold == k)
         predicted[asked] = _predict(x[train], y[train], x[asked], k) * scale
-    left = [_by_block(e, data, counted) for e in (residual, residual - predicted)]
-    count = _by_block(np.ones_like(residual), data, counted)
-    gains = [gain(*(Errors(e, 0.0 * e, count, e).of([j]) for e in left)) for j in range(residual.shape[1])]
-    return Check(tuple(gains), predicted)
+    before, after = (_by_block(e, data, counted) for e in (residual, residual - predicted))
+    share = lambda a, b: 1.0 - np.sqrt(a / np.maximum(b, 1e-300))  # noqa: E731
+    value, parts = share(after.sum(0), before.sum(0)), share(after.sum(0) - after, before.sum(0) - before)
+    return tuple(Gain(float(v), float(e)) for v, e in zip(value, jackknife(parts), strict=True))
 
 
-def _by_block(residual: np.ndarray, data: Data, counted: np.ndarray) -> np.ndarray:
+def _by_block(residual: np.ndarray, data: Rows, counted: np.ndarray) -> np.ndarray:
     """Sums of squares (B, J)."""
     return np.stack([np.sum((residual**2 * counted)[data.block == b], 0) for b in range(data.block.max() + 1)])
 

@@ -26,6 +26,7 @@ HIGHEST_BAND = 0.2  # of the sampling rate
 ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band,
 MOST_ROWS = 8000  # and of a long log altogether: time, for which neighbours, much alike, give little in return
 REST_EDGE = 0.6  # on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
+REST_SPEED = 0.01  # of a joint's highest: below it dry friction may be anything within its level
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
 TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
 
@@ -48,10 +49,11 @@ class Signals(NamedTuple):
     balance: Float[np.ndarray, "N J"]  # command − inverse dynamics there: what the rigid body does not explain [N or Nm]
     moving: Bool[np.ndarray, "T J"]
     resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
-    peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: instant and largest torque withstood of each rest [N or Nm]
+    peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: last instant and largest torque withstood of each rest [N or Nm]
 
     body: Any  # the modelled rigid body
     held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
+    notes: tuple[str, ...] = ()  # what of the log was not used, and why
     late: int = 0  # instants at the end of each run whose true positions only later readings would have told
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
@@ -95,13 +97,13 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
     smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))  # noqa: E731
     slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
-    qd = slope(q) if log.qd is None else smooth(log.qd)
-    qdd = smooth(log.qdd) if log.qdd is not None else slope(qd)
+    qd, late_speed = _in_step(slope(q), None if log.qd is None else smooth(log.qd), slope, dt, "velocity")
+    qdd, late_push = _in_step(slope(qd), None if log.qdd is None else smooth(log.qdd), slope, dt, "acceleration")
     q, qd, qdd = true_motion(effects, q, qd, qdd, slices, dt)
     stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
     table = tables(body, q, qd, qdd, stride)
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
-    rest_speed = np.maximum(4.0 * speed_noise, 0.003 * np.quantile(np.abs(qd), 0.99, axis=0))
+    rest_speed = np.maximum(4.0 * speed_noise, REST_SPEED * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
     static = inverse_dynamics(body, q, 0.0 * qd, 0.0 * qdd)
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
@@ -110,14 +112,38 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
         np.arange(s.start + min(edge, (s.stop - s.start) // 5), s.stop - min(edge, (s.stop - s.start) // 5), step) for s in slices
     ]
     floor = noise_torque(reach, band, dt)
-    kept = np.concatenate(rows)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
-    peaks = tuple(withstood(rests[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
+    peaks = tuple(withstood(rests[:, j], resting[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
+    kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
     none = np.zeros((len(kept), log.joints))
     found = Signals(
         dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body, held
     )
-    return found._replace(balance=found.command(found.tau)[kept] - table.torque[kept], late=lateness(effects, q, dt))
+    return found._replace(
+        balance=found.command(found.tau)[kept] - table.torque[kept],
+        late=lateness(effects, q, dt),
+        notes=(*late_speed, *late_push),
+    )
+
+
+def _in_step(
+    derived: np.ndarray, logged: np.ndarray | None, slope: Callable[[np.ndarray], np.ndarray], dt: float, what: str
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The logged derivative (T, J) where it is in step with the positions, else the ``derived`` one; and a note that says so.
+
+    Robots filter the velocity that they report. Late by more than half a sample it would pass for friction and inertia.
+    """
+    if logged is None:
+        return derived, ()
+    change, off = slope(derived), logged - derived
+    late = -np.sum(off * change, 0) / np.maximum(np.sum(change**2, 0), 1e-300)  # (J,) [s]
+    worst = float(late[np.argmax(np.abs(late))])
+    if abs(worst) <= 0.5 * dt:
+        return logged, ()
+    way = "late" if worst > 0.0 else "early"
+    return derived, (
+        f"the logged {what} is up to {abs(worst) * 1e3:.3g} ms {way} against the position: derived from positions instead",
+    )
 
 
 def true_positions(effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float) -> np.ndarray:
@@ -212,27 +238,27 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
 def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs their ends.
 
-    A rest shorter than the filter, which reaches ``half`` instants, is a reversal, which counts as motion.
+    A rest shorter than the filter, which reaches ``half`` instants, is a reversal: neither motion nor rest.
     """
     slow = np.abs(qd) < rest_speed
     long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
     resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
-    moving = ~np.asarray(ndimage.binary_dilation(long, np.ones((2 * half + 1, 1))), bool)
+    moving = ~slow & ~np.asarray(ndimage.binary_dilation(long, np.ones((2 * half + 1, 1))), bool)
     return moving, resting, long
 
 
-def withstood(rests: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
-    """Instant and largest magnitude of the unfiltered ``torque`` (T,) of each rest (E, 2) that ends within the log.
+def withstood(rests: np.ndarray, resting: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
+    """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered ``torque`` (T,) of it (E, 2).
 
     A rest ends when its torque exceeds what holds it; filtered, the peak would be cut off.
     """
     labelled: Any = ndimage.label(rests)
-    label, count = labelled
     found = []
-    for part in ndimage.find_objects(label):
-        if part[0].start > edge and part[0].stop < len(rests) - edge:
-            found.append((part[0].stop, np.abs(torque[part]).max()))
-    return np.array(found, float).reshape(-1, 2) if count else np.zeros((0, 2))
+    for part in ndimage.find_objects(labelled[0]):
+        still = part[0].start + np.flatnonzero(resting[part])
+        if part[0].start > edge and part[0].stop < len(rests) - edge and len(still):
+            found.append((still[-1], np.abs(torque[part]).max()))
+    return np.array(found, float).reshape(-1, 2)
 
 
 def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:

@@ -2,9 +2,14 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from jaxidl.gap.diagnosis import Ambiguity, Estimate, Finding, Gap
+from jaxidl.gap.experiments import experiment
 from jaxidl.gap.localise import Place
 from jaxidl.systems.mjcf import Model
+
+FEW = 6  # effects that a summary names
 
 
 def summarise(
@@ -12,24 +17,31 @@ def summarise(
     findings: Sequence[Finding],
     ambiguous: Sequence[Ambiguity],
     gap: Gap,
-    where: Sequence[Place],
+    unexplained: Sequence[int],
     remaining: Sequence[Place],
     model: Model,
 ) -> str:
     """A few sentences: the verdict, what was found, what it is worth, what is left."""
-    out = [_verdict(verdict, findings)]
-    out += [f"{f.sentence[0].upper()}{f.sentence[1:]}: {_numbers(f)}." for f in findings]
+    sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
+    out = [_verdict(verdict, sure, [model.names[j] for j in unexplained])]
+    if sure:
+        out.append(
+            "Missing, in the order of what it explains: " + "; ".join(f"{f.sentence}, {_numbers(f)}" for f in sure[:FEW]) + "."
+        )
+    if len(sure) > FEW:
+        out.append(f"And {len(sure) - FEW} more: see the table.")
+    if rest:
+        out.append("Possible, but not certain: " + "; ".join(f"{f.sentence}" for f in rest[:FEW]) + ".")
     if findings:
         changes = [
-            f"{name}: {_percent(b)} before, {_percent(a)} after"
+            f"{name} {_percent(b)} before, {_percent(a)} after"
             for name, b, a in zip(model.names, gap.before.torque_relative, gap.after.torque_relative, strict=True)
+            if np.isfinite(b)
         ]
         out.append("Torque error on the data kept aside, relative to the command: " + "; ".join(changes) + ".")
     for a in ambiguous:
-        names = " or ".join(readable(name) + (f" on joint {j}" if j is not None else "") for name, j in a.candidates)
+        names = " or ".join(readable(name) + (f" on {model.names[j]}" if j is not None else "") for name, j in a.candidates)
         out.append(f"This log cannot tell between {names}. To separate them, {a.experiment}.")
-    if verdict == "unexplained" and remaining:
-        out.append(f"What is left is systematic. {remaining[0].sentence[0].upper()}{remaining[0].sentence[1:]}.")
     return " ".join(out)
 
 
@@ -50,16 +62,20 @@ def _numbers(finding: Finding) -> str:
     return ", ".join(f"{readable(name)} {number(p)}" for name, p in finding.parameters.items())
 
 
-def _verdict(verdict: str, findings: Sequence[Finding]) -> str:
-    count = f"{len(findings)} effect{'s' * (len(findings) != 1)} missing"
+def _verdict(verdict: str, sure: Sequence[Finding], unexplained: Sequence[str]) -> str:
+    count = f"{len(sure)} effect{'s' * (len(sure) != 1)}"
     return {
-        "named": f"The simulation has {count}.",
-        "ambiguous": f"The simulation has {count}, but this log does not fully determine which.",
+        "named": f"The simulation lacks {count}.",
+        "ambiguous": f"The simulation lacks {count or 'something'}, but this log does not fully determine which.",
         "nothing_missing": "Nothing is missing: no effect of the catalogue makes the model clearly better.",
-        "unexplained": "Something is missing that the catalogue does not explain" + (f", beside {count}." if findings else "."),
+        "unexplained": f"Something is left on {', '.join(unexplained)} that the catalogue does not explain"
+        + (f", beside {count} that the simulation lacks for certain." if sure else "."),
     }[verdict]
 
 
 def _percent(share: float) -> str:
     """Two digits, or all that stand before the point."""
     return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"
+
+
+__all__ = ["experiment", "number", "readable", "summarise"]

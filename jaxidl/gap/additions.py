@@ -1,0 +1,183 @@
+"""What an effect adds, along a log, to the command that the model predicts.
+
+The log drives the effect: a hidden state is simulated under the measured motion and the logged command, and an effect that reads
+the torque reads the *predicted* command, or it would explain a command by itself. Of effects of one class many are computed side
+by side, so each class is compiled once, for all its shapes and joints.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.effects import Effect, OnJoint
+from jaxidl.gap.signals import Signals, on_encoders
+from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
+
+SIDE_BY_SIDE = 4  # effects of one class in one program
+QUICK = {"xla_backend_optimization_level": 0}  # compiling costs more than running
+
+
+class Drive(NamedTuple):
+    """What an effect sees: (T, J) each, or (T, 1) of its own joint."""
+
+    q: Any
+    qd: Any
+    qdd: Any
+    tau: Any  # as logged
+    predicted: Any  # as the model predicts it
+    table: Tables
+
+
+class Terms(NamedTuple):
+    """Contributions (T, J) of an effect."""
+
+    change: Any  # of the command on its way to the joint
+    torque: Any
+    level: Any  # of dry friction, of moving joints
+    up: Any  # of joints at rest that are pushed forwards
+    down: Any  # ... backwards
+    inertia: Any  # torque that its change of the body takes
+    q: Any  # true position
+
+
+def additions(
+    effects: Sequence[Effect], signals: Signals, tau: np.ndarray, predicted: np.ndarray, undone: bool = False
+) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
+    """Return what each of G effects of one structure adds to the predicted command [N or Nm], and what the last one delivers.
+
+    Args:
+        effects: of the whole mechanism (effects of one joint carry it), all of one class with the same static fields.
+        signals: the log, N rows of T instants.
+        tau: commands (T, J) that arrive at their ``actuate`` [N or Nm].
+        predicted: commands (T, J) that their ``torque`` and ``dry`` read [N or Nm].
+        undone: are the signals' positions already without what the effects do to the encoders? It is not to count again.
+    """
+    joints = signals.q.shape[1]
+    columns, inner = _narrowed(effects)
+    drive, starts = driven(signals, tau, predicted, columns)
+    out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
+    for first in range(0, len(inner), SIDE_BY_SIDE):
+        part = inner[first : first + SIDE_BY_SIDE]
+        filled = part + [part[-1]] * (SIDE_BY_SIDE - len(part))
+        leaves = [jnp.stack([jnp.asarray(x, float) for x in each]) for each in zip(*map(jax.tree.leaves, filled), strict=True)]
+        terms = jax.tree.map(np.asarray, _many(jax.tree.structure(part[0]), leaves, drive, starts, signals.dt))
+        for k in range(len(part)):
+            one = Terms(*(x[k] for x in terms))
+            out[first + k][:, columns] = _rows(one, signals, columns, drive, undone)
+            if np.any(one.change):
+                delivered = tau.copy()
+                delivered[:, columns] += one.change
+    return out, delivered
+
+
+Columns = slice | list[int]  # joints
+
+
+def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect]]:
+    """The joints that effects concern, and the effects as if the mechanism had no others: one program serves all joints."""
+    first = effects[0]
+    if isinstance(first, OnJoint) and not reaches(first.effect):
+        return slice(first.joint, first.joint + 1), [e.effect for e in effects]  # type: ignore[attr-defined]
+    if hasattr(first, "other"):
+        return [first.joint, first.other], [e.replace(joint=0, other=1) for e in effects]  # type: ignore[attr-defined]
+    return slice(None), list(effects)
+
+
+def reaches(effect: Effect) -> bool:
+    """Does an effect of one joint change what others feel: the body that it carries, or the position that they are at?"""
+    seen = _Watch()
+    effect.alter(seen)
+    return seen.carried or on_encoders(effect)
+
+
+class _Watch:
+    """A body that notes whether more than a joint's own rotor is changed."""
+
+    carried = False
+
+    def add_inertia(self, extra: Any) -> "_Watch":
+        return self
+
+    def __getattr__(self, name: str) -> Any:
+        def change(*values: Any) -> "_Watch":
+            self.carried |= any(np.any(np.asarray(v) != 0.0) for v in values)
+            return self
+
+        return change
+
+
+def _sliced(table: Tables, columns: Columns) -> Tables:
+    """The tables of some joints, as if the others did not move."""
+    return table.part(columns)
+
+
+def driven(signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Columns) -> tuple[Drive, np.ndarray]:
+    """Return what effects on some joints see, and at which instants (T,) a run begins."""
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
+    parts = (x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted))
+    return Drive(*parts, _sliced(signals.tables, columns)), starts
+
+
+@partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)
+def _many(structure: Any, leaves: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    """Terms (G, T, J) of G effects of one structure."""
+    return jax.vmap(lambda values: _along(jax.tree.unflatten(structure, values), drive, starts, dt))(leaves)
+
+
+def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
+    change = drive.tau * 0.0
+    if inner.actuate is not Effect.actuate:
+        command = effect.seen(drive.tau, drive.predicted)
+        change = _delivered(effect, drive._replace(tau=command), starts, dt) - command
+
+    def instant(q: Any, qd: Any, qdd: Any, tau: Any, table: Any) -> Any:
+        body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
+        rest, one = jnp.zeros_like(q), jnp.ones_like(q)
+        levels = effect.dry(q, qd, tau, qd), effect.dry(q, rest, tau, one), effect.dry(q, rest, tau, -one)
+        return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
+
+    torque, level, up, down, inertia = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, drive.predicted, drive.table)
+    return Terms(change, torque, level, up, down, inertia, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
+
+
+def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
+    """The command after the effect, whose hidden state follows the measured motion and begins anew with each run."""
+
+    def step(memory: Any, now: Any) -> Any:
+        q, qd, tau, begins = now
+        memory = jax.tree.map(lambda old, new: jnp.where(begins, new, old), memory, effect.start(q))
+        delivered, memory = effect.actuate(memory, q, qd, tau, dt)
+        return memory, delivered
+
+    return jax.lax.scan(step, effect.start(drive.q[0]), (drive.q, drive.qd, drive.tau, starts))[1]
+
+
+def _rows(terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool) -> np.ndarray:
+    """Filter and thin out: what the command must be more (N, J)."""
+    rows = signals.rows
+
+    def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray | float:
+        return through(x)[rows] if np.any(x) else 0.0
+
+    moving = np.sign(signals.qd[:, columns]) * ~signals.resting[:, columns]
+    slide = kept(terms.level * moving, signals.smooth)
+    pushed = signals.balance[:, columns] > 0.0
+    held = np.where(pushed, terms.up[rows], -terms.down[rows]) * signals.resting[:, columns][rows]
+    net = kept(terms.change, signals.command) + kept(terms.torque, signals.smooth) - kept(terms.inertia)
+    if not undone and np.any(shift := terms.q - drive.q):
+        net = net - _moved(shift, signals)[:, columns]
+    return slide + held - net
+
+
+def _moved(shift: np.ndarray, signals: Signals) -> np.ndarray:
+    """Change (N, J) of the inverse dynamics if true positions are ``shift`` (T, J) beside the measured ones."""
+    speed = signals.differentiate(shift)
+    there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))
+    return inverse_dynamics(signals.body, *(x[signals.rows] for x in there)) - signals.tables.torque[signals.rows]

@@ -1,0 +1,93 @@
+"""A fit that stays physical: bounds, friction that dissipates wherever the log went, links that could be built.
+
+Least squares under linear and linear matrix inequalities is a small conic program, solved by an interior-point method (Goulart
+and Chen, Clarabel, 2024).
+"""
+
+from collections.abc import Sequence
+
+import clarabel
+import numpy as np
+from scipy import sparse
+
+from jaxidl.effects import Effect
+from jaxidl.gap.links import Links, change_of, physical, pseudo_inertia
+from jaxidl.gap.rows import Rows
+from jaxidl.gap.score import Item
+
+PLACES = 80  # of a joint's rows at which its friction must dissipate
+FAST = 3.0  # times the speed of rest: nearer to a reversal the filter blurs the direction
+
+
+def consistent(
+    gram: np.ndarray,
+    right: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    unequal: np.ndarray,
+    cones: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray | None:
+    """Return the minimum (P,) of x·gram·x/2 − right·x, or None if there is none.
+
+    Args:
+        gram: (P, P); right: (P,).
+        lower, upper: (P,) bounds.
+        unequal: (M, P), unequal @ x >= 0.
+        cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive semidefinite.
+    """
+    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    eye = np.eye(len(right))
+    low, high = np.isfinite(lower), np.isfinite(upper)
+    rows = [-eye[low], eye[high], -unequal]
+    sides = [-lower[low], upper[high], np.zeros(len(unequal))]
+    kinds: list[object] = [clarabel.NonnegativeConeT(sum(len(r) for r in rows))]
+    i, j = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+    weight = np.where(i == j, 1.0, np.sqrt(2.0))
+    for base, slopes in cones:
+        scale = 1.0 / max(np.abs(base).max(), 1e-9)
+        rows.append(-scale * (slopes[:, i, j] * weight).T)
+        sides.append(scale * base[i, j] * weight)
+        kinds.append(clarabel.PSDTriangleConeT(4))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    a = sparse.csc_matrix(np.concatenate(rows) / size)
+    p = sparse.csc_matrix(np.triu(gram / size / size[:, None]))
+    found = clarabel.DefaultSolver(p, -right / size, a, np.concatenate(sides), kinds, settings).solve()
+    if str(found.status) not in ("Solved", "AlmostSolved"):
+        return None
+    return np.clip(np.asarray(found.x) / size, lower, upper)
+
+
+def dissipating(members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int) -> np.ndarray:
+    """Return rows (M, P): at so many places of the log the friction of a joint against its motion, by the coefficients."""
+    out, signals = [], rows.signals
+    for j in range(rows.gap.shape[1]):
+        here = [m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)]
+        speed = signals.qd[signals.rows, j]
+        fast = np.flatnonzero(rows.used[:, j] & (np.abs(speed) > FAST * signals.rest_speed[j]))
+        if not here or not len(fast):
+            continue
+        picked = fast[np.argsort(np.abs(speed[fast]))][np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)]
+        part = np.zeros((len(picked), count))
+        for m in here:
+            part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
+        out.append(part / max(np.abs(part).max(), 1e-300))
+    return np.concatenate(out) if out else np.zeros((0, count))
+
+
+def buildable(
+    members: Sequence[Item], links: Links | None, own: Sequence[Effect], places: dict[int, slice], count: int
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the pseudo-inertia of each link that the members change, with the model's ``own`` effects, and its derivatives."""
+    if links is None:
+        return []
+    slopes = np.zeros((count, *links.nominal.shape))
+    for m in members:
+        if m.shape is not None and m.shape.free and m.shape.cls.alter is not Effect.alter:
+            for k, row in enumerate(np.eye(len(m.lower))):
+                slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
+    found, nominal = [], links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
+    for link in range(len(nominal) - 1):
+        if np.any(slopes[:, link]) and physical(nominal[link]):
+            found.append((pseudo_inertia(nominal[link]), pseudo_inertia(slopes[:, link])))
+    return found

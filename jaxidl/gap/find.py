@@ -1,0 +1,151 @@
+"""Find what is missing in a log: the search, the shapes, what may be named, and how sure it is.
+
+The algorithm is at the top of :mod:`jaxidl.gap.neighbourhood`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from jaxidl.gap.confidence import DRAWS, Support, support
+from jaxidl.gap.library import Library, items_of, residual, upsampled
+from jaxidl.gap.neighbourhood import search
+from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.shapes import fitted, movable
+
+ROUNDS = 3  # of shapes fitted and sets searched
+EXCLUDED = 2.0  # standard errors by which a value must exclude zero
+
+Watch = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search found. J joints."""
+
+    library: Library
+    score: Score  # with the members' fitted shapes
+    solution: Solution  # of what may be named
+    predicted: np.ndarray  # (T, J) command as the members predict it [N or Nm]
+    support: Support
+    dropped: dict[Group, str]  # what the search took and may not be named, and why
+
+    @property
+    def named(self) -> tuple[Item, ...]:
+        """The effects found."""
+        return tuple(m for m in self.solution.members if not m.always)
+
+
+def find(library: Library, min_gain: float, watch: Watch = lambda what, share: None, resample: bool = True) -> Found:
+    """Return what is missing, beginning with the envelope, or with nothing where another log is the reference."""
+    rows, score = library.rows, library.score
+    basic = [i for i in score.items if i.always or (i.common and score.anchor is None)]
+    watch("searching", 0.0)
+    now, predicted = search(score, basic), library.predicted
+    for number in range(ROUNDS):
+        watch("fitting shapes", (number + 1) / (ROUNDS + 1))
+        predicted = upsampled(rows, rows.command - residual(rows, now))
+        fresh = refitted(now, library, predicted)
+        if not fresh:
+            break
+        groups = {i.group for i in fresh}
+        members = [next((n for n in fresh if n.group == m.group), m) for m in now.members]
+        items = [*(i for i in score.items if i.group not in groups), *fresh]
+        score = Score(rows, items, score.noise, score.effective, score.anchor)
+        before, now = {m.group for m in now.members}, search(score, members)
+        if {m.group for m in now.members} == before and number:
+            break
+    now, score, dropped = nameable(score, now, min_gain)
+    watch("resampling", 0.0)
+    said = support(score, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
+    return Found(library, score, now, predicted, said, dropped)
+
+
+def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
+    """Return the members whose columns change: those with a shape, fitted, and those that read the torque."""
+    fresh = []
+    for m in now.members:
+        if m.shape is None or m.always:
+            continue
+        if movable(m.shape):
+            fresh.append(fitted(m, now, library.rows, predicted, library.score.noise))
+        elif m.shape.effect().reads_torque(len(library.score.noise)):
+            prior = float(1.0 / (1.0 + np.exp(-m.odds)))
+            fresh += items_of([(m.shape, prior)], library.rows, predicted, library.score.items)
+    return fresh
+
+
+def nameable(score: Score, now: Solution, min_gain: float) -> tuple[Solution, Score, dict[Group, str]]:
+    """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time."""
+    dropped: dict[Group, str] = {}
+    while True:
+        objections = [
+            (now.value - score.solve(without(now, m)).value, m, why)
+            for m in now.members
+            if (why := objection(score, now, m, min_gain))
+        ]
+        if not objections:
+            return now, score, dropped
+        _, worst, why = min(objections, key=lambda o: o[0])
+        dropped[worst.group] = why
+        score = score.narrowed([i for i in score.items if i.group != worst.group])
+        now = search(score, without(now, worst), swap=False)
+
+
+def without(now: Solution, m: Item) -> list[Item]:
+    """Return the other members."""
+    return [o for o in now.members if o is not m]
+
+
+def objection(score: Score, now: Solution, m: Item, min_gain: float) -> str:
+    """Return why a member may not be named, or nothing."""
+    if m.always:
+        return ""
+    at = now.of(m)
+    x, stderr = now.x[at], jackknife(now.folds[:, at])
+    if not np.any(np.abs(x) > EXCLUDED * stderr):
+        return "its standard error does not exclude zero"
+    at_bound = (x <= m.lower) | (x >= m.upper)
+    if np.all(at_bound | (x == 0.0)):
+        return "its value is on a bound"
+    other = score.solve(without(now, m))
+    pick = list(m.joints)
+    if worse_aside(score, other, now, pick):
+        return "data kept aside are predicted better without it"
+    if gain(score, other, now)[pick].max() < min_gain:
+        return f"it removes less than {min_gain:.0%} of the error"
+    return ""
+
+
+def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
+    """Are blocks kept aside predicted worse than before, by more than the scatter between them?"""
+    rise = (score.aside(after) / after.passed - score.aside(before) / before.passed)[:, joints].sum(1)
+    return bool(rise.sum() > np.std(rise) * np.sqrt(len(rise)))
+
+
+def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
+    """Return the share of a joint's root mean square error on blocks kept aside that goes, and its standard error."""
+    a, b = (score.aside(s)[:, joint] / s.passed[joint] for s in (after, before))
+    share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))  # noqa: E731
+    return float(share(a.sum(), b.sum())), float(jackknife(share(a.sum() - a, b.sum() - b)))
+
+
+def aside(score: Score, found: Solution) -> np.ndarray:
+    """Return the mean squared error (J,) on rows kept aside [noise^2], relative to what actuators let through."""
+    return score.aside(found).sum(0) / np.maximum(score.count[~score.training].sum(0), 1.0) / found.passed
+
+
+def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
+    """Return by which share (J,) the root mean square error on blocks left out falls."""
+    a, b = (
+        np.sqrt(s.error.sum(0) / np.maximum(score.count[score.training].sum(0), 1.0) / s.passed + score.floor)
+        for s in (after, before)
+    )
+    return 1.0 - a / b
+
+
+def jackknife(samples: np.ndarray) -> np.ndarray:
+    """Return the standard error (...) from what comes out without one block each, ``samples`` (B, ...)."""
+    b = len(samples)
+    return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))

@@ -1,0 +1,123 @@
+"""The search: which effects are missing. One model, one score, one neighbourhood.
+
+1. Every effect offers columns of the command that it would add along this log (:mod:`jaxidl.gap.library`).
+2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`).
+3. Begin with the envelope: everything common, on every joint. It is what conventional identification reaches.
+4. Improve the set while the score rises: drop one, add one, another shape of one, one for another, two for one or two.
+5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
+   and go to 4 until the set stays as it is.
+6. Take out what is on a bound, what its standard error does not tell from zero, what kept-aside blocks do better without, and
+   what makes less than the least improvement.
+7. Repeat 4 on resampled blocks: how often is an effect still there, and what stands in its place if it is not?
+"""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from jaxidl.gap.score import Item, Score, Solution
+
+EPSILON = 1e-6  # least rise of the score
+TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on
+PASSES = 40
+
+
+def search(score: Score, start: Iterable[Item], swap: bool = True, watch: Callable[[], None] = lambda: None) -> Solution:
+    """Return the best set that the neighbourhood reaches from ``start``."""
+    now = score.solve(start)
+    neighbourhoods = (single, replaced, pairs) if swap else (single,)
+    for _ in range(PASSES):
+        watch()
+        for moves in neighbourhoods:
+            after = improved(score, now, moves(score, now))
+            if after is not now:
+                now = after
+                break
+        else:
+            return now
+    return now
+
+
+Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
+
+
+def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
+    """Return the set after all moves that raise the score, best first, each judged where the ones before have led."""
+    ranked = []
+    for out, new in moves:
+        value = score.solve(after(now.members, out, new)).value
+        if value > now.value + EPSILON:
+            ranked.append((value, out, new))
+    for _, out, new in sorted(ranked, key=lambda r: r[0], reverse=True):
+        if out <= set(now.members) and not {n.group for n in new} & {m.group for m in now.members if m not in out}:
+            then = score.solve(after(now.members, out, new))
+            if then.value > now.value + EPSILON:
+                now = then
+    return now
+
+
+def after(members: tuple[Item, ...], out: Iterable[Item], new: Iterable[Item]) -> tuple[Item, ...]:
+    """Return the members after a move."""
+    return (*(m for m in members if m not in out), *new)
+
+
+def single(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: drop one, add one, another shape of one."""
+    drops = [(frozenset([m]), frozenset()) for m in now.members if not m.always]
+    taken = {m.group: m for m in now.members}
+    fresh = promising(score, now.members)
+    adds = [(frozenset([taken[i.group]]) if i.group in taken else frozenset(), frozenset([i])) for i in fresh]
+    return [*drops, *adds]
+
+
+def replaced(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: one for another on one of its joints."""
+    moves = []
+    for m in filter(lambda m: not m.always, now.members):
+        rest = after(now.members, [m], [])
+        fresh = [i for i in promising(score, rest, set(m.joints)) if i is not m and i.group not in {r.group for r in rest}]
+        moves += [(frozenset([m]), frozenset([i])) for i in fresh]
+    return moves
+
+
+def pairs(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: two members of one joint for one or two others, of those that hang together most."""
+    moves = []
+    for a, b in entangled(score, now):
+        rest = after(now.members, [a, b], [])
+        groups = {r.group for r in rest}
+        fresh = [i for i in promising(score, rest, set(a.joints) & set(b.joints)) if i not in (a, b) and i.group not in groups]
+        moves += [(frozenset([a, b]), frozenset([i])) for i in fresh[:TRIED]]
+        for first in fresh[:2]:
+            further = promising(score, after(rest, [], [first]), set(a.joints) & set(b.joints))
+            second = [i for i in further if i not in (a, b) and i.group not in groups | {first.group}][:2]
+            moves += [(frozenset([a, b]), frozenset([first, i])) for i in second]
+    return moves
+
+
+def promising(score: Score, members: Iterable[Item], joints: set[int] | None = None) -> list[Item]:
+    """Return the items that promise most beside ``members``, best first: a few for each joint."""
+    promise = score.promise(members)
+    ranked = sorted((i for i in score.items if id(i) in promise), key=lambda i: promise[id(i)], reverse=True)
+    count: dict[tuple[int, ...], int] = {}
+    found = []
+    for i in ranked:
+        if promise[id(i)] < -5.0 or (joints is not None and not joints & set(i.joints)):
+            continue
+        place = i.joints if len(i.joints) == 1 else (-1,)
+        count[place] = count.get(place, 0) + 1
+        if count[place] <= TRIED:
+            found.append(i)
+    return found
+
+
+def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
+    """Return pairs of members whose coefficients a log determines badly one beside the other: the likeliest two wrong ones."""
+    found = []
+    for n, a in enumerate(now.members):
+        for b in now.members[n + 1 :]:
+            if set(a.joints) & set(b.joints) and not (a.common and b.common) and not (a.always or b.always):
+                x, y = now.folds[:, now.of(a)], now.folds[:, now.of(b)]
+                if x.shape[1] == y.shape[1] == 1 and np.std(x) > 0 and np.std(y) > 0:
+                    found.append((abs(float(np.corrcoef(x[:, 0], y[:, 0])[0, 1])), a, b))
+    return [(a, b) for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 2 * TRIED] if r > 0.7]

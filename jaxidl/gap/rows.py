@@ -1,0 +1,90 @@
+"""The rows of a log that fits share: what the model leaves of the command there, and which rows are fitted, in which blocks."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxidl.effects import Effect
+from jaxidl.gap.additions import additions
+from jaxidl.gap.signals import Signals
+
+BLOCKS = 16  # of training; residuals of real machines are correlated from sample to sample, blocks hardly are
+ASIDE = 6  # blocks of the rows kept aside
+FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
+STRETCH = 1.5  # see ``kept_rows`` [s]
+LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
+
+
+class Rows(NamedTuple):
+    """N rows of J joints. Of a joint at rest only the last instant of each rest counts, with the torque that broke it away."""
+
+    gap: Float[np.ndarray, "N J"]  # command less what the model predicts [N or Nm]
+    command: Float[np.ndarray, "N J"]  # filtered [N or Nm]
+    used: Bool[np.ndarray, "N J"]
+    block: np.ndarray  # (N,) number of the block; those kept aside have negative ones, from -1 down
+    floor: Float[np.ndarray, " J"]  # of the noise [N or Nm]
+    spread: Float[np.ndarray, " J"]  # of the command [N or Nm]
+    tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
+    signals: Signals
+    effects: tuple[Effect, ...] = ()  # the model's own
+
+    @property
+    def training(self) -> np.ndarray:
+        """Which rows (N,) are fitted."""
+        return self.block >= 0
+
+
+def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 0.3) -> Rows:
+    """Return the rows of a log and what the model, a rigid body with ``effects``, leaves of the command.
+
+    Args:
+        signals: the log, prepared for the model: what its effects do to the encoders is undone there.
+        effects: the model's own.
+        held_out: share of the rows that is kept aside.
+    """
+    rows, tau, gap = signals.rows, signals.tau, signals.balance.copy()
+    used = signals.moving[rows].copy()
+    for j, peaks in enumerate(signals.peaks):
+        at = np.searchsorted(rows, peaks[:, 0])
+        gap[at, j], used[at, j] = np.sign(gap[at, j]) * peaks[:, 1], True
+    for effect in effects:
+        added, tau = additions([effect], signals, tau, tau, undone=True)
+        gap = gap - added[0]
+    command = signals.command(tau)[rows]
+    train = kept_rows(signals, held_out)
+    block = np.zeros(len(rows), int)
+    block[train] = np.arange(train.sum()) * BLOCKS // max(train.sum(), 1)
+    block[~train] = -1 - np.arange((~train).sum()) * ASIDE // max((~train).sum(), 1)
+    spread = np.std(signals.tau[rows], axis=0)
+    return Rows(
+        gap, command, used, block, np.maximum(signals.noise_floor, LEAST_FLOOR * spread), spread, tau, signals, tuple(effects)
+    )
+
+
+def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
+    """Return which of the kept rows (N,) are fitted: all but the last share ``held_out`` of every run.
+
+    What happens at the end of a log only, saturation in fast motion for one, could neither be found if that end were kept aside
+    nor be shown if it were not. So where the ends hold faster or harder motion than the rest, stretches of ``STRETCH`` seconds
+    each give their own last part.
+    """
+    rows = signals.rows
+    counts = [int(np.sum((rows >= r.start) & (rows < r.stop))) for r in signals.slices]
+    place = np.concatenate([np.linspace(0.0, 1.0, count, endpoint=False) for count in counts])
+    last = place >= 1.0 - held_out
+    if not last.any():
+        return ~last
+    sizes = [np.abs(x[rows]) for x in (signals.tau, signals.qd, signals.qdd)]
+    reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])  # noqa: E731
+    if np.all(reach(last) <= FURTHER * reach(~last)):
+        return ~last
+    duration = len(rows) * np.median(np.diff(rows)) * signals.dt
+    stretches = max(2, round(duration / STRETCH))
+    return (np.arange(len(rows)) * stretches / len(rows)) % 1.0 < 1.0 - held_out
+
+
+def instants_of(signals: Signals, rows: np.ndarray) -> Bool[np.ndarray, " T"]:
+    """Which instants (T,) of the log lie among certain of the kept rows (N,)."""
+    return np.interp(np.arange(len(signals.q)), signals.rows, rows) > 0.5

@@ -1,0 +1,319 @@
+"""The score of a set of effects: how well it predicts blocks that it was not fitted to, and how likely it was beforehand.
+
+score(S) = sum over joints of -N/2 log(e + floor) + sum over effects of log(p / (1 - p)):
+
+* e is the mean squared error of the command on blocks left out, in units of what the envelope leaves. Where effects change what
+  the motor delivers it is taken relative to the share of the command's variance that they let through: a motor that passes
+  nothing on explains nothing.
+* N is the effective number of samples, which counts the autocorrelation of what the envelope leaves (Bartlett 1946).
+* p is the effect's prior.
+
+Gram matrices per block and joint are made once; a set then costs one small solve for each block.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.gap.rows import Rows
+
+RIDGE = 1e-9  # of each column's own information
+Group = tuple[str, int | None, str]  # name, joint and part of an effect: one shape of each at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """One shape of an effect: P columns of the predicted command on some joints. Compared by identity."""
+
+    group: Group
+    shape: Any  # see :mod:`jaxidl.gap.library`
+    joints: tuple[int, ...]  # K that it touches
+    columns: Float[np.ndarray, "P N K"] = field(repr=False)
+    lower: Float[np.ndarray, " P"]
+    upper: Float[np.ndarray, " P"]
+    odds: float  # log prior odds
+    precision: Float[np.ndarray, " P"]  # of the prior on its coefficients: inverse squares of what is plausible
+    actuates: bool = False  # does it change what the motor delivers?
+    common: bool = False  # part of the envelope?
+    always: bool = False  # part of every set, and no effect?
+    kept: np.ndarray | None = field(default=None, repr=False)  # (N, J) squares of command that it does not let through
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Name and joint."""
+        return self.group[:2]
+
+
+class Solution(NamedTuple):
+    """A fitted set. P coefficients, B blocks, J joints."""
+
+    members: tuple[Item, ...]
+    x: Float[np.ndarray, " P"]  # fitted on all blocks of training
+    folds: Float[np.ndarray, "B P"]  # without one each
+    error: Float[np.ndarray, "B J"]  # sum of squares on each block without it [noise^2]
+    passed: Float[np.ndarray, " J"]  # share of the command's variance that reaches the joint
+    value: float
+
+    def of(self, item: Item) -> slice:
+        """Where an item's coefficients are."""
+        at = 0
+        for m in self.members:
+            if m is item:
+                return slice(at, at + len(m.lower))
+            at += len(m.lower)
+        raise KeyError(item.group)
+
+
+class Anchor(NamedTuple):
+    """What another log of the same machine says of items that both share: changes of their coefficients cost its error."""
+
+    items: tuple[Item, ...]
+    information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
+
+
+class Score:
+    """Gram matrices of a library of items on the rows of a log."""
+
+    def __init__(
+        self,
+        rows: Rows,
+        items: Sequence[Item],
+        noise: np.ndarray,
+        effective: np.ndarray,
+        anchor: "Anchor | None" = None,
+    ):
+        """Compute them.
+
+        Args:
+            rows: N rows, B blocks of training, others kept aside.
+            items: all that may be in a set.
+            noise: (J,) root mean square of what the envelope leaves [N or Nm].
+            effective: (J,) effective number of samples of training.
+            anchor: what another log says of some of the items.
+        """
+        self.items, self.noise, self.effective = list(items), noise, effective
+        sizes = np.cumsum([0, *(len(i.lower) for i in items)])
+        self.place = {id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)}
+        self.total = int(sizes[-1])
+        kept_aside = sorted({int(b) for b in rows.block if b < 0}, reverse=True)
+        order = [*range(int(rows.block.max()) + 1), *kept_aside]
+        self.training = np.array([b >= 0 for b in order])
+        joints = rows.gap.shape[1]
+        self.which: list[np.ndarray] = []  # of each joint: places of the columns that touch it
+        self.gram: list[np.ndarray] = []  # ... (B, p, p)
+        self.right: list[np.ndarray] = []  # ... (B, p)
+        self.square, self.count = np.zeros((2, len(order), joints))  # of the gap itself, and rows
+        self.spread: list[tuple[np.ndarray, np.ndarray, float]] = []  # covariance of columns, with the command, and of it
+        scale = np.zeros(self.total)
+        weights = rows.used / np.maximum(noise, 1e-300)
+        for i in items:
+            for k, j in enumerate(i.joints):
+                scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
+        self.scale = np.sqrt(np.maximum(scale / max(rows.training.sum(), 1), 1e-300))
+        self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
+        for j in range(joints):
+            on = [(i, i.joints.index(j)) for i in items if j in i.joints]
+            which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
+            x = np.concatenate([np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)])
+            x = (x * weights[:, j] / self.scale[which, None]).T  # (N, p)
+            y = rows.gap[:, j] * weights[:, j]
+            parts = [rows.block == b for b in order]
+            self.gram.append(np.stack([x[b].T @ x[b] for b in parts]))
+            self.right.append(np.stack([x[b].T @ y[b] for b in parts]))
+            self.square[:, j] = [y[b] @ y[b] for b in parts]
+            self.count[:, j] = [rows.used[b, j].sum() for b in parts]
+            self.which.append(which)
+            mask = rows.training & rows.used[:, j]
+            c, xc = rows.command[mask, j] / noise[j], x[mask]
+            c, xc = c - c.mean() if len(c) else c, xc - xc.mean(0) if len(xc) else xc
+            n = max(len(c), 1)
+            self.spread.append((xc.T @ xc / n, xc.T @ c / n, float(c @ c / n)))
+        self.bounds = [
+            np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
+        ]
+        self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
+        self.anchor = anchor
+        self.anchored = np.zeros((self.total, self.total))
+        if anchor is not None:
+            at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
+            self.anchored[np.ix_(at, at)] = anchor.information / self.scale[at, None] / self.scale[at]
+        self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
+        self.local = [np.full(self.total, -1) for _ in range(joints)]
+        for local, which in zip(self.local, self.which, strict=True):
+            local[which] = np.arange(len(which))
+        self.kept = {
+            id(i): np.stack([np.sum(i.kept[p] * weights[p] ** 2 * rows.used[p], 0) for p in (rows.block == b for b in order)])
+            for i in items
+            if i.kept is not None
+        }
+        self.weights = np.ones(int(self.training.sum()))  # of the blocks of training
+        self._known: dict[frozenset[int], Solution] = {}
+
+    def solve(self, members: Iterable[Item]) -> Solution:
+        """Return the set fitted with and without each block, and its score."""
+        members = tuple(sorted(members, key=lambda i: self.place[id(i)][0] if len(i.lower) else -1))
+        known = frozenset(map(id, members))
+        if known not in self._known:
+            self._known[known] = self._solve(members)
+        return self._known[known]
+
+    def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block of training."""
+        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
+        gram, right, _ = self._normal(at)
+        return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
+
+    def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+        blocks = len(self.weights)  # those of training come first
+        gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
+        own = []
+        for local, g, h in zip(self.local, self.gram, self.right, strict=True):
+            here = np.flatnonzero(local[at] >= 0)
+            there = local[at[here]]
+            own.append((here, there))
+            gram[:, here[:, None], here] += g[:blocks, there[:, None], there]
+            right[:, here] += h[:blocks, there]
+        return gram, right, own
+
+    def _solve(self, members: tuple[Item, ...]) -> Solution:
+        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
+        train, blocks = self.training, len(self.weights)
+        gram, right, own = self._normal(at)
+        w = self.weights[:, None]
+        whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
+        left = np.concatenate([whole[None], whole - w[:, :, None] * gram]), np.concatenate([wanted[None], wanted - w * right])
+        x = self._bounded(*left, at)
+        error = np.zeros((len(gram), len(self.which)))
+        passed = np.ones(len(self.which))
+        for j, (here, there) in enumerate(own):
+            part = x[1:, here]
+            g, h = self.gram[j][:blocks, there[:, None], there], self.right[j][:blocks, there]
+            error[:, j] = self.square[train, j] - 2 * np.sum(part * h, 1) + np.einsum("bp,bpq,bq->b", part, g, part)
+            passed[j] = self._passed(j, members, at, x[0])
+        error = np.maximum(error, 0.0) + sum((self.kept[id(m)][train] for m in members if id(m) in self.kept), np.zeros(()))
+        value = self.value_of((w * error).sum(0) / np.maximum(self.weights @ self.count[train], 1.0) / passed, members)
+        return Solution(members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value)
+
+    def value_of(self, error: np.ndarray, members: Iterable[Item]) -> float:
+        """Return the score of a mean squared error (J,)."""
+        return float(-0.5 * self.effective @ np.log(error + self.floor) + sum(m.odds for m in members))
+
+    def _passed(self, j: int, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> float:
+        """Share of the variance of joint j's command that its actuator effects let through."""
+        acting = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members if m.actuates and j in m.joints)])
+        if not len(acting):
+            return 1.0
+        there, values = self.local[j][acting], x[np.searchsorted(at, acting)]
+        xx, xc, cc = self.spread[j]
+        return float(max((cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300), 1e-9))
+
+    def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by the first."""
+        lower, upper = self.bounds[0][at], self.bounds[1][at]
+        if not len(at):
+            return right
+        own = np.diagonal(gram, axis1=1, axis2=2)
+        steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
+        gram = gram + steady[:, :, None] * np.eye(len(at)) + self.anchored[np.ix_(at, at)]
+        x = np.zeros(right.shape)
+        free, fixed = ~self.dead[at], np.clip(np.zeros(len(at)), lower, upper)
+        for _ in range(12):
+            x[0] = fixed
+            x[0][free] = np.linalg.solve(
+                gram[0][np.ix_(free, free)], right[0][free] - gram[0][np.ix_(free, ~free)] @ fixed[~free]
+            )
+            wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
+            if not wrong.any():
+                push = right[0] - gram[0] @ x[0]
+                back = ~free & ~self.dead[at] & (lower < upper)
+                back &= ((fixed <= lower) & (push > 1e-9)) | ((fixed >= upper) & (push < -1e-9))
+                if not back.any():
+                    break
+                free |= back & (np.abs(push) == np.max(np.abs(push[back])))
+                continue
+            fixed = np.where(wrong, np.clip(x[0], lower, upper), fixed)
+            free &= ~wrong
+        x[:] = np.clip(fixed, lower, upper)
+        if free.any():
+            rest = right[1:, free] - gram[1:][:, free][:, :, ~free] @ fixed[~free]
+            x[1:, free] = np.linalg.solve(gram[1:][:, free][:, :, free], rest[..., None])[..., 0]
+            x[0, free] = np.linalg.solve(
+                gram[0][np.ix_(free, free)], right[0][free] - gram[0][np.ix_(free, ~free)] @ fixed[~free]
+            )
+        return np.clip(x, lower, upper)
+
+    def aside(self, found: Solution) -> np.ndarray:
+        """Return sums of squares (A, J) of a set on the A blocks kept aside [noise^2]."""
+        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in found.members)])
+        x, rest = found.x * self.scale[at], ~self.training
+        error = self.square[rest].copy()
+        for j, local in enumerate(self.local):
+            here = np.flatnonzero(local[at] >= 0)
+            there, part = local[at[here]], x[here]
+            error[:, j] += -2 * self.right[j][len(self.weights) :, there] @ part
+            error[:, j] += np.einsum("bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part)
+        return np.maximum(error, 0.0) + sum((self.kept[id(m)][rest] for m in found.members if id(m) in self.kept), np.zeros(()))
+
+    def promise(self, members: Iterable[Item]) -> dict[int, float]:
+        """Return a quick estimate of what adding each other item is worth to the score, from the fit on all blocks."""
+        now = self.solve(members)
+        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in now.members)])
+        gram, push = self._whole()
+        x = np.zeros(self.total)
+        x[at] = now.x * self.scale[at]
+        push = push - (gram + self.anchored) @ x
+        gram = gram + self.anchored
+        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + RIDGE * np.diag(gram)[at] + 1e-9)
+        across = np.linalg.solve(inside, gram[at]) if len(at) else np.zeros((0, self.total))
+        left = np.maximum(now.error.sum(0), 1e-9)
+        taken, out = set(map(id, now.members)), {}
+        for i in self.items:
+            own = self.place[id(i)]
+            if id(i) in taken or not len(own):
+                continue
+            schur = gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ across[:, own]
+            schur = schur + np.diag(self.prior[own] + 1e-6 * np.diag(gram)[own] + 1e-9)
+            step = np.linalg.solve(schur, push[own])
+            if len(own) == 1:
+                step = np.clip(step, self.bounds[0][own], self.bounds[1][own])
+            gain = float(2 * step @ push[own] - step @ schur @ step)
+            pick = list(i.joints)
+            rate = min(max(gain, 0.0) / left[pick].sum(), 1.0 - 1e-6)
+            out[id(i)] = -0.5 * self.effective[pick].sum() * np.log(1.0 - rate) - 0.5 * len(own) + i.odds
+        return out
+
+    def _whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training."""
+        gram, push = np.zeros((self.total, self.total)), np.zeros(self.total)
+        train = self.training
+        for which, g, h in zip(self.which, self.gram, self.right, strict=True):
+            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[train], 1)
+            push[which] += self.weights @ h[train]
+        return gram, push
+
+    def narrowed(self, items: Sequence[Item]) -> "Score":
+        """Return the score of some of the items only."""
+        other = object.__new__(Score)
+        other.__dict__.update(self.__dict__)
+        other.items, other._known = list(items), {}
+        return other
+
+    def resampled(self, weights: np.ndarray) -> "Score":
+        """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each was drawn."""
+        other = object.__new__(Score)
+        other.__dict__.update(self.__dict__)
+        other.weights, other._known = weights, {}
+        return other
+
+
+def correlation_time(x: np.ndarray) -> float:
+    """Return by how much the samples ``x`` (N,) count for less because neighbours are alike [samples], at least 1."""
+    f = np.fft.rfft(x - x.mean(), 2 * len(x))
+    a = np.fft.irfft(np.abs(f) ** 2)[: len(x)]
+    if a[0] <= 0.0:
+        return 1.0
+    end = int(np.argmax(a < 0.05 * a[0])) or len(x)
+    return float(max(1 + 2 * (a[1:end] / a[0]).sum(), 1.0))

@@ -1,0 +1,130 @@
+"""The shapes of effects, fitted: speeds, periods, delays ... of those that a search has taken.
+
+One effect after the other: of what it adds, and of its derivatives, all that the other members can imitate is projected out
+(variable projection, Golub and Pereyra 1973); bounded least squares then move all of its free parameters.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from jaxidl.effects import Effect
+from jaxidl.gap.additions import additions
+from jaxidl.gap.library import Shape, blocked, item
+from jaxidl.gap.rows import Rows
+from jaxidl.gap.score import Item, Solution
+
+EVALUATIONS = 12
+SMALL = 1e-4  # of a parameter: the step of a difference
+
+
+class Tangent(NamedTuple):
+    """What an effect adds at parameters theta (P,), amplitudes first, and the derivatives of that."""
+
+    value: np.ndarray  # (N, J) [N or Nm]
+    columns: np.ndarray  # (P, N, J)
+
+
+def movable(shape: Shape) -> tuple[str, ...]:
+    """Return names of the parameters beside the amplitudes that a fit may move."""
+    cls = shape.cls
+    if cls.linear:
+        return ()
+    unused = {n for n in cls.parameters if n not in shape.free and shape.free and not np.any(shape.values[n])}
+    taken = {*shape.free, *cls.fixed, *unused}
+    return tuple(n for n in cls.parameters if n not in taken and np.isfinite(shape.values[n]).all())
+
+
+def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: np.ndarray) -> Item:
+    """Return a member with its shape fitted beside the other members of a set."""
+    use = [rows.used[:, j] & rows.training for j in range(len(noise))]
+    bases, left = {}, {}
+    for j in m.joints:
+        others = [o.columns[:, :, o.joints.index(j)][:, use[j]] for o in found.members if o is not m and j in o.joints]
+        bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
+        left[j] = rows.gap[use[j], j] / noise[j]
+
+    def projected(x: np.ndarray) -> np.ndarray:
+        """Stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
+        parts = [x[:, use[j], j].T / noise[j] for j in m.joints]
+        return np.concatenate([p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)])
+
+    wanted = np.concatenate([left[j] - bases[j] @ (bases[j].T @ left[j]) for j in m.joints])
+    shape, known = m.shape, {}
+
+    def at(theta: np.ndarray) -> Tangent:
+        if theta.tobytes() not in known:
+            known[theta.tobytes()] = tangent(shape, theta, rows, predicted)
+        return known[theta.tobytes()]
+
+    lower, upper = limits(shape)
+    start = np.clip(vector(shape, found.x[found.of(m)]), lower, upper)
+    inside = 1e-6 * np.maximum(np.abs(start), 1e-6)
+    best = least_squares(
+        lambda theta: wanted - projected(at(theta).value[None])[:, 0],
+        np.clip(start, lower + inside, upper - inside),
+        lambda theta: -projected(at(theta).columns),  # pyright: ignore[reportArgumentType]
+        (lower, upper),
+        x_scale="jac",
+        max_nfev=EVALUATIONS,
+        ftol=1e-4,
+        xtol=1e-4,
+    ).x
+    prior, shape = 1.0 / (1.0 + np.exp(-m.odds)), at_parameters(shape, best)
+    count = len(m.lower) if shape.free else 0
+    probes = [shape.at(row) for row in np.eye(count)] if count else [shape.effect()]
+    fresh = item(shape, float(prior), additions(probes, rows.signals, rows.tau, predicted)[0])
+    return blocked(fresh, rows, predicted) if m.actuates else fresh
+
+
+def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) -> Tangent:
+    """Return what an effect adds at its parameters, and the differences of that."""
+    _, upper = limits(shape)
+    size = np.maximum(SMALL * np.abs(theta), 1e-7 * np.max(np.abs(theta), initial=0.0) + 1e-12)
+    step = np.where(theta + size <= upper, size, -size)
+    every = [effect_at(shape, row) for row in (theta, *(theta + s for s in np.diag(step)))]
+    added, _ = additions(every, rows.signals, rows.tau, predicted)
+    return Tangent(added[0], (added[1:] - added[0]) / step[:, None, None])
+
+
+def effect_at(shape: Shape, theta: np.ndarray) -> Effect:
+    """Return the effect at parameters theta (P,), amplitudes first."""
+    moved = at_parameters(shape, theta)
+    return moved.at(theta[: amplitudes(shape)]) if shape.free else moved.effect()
+
+
+def amplitudes(shape: Shape) -> int:
+    """Return the number of amplitudes."""
+    if not shape.free:
+        return 0
+    return sum(np.size(shape.values[n]) for n in shape.free) if shape.basis is None else shape.basis.shape[1]
+
+
+def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
+    """Return the shape with the parameters beside its amplitudes set from theta (P,)."""
+    names, rest = movable(shape), np.asarray(theta, float)[amplitudes(shape) :]
+    parts = np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
+    changed = {n: p.reshape(np.shape(shape.values[n])) for n, p in zip(names, parts, strict=True)}
+    return shape._replace(values={**shape.values, **changed})
+
+
+def vector(shape: Shape, x: np.ndarray) -> np.ndarray:
+    """Return parameters theta (P,) of a shape whose coefficients are ``x``: its amplitudes, or how much of it is there."""
+    values = shape.values if shape.free else {**shape.values, **shape.scaled(float(x[0]))}
+    own = x if shape.free else np.zeros(0)
+    return np.concatenate([own, *(np.ravel(np.asarray(values[n], float)) for n in movable(shape))])
+
+
+def limits(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """Return lower and upper bounds (P,) of theta."""
+    pairs = [shape.bounds(n) for n in movable(shape) for _ in range(np.size(shape.values[n]))]
+    own = shape.limits() if shape.free else (np.zeros(0), np.zeros(0))
+    return np.append(own[0], [p[0] for p in pairs]), np.append(own[1], [p[1] for p in pairs])
+
+
+def basis(x: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis of columns (N, P)."""
+    x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+    u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
+    return u[:, s > 1e-5 * s.max(initial=1e-300)]
