@@ -19,6 +19,7 @@ from jaxidl.gap.alignment import ALIGNMENT
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
+from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.registry import restored
 
@@ -154,6 +155,53 @@ def test_what_shall_not_be_searched_is_searched_only_where_named(clean, tmp_path
         register(Bare)
     with pytest.raises(ConfigurationError, match="an effect to look for"):
         gap.diagnose(log, tmp_path / "model.xml", effects=("bare",))
+
+
+class Shell(Effect):
+    """More mass and a first moment on each joint's body: an effect of a user's that only alters the rigid body."""
+
+    more: jax.Array
+
+    name: ClassVar[str] = "shell"
+    sentence: ClassVar[str] = "a shell around each link that the model does not have"
+    parameters: ClassVar = {"more": Parameter("kg", 0.0, 10.0, "the mass of the shell")}
+    linear: ClassVar[bool] = True
+
+    def alter(self, body):
+        return body.add_mass(self.more).add_inertia(0.1 * self.more)
+
+
+class Rail(Effect):
+    """A damper with a name of its own, that knows where MuJoCo has dampers."""
+
+    drag: jax.Array
+
+    name: ClassVar[str] = "rail"
+    sentence: ClassVar[str] = "a rail that drags along"
+    parameters: ClassVar = {"drag": Parameter("N s/m", 0.0, 10.0, "torque per speed")}
+    linear: ClassVar[bool] = True
+
+    def torque(self, q, qd, tau):
+        return -self.drag * qd
+
+    def write_mjcf(self, numbers):
+        numbers.damping += np.asarray(self.drag)
+        return "joint/damping"
+
+
+def test_effects_of_a_users_own_go_into_mjcf_as_those_of_the_package_do(clean, tmp_path):
+    for cls in (Shell, Rail):
+        register(cls)
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    model = read_model(tmp_path / "model.xml")
+    added = [OnJoint(Shell(jnp.array([0.3])), 0, 1), OnJoint(Rail(jnp.array([0.2])), 0, 1)]
+    path, record = write_patched(model, added, tmp_path / "new")
+    entries = json.loads(record.read_text())["effects"]
+    assert [(e["in_mjcf"], e["mjcf"]) for e in entries] == [(True, "joint/armature, body/inertial"), (True, "joint/damping")]
+    again = read_model(path).plant
+    state = jnp.array([[0.3], [0.7], [1.1]])
+    plants = (again, model.plant.replace(effects=(*model.plant.effects, *added)))
+    np.testing.assert_allclose(*(plant.inverse_dynamics(*state) for plant in plants), rtol=1e-9)
 
 
 class Bare(Effect):
