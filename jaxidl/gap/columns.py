@@ -4,99 +4,17 @@ A quantity's columns are a *family*: titles that differ in nothing but the joint
 one first; two that are equally literal are for the user to choose between.
 """
 
-import difflib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 from jaxidl.errors import LogError
-from jaxidl.gap.header import CURRENT, KINDS, Title, factor, joint_called, read_title, tokens
+from jaxidl.gap.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
+from jaxidl.gap.header import CURRENT, KINDS, Title, factor, read_title
+from jaxidl.gap.mapping import mapped
 
 MOST = 10_000  # columns; a header with more is damage, not a log
-INSTANTS = ("time", "sec", "nanosec", "run")  # one column of each
 KNOWN = re.compile(r"(time|run)|(q|tau|qd|qdd|i)(0|[1-9][0-9]{0,3})", re.ASCII)
-KEY = re.compile(r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII)
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """What is looked for in every log of a call. J joints are taken of a robot that may have more."""
-
-    joints: int | None = None  # J; None: as many as the log has
-    names: tuple[str, ...] = ()  # of all joints of the robot, if they are known
-    taken: tuple[int, ...] = ()  # places in ``names`` of those that are taken
-    columns: tuple[str, ...] = ()  # as the user writes them: KEY=TITLE
-    current: bool = False  # are motor currents there instead of torques?
-
-    @property
-    def robot(self) -> int | None:
-        """How many joints the robot has."""
-        return len(self.names) or self.joints
-
-    def place(self, joint: int) -> int | None:
-        """The place of the robot's joint among those that are taken."""
-        if not self.names:
-            return joint
-        return self.taken.index(joint) if joint in self.taken else None
-
-
-@dataclass(frozen=True)
-class Chosen:
-    """Which columns a log is made of."""
-
-    places: dict[str, int]  # in the header, of time, run, q0, tau0, ...; q@NAME is the position of a joint that is not taken
-    factors: dict[str, float]  # into SI units; what is not there is in SI units
-    titles: dict[str, str]  # as they stand in the header
-    ignored: tuple[str, ...]  # titles of columns that no one asked for
-    notes: tuple[str, ...] = ()
-
-
-class Member(NamedTuple):
-    """A column of a family."""
-
-    place: int
-    title: str
-    read: Title
-
-
-@dataclass
-class Family:
-    """Columns of one quantity; ``joints`` are places in the robot, from ``base`` on where titles are numbered."""
-
-    kind: str
-    rank: int
-    members: list[Member]
-    joints: dict[int, Member] = field(default_factory=dict)
-    base: int = 0
-
-    def complete(self, wanted: Wanted) -> bool:
-        """Is there one column for each joint that is taken? Notes which is whose."""
-        by_name = {m.read.joint: m for m in self.members if m.read.joint is not None}
-        if by_name:
-            found, base, whole = by_name, 0, len(by_name) == len(self.members) and set(wanted.taken) <= set(by_name)
-        else:
-            numbers = {m.read.number or 0: m for m in self.members}
-            count, base = len(numbers), min(numbers)
-            order = range(count)
-            if wanted.names:
-                order = wanted.taken if count == len(wanted.taken) else range(len(wanted.names))
-            whole = count == len(order) == len(self.members) and base <= 1 and max(numbers) == base + count - 1
-            whole = whole and (bool(wanted.names) or wanted.joints in (None, count))
-            found = {j: numbers[base + i] for i, j in enumerate(order)} if whole else {}
-        if whole:
-            self.joints, self.base = found, base
-        return whole
-
-    def __str__(self) -> str:
-        first, last = self.members[0].title.strip(), self.members[-1].title.strip()
-        return shortened(first) if len(self.members) == 1 else f"{shortened(first)} .. {shortened(last)}"
-
-
-def shortened(text: str, most: int = 40) -> str:
-    """Return a text that fits a line, and that any terminal prints."""
-    plain = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[: 2 * most])
-    return plain if len(plain) <= most else plain[: most - 3] + "..."
 
 
 def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False) -> Chosen:
@@ -114,7 +32,7 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
     _once(name, headers, bare)
     chosen = Chosen({}, {}, {}, ())
     notes: list[str] = []
-    given = _given(name, headers, wanted)
+    given = mapped(name, headers, wanted)
     used = {member.place for family in given for member in family.members}
     titles = [(i, header, read_title(header, wanted.names)) for i, header in enumerate(headers) if i not in used]
     for kind in (*INSTANTS, *KINDS, *[CURRENT] * wanted.current):
@@ -236,96 +154,3 @@ def _take(name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list
         read = ", ".join(shortened(entries[key].title.strip()) for key in order[:8]) + (", ..." if len(order) > 8 else "")
         counted = " (numbered from 1)" if family.base == 1 and not single else ""
         notes.append(f"{order[0] + (' .. ' + order[-1] if len(order) > 1 else '')} of {name}: {read}{counted}{converted}")
-
-
-def _given(name: str, headers: Sequence[str], wanted: Wanted) -> list[Family]:
-    """Families that the user names with ``KEY=TITLE``."""
-    found: dict[str, dict[int | str, Member]] = {}
-    for text in wanted.columns:
-        key, equals, title = text.partition("=")
-        parts = KEY.fullmatch(key.strip())
-        if not equals or not parts or not title.strip():
-            remedy = "write q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, tau, qd, qdd or i"
-            raise LogError("--columns KEY=TITLE", repr(shortened(text)), remedy)
-        kind, title = parts[1] or parts[2], title.strip()
-        family, several = found.setdefault(kind, {}), "*" in title
-        if parts[1] or parts[3] or parts[4]:
-            label: int | str = int(parts[3]) if parts[3] else parts[4] or "all"
-            if parts[4] and joint_called(parts[4], wanted.names) is None:
-                listed = ", ".join(wanted.names[:8]) or "numbers, as the model's names are not known"
-                raise LogError(f"a joint of the model in --columns {shortened(text)}", parts[4], f"use one of {listed}")
-            places = _matching(name, headers, title)
-            if several and len(places) != 1:
-                raise LogError(
-                    f"one column for {key} in {name}", f"{len(places)} that fit {shortened(title)}", "write its whole title"
-                )
-            entries = {label: places[0]}
-        elif several:
-            entries = {_label(text, part, wanted): place for place, part in _starred(name, headers, title)}
-        else:
-            entries = {0: _matching(name, headers, title)[0]}
-        for label, place in entries.items():
-            if label in family:
-                raise LogError(f"{kind} of each joint once in --columns", f"{shortened(text)} again", "leave one of them out")
-            read = read_title(headers[place], (), kind) or Title(kind, (), None, None, None)
-            joint = joint_called(label, wanted.names) if isinstance(label, str) else None
-            family[label] = Member(
-                place, headers[place], read._replace(joint=joint, number=label if isinstance(label, int) else None)
-            )
-    families = [Family(kind, 0, list(members.values())) for kind, members in found.items()]
-    for family in families:
-        if family.kind in (*KINDS, CURRENT) and not family.complete(wanted):
-            count = wanted.joints if wanted.joints is not None else "all"
-            got = f"{len(family.members)}: {', '.join(shortened(m.title) for m in family.members[:8])}"
-            remedy = f"give {family.kind}0, {family.kind}1, ... without gaps, or a pattern such as '{family.kind}=title_*'"
-            raise LogError(f"--columns for {family.kind} of {count} joints in {name}", got, remedy)
-    return families
-
-
-def _matching(name: str, headers: Sequence[str], title: str) -> list[int]:
-    """Places of the columns with a title, which may hold a star."""
-    if "*" in title:
-        return [place for place, _ in _starred(name, headers, title)]
-    plain = [header.strip() for header in headers]
-    if title in plain:
-        return [plain.index(title)]
-    lower = [header.lower() for header in plain]
-    if title.lower() in lower:
-        return [lower.index(title.lower())]
-    near = difflib.get_close_matches(title[:100], [header[:100] for header in plain[:500]], 1, 0.5)
-    listed = ", ".join(shortened(header) for header in plain[:8]) + (", ..." if len(plain) > 8 else "")
-    remedy = f"did you mean {shortened(near[0])}?" if near else "correct the title"
-    raise LogError(f"a column {shortened(title)} in {name} (--columns)", f"columns {listed}", remedy)
-
-
-def _starred(name: str, headers: Sequence[str], title: str) -> list[tuple[int, str]]:
-    """Places of the columns that fit a title with one star, and what stands for the star in each."""
-    if title.count("*") > 1:
-        raise LogError("one * in a title (--columns)", shortened(title), "write * for the joint's number or name only")
-    before, after = title.lower().split("*")
-    found = []
-    for place, header in enumerate(headers):
-        text = header.strip().lower()
-        if len(text) > len(title) - 1 and text.startswith(before) and text.endswith(after):
-            found.append((place, header.strip()[len(before) : len(text) - len(after)]))
-    if not found:
-        listed = ", ".join(shortened(header.strip()) for header in headers[:8]) + (", ..." if len(headers) > 8 else "")
-        raise LogError(f"columns {shortened(title)} in {name} (--columns)", f"columns {listed}", "correct the pattern")
-    return found
-
-
-def _label(text: str, part: str, wanted: Wanted) -> int | str:
-    """What a star stands for: a joint's number, or its name."""
-    if part.strip().isdecimal():
-        return int(part.strip()[:6])
-    if joint_called(part, wanted.names) is None:
-        listed = ", ".join(wanted.names[:8]) if wanted.names else "numbers"
-        raise LogError(
-            f"numbers or joints of the model for * in --columns {shortened(text)}", shortened(part), f"expected {listed}"
-        )
-    return part
-
-
-def looks_like(headers: Sequence[str], words: Sequence[str]) -> list[str]:
-    """Titles that have one of some words."""
-    return [header for header in headers[:500] if len(header) <= 100 and set(words).intersection(tokens(header))]

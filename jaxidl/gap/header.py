@@ -21,11 +21,11 @@ WORDS = {
     "nanosec": "nanosec nanosecs nsec nsecs",
 }
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words.split()}
-SMALL_TALK = {*["actual", "act", "measured", "meas", "msr", "sensed", "feedback", "fb", "present", "joint", "joints", "j", "jnt"]}
-SMALL_TALK |= {*["state", "states", "robot", "header", "ros", "field", "data", "elapsed"]}
-COMMANDS = {*["command", "commanded", "cmd"]}
-WISHES = COMMANDS | {*["target", "targets", "desired", "des", "d", "reference", "ref", "setpoint", "goal"]}
-OTHERS = {*["error", "err", "limit", "max", "min", "std", "temperature", "temp", "external", "ext"]}
+SMALL_TALK = {"actual", "act", "measured", "meas", "msr", "sensed", "feedback", "fb", "present", "joint", "joints", "j", "jnt"}
+SMALL_TALK |= {"state", "states", "robot", "header", "ros", "field", "data", "elapsed"}
+COMMANDS = {"command", "commanded", "cmd"}
+WISHES = COMMANDS | {"target", "targets", "desired", "des", "d", "reference", "ref", "setpoint", "goal"}
+OTHERS = {"error", "err", "limit", "max", "min", "std", "temperature", "temp", "external", "ext"}
 UNITS: dict[str, dict[str, float]] = {
     "q": {"rad": 1, "m": 1, "mrad": 1e-3, "deg": pi / 180, "°": pi / 180, "degree": pi / 180, "degrees": pi / 180, "mm": 1e-3}
     | {"rev": 2 * pi, "turn": 2 * pi, "turns": 2 * pi, "radian": 1, "radians": 1, "cm": 1e-2},

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from jaxidl.errors import LogError
-from jaxidl.gap.columns import shortened
+from jaxidl.gap.families import shortened
 from jaxidl.gap.header import CURRENT, joint_called
 
 KEYS = ("torque_constant", "gear_ratio", "coupling", "offset", "motor_positions", "joints")

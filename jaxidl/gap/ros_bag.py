@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.gap.columns import Wanted, choose, shortened
+from jaxidl.gap.columns import choose
+from jaxidl.gap.families import Wanted, shortened
 from jaxidl.gap.tables import Table, listed, name_of, reason
 
 ENDINGS = (".mcap", ".db3", ".bag")

@@ -20,7 +20,7 @@ from jaxidl.systems.masses import accept_masses, bare, compile_spec
 from jaxidl.systems.mujoco_body import joint_names, mujoco_body
 from jaxidl.systems.parts import fixed_in_urdf, take_part
 from jaxidl.systems.plant import Plant
-from jaxidl.systems.record import read_record
+from jaxidl.systems.record import EFFECTS, Entry, read_record
 
 LARGEST = 1e30  # kg, m and their products: beyond it single precision ends
 
@@ -71,9 +71,20 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(f"{path} to have a rigid body", f"'{_one_line(error)}'", "correct its masses and inertias") from None
         _check_inertia(bare(body.source), path)
-    effects = (*_effects(model, path), *(entry.effect for entry in read_record(path, model.njnt) if not entry.in_mjcf))
+    effects = (*_effects(model, path), *(e.effect for e in _recorded(path, model.njnt, part) if not e.in_mjcf))
     notes = (*changed, *_notes(model), *said)
     return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked)
+
+
+def _recorded(path: Path, joints: int, part: Sequence[str] | None) -> list[Entry]:
+    """Entries of ``effects.json`` beside the model; those of a whole robot do not fit a part of it."""
+    try:
+        return read_record(path, joints)
+    except ModelError as error:
+        if part is None:
+            raise
+        remedy = f"move {EFFECTS} away, or look at all joints"
+        raise ModelError(f"{path.with_name(EFFECTS)} for the joints asked for", error.got, remedy) from None
 
 
 def names_of(path: str | Path) -> tuple[str, ...]:
