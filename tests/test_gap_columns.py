@@ -144,6 +144,17 @@ def test_columns_that_the_user_names_wrongly(tmp_path, columns, words):
     refuse(lambda: read(write(tmp_path / "a.csv", MAPPED), ARM, columns=columns), *words)
 
 
+def test_arrays_of_all_joints_by_other_names(tmp_path):
+    q, tau = (np.stack([THREE[f"{kind}{j}"] for j in range(3)], axis=1) for kind in ("q", "tau"))
+    for titles, columns in ((("t", "positions", "joint torques"), []), (("t", "state", "cmd"), ["q=state", "tau=cmd"])):
+        path = write(tmp_path / "a.npz", dict(zip(titles, (THREE["time"], q, tau), strict=True)))
+        for joints in (None, 3, ARM):
+            same(read(path, joints, columns=columns))
+        same(read(path, ARM[1:], robot=ARM, columns=columns), joints=(1, 2))
+    path = write(tmp_path / "b.npz", {"time": THREE["time"], "position": q, "angle": q, "tau": tau})
+    refuse(lambda: read(path, ARM), "position, angle", "--columns q=position")
+
+
 def test_units_in_titles_are_converted(tmp_path):
     columns = {"time_ms": 1e3 * THREE["time"]}
     columns |= {f"q{j} [deg]": np.rad2deg(THREE[f"q{j}"]) for j in range(3)}

@@ -32,7 +32,7 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
     _once(name, headers, bare)
     chosen = Chosen({}, {}, {}, ())
     notes: list[str] = []
-    given = mapped(name, headers, wanted)
+    given = mapped(name, headers, wanted, bare)
     used = {member.place for family in given for member in family.members}
     titles = [(i, header, read_title(header, wanted.names)) for i, header in enumerate(headers) if i not in used]
     for kind in (*INSTANTS, *KINDS, *[CURRENT] * wanted.current):
@@ -95,7 +95,7 @@ def _likeliest(name: str, kind: str, members: list[Member], wanted: Wanted, note
     if literal:
         own = Family(kind, 0, literal)
         families = {"own": own} | {k: f for k, f in families.items() if not set(f.members) & set(literal)}
-    whole = [f for f in families.values() if kind in INSTANTS or f.complete(wanted)]
+    whole = [f for f in families.values() if kind in INSTANTS or f.complete(wanted, bare)]
     if not whole:
         return families.get("own")
     first = min(f.rank for f in whole)
@@ -105,16 +105,18 @@ def _likeliest(name: str, kind: str, members: list[Member], wanted: Wanted, note
     options = [str(f) for f in best] if len(best) > 1 else [shortened(m.title.strip()) for m in best[0].members]
     if kind in ("q", "tau", "time", CURRENT):
         got = f"{', '.join(options[:4])}"
-        raise LogError(f"one set of columns for {kind} in {name}", got, f"choose with --columns {_advice(kind, best[0])}")
-    notes.append(f"{kind} is left out: it may be {' or '.join(options[:4])}; choose with --columns {_advice(kind, best[0])}")
+        raise LogError(f"one set of columns for {kind} in {name}", got, f"choose with --columns {_advice(kind, best[0], bare)}")
+    notes.append(
+        f"{kind} is left out: it may be {' or '.join(options[:4])}; choose with --columns {_advice(kind, best[0], bare)}"
+    )
     return None
 
 
-def _advice(kind: str, family: Family) -> str:
+def _advice(kind: str, family: Family, bare: bool) -> str:
     """How to name a family with ``--columns``."""
     first = family.members[0].title.strip()
     if len(family.members) == 1:
-        return f"{kind}={shortened(first)}" if kind in ("time", "run") else f"{kind}0={shortened(first)}"
+        return f"{kind}={shortened(first)}" if kind in INSTANTS or (bare and family.plain) else f"{kind}0={shortened(first)}"
     number = family.members[0].read.number
     if number is None:
         return f"{kind}0={shortened(first)} ..."
@@ -126,8 +128,7 @@ def _take(name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list
     """Write a family's columns into ``chosen``, and into ``notes`` what was not to be expected of them."""
     kind, single = family.kind, family.kind in INSTANTS
     entries: dict[str, Member] = {}
-    only = family.members[0].read
-    if single or (bare and len(family.members) == 1 and only.number is None and only.joint is None):
+    if single or (bare and family.plain):
         entries[kind] = family.members[0]
     elif not family.joints:  # columns of the log's own names, some of them missing: they are complained of by name
         entries = {m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}": m for m in family.members}

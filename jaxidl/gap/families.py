@@ -59,8 +59,15 @@ class Family:
     joints: dict[int, Member] = field(default_factory=dict)
     base: int = 0
 
-    def complete(self, wanted: Wanted) -> bool:
-        """Is there one column for each joint that is taken? Notes which is whose."""
+    @property
+    def plain(self) -> bool:
+        """Is it one column that names no joint?"""
+        return len(self.members) == 1 and self.members[0].read.number is None and self.members[0].read.joint is None
+
+    def complete(self, wanted: Wanted, bare: bool = False) -> bool:
+        """Is there one column for each joint that is taken? Notes which is whose. If ``bare``, one may be of all joints."""
+        if bare and self.plain:
+            return True
         by_name = {m.read.joint: m for m in self.members if m.read.joint is not None}
         if by_name:
             found, base, whole = by_name, 0, len(by_name) == len(self.members) and set(wanted.taken) <= set(by_name)

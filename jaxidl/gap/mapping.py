@@ -11,7 +11,7 @@ from jaxidl.gap.header import CURRENT, KINDS, Title, joint_called, read_title
 KEY = re.compile(r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII)
 
 
-def mapped(name: str, headers: Sequence[str], wanted: Wanted) -> list[Family]:
+def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False) -> list[Family]:
     """Return the families that ``wanted.columns`` name as ``KEY=TITLE`` in the header of the file ``name``.
 
     Raises:
@@ -40,7 +40,7 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted) -> list[Family]:
         elif several:
             entries = {_label(text, part, wanted): place for place, part in _starred(name, headers, title)}
         else:
-            entries = {0: _matching(name, headers, title)[0]}
+            entries = {"all": _matching(name, headers, title)[0]}
         for label, place in entries.items():
             if label in family:
                 raise LogError(f"{kind} of each joint once in --columns", f"{shortened(text)} again", "leave one of them out")
@@ -51,7 +51,7 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted) -> list[Family]:
             )
     families = [Family(kind, 0, list(members.values())) for kind, members in found.items()]
     for family in families:
-        if family.kind in (*KINDS, CURRENT) and not family.complete(wanted):
+        if family.kind in (*KINDS, CURRENT) and not family.complete(wanted, bare):
             count = wanted.joints if wanted.joints is not None else "all"
             got = f"{len(family.members)}: {', '.join(shortened(m.title) for m in family.members[:8])}"
             remedy = f"give {family.kind}0, {family.kind}1, ... without gaps, or a pattern such as '{family.kind}=title_*'"
