@@ -137,7 +137,7 @@ def _title(cls: type) -> str:
 
 
 def _check_class(cls: Any) -> None:
-    """Is it an effect that can be told from others and stored?"""
+    """Raise unless it is an effect that can be stored and has a name of its own."""
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
         raise EffectError("a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect")
     title = _title(cls)

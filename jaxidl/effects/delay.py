@@ -17,7 +17,7 @@ LATE = (
     "command faster motion, a chirp beyond the present band or small steps of torque: lag, dead time and compliance differ only "
     "at high frequency; a second position sensor or the motor's own current tells whether torque or position is late"
 )
-"""How effects of timing are told from each other."""
+"""How to distinguish effects of timing."""
 
 
 def variants_of(guesses: Sequence[Guess], scale: Scale) -> list[Variant]:

@@ -19,7 +19,7 @@ SPEEDS = (
     "move at several constant speeds from creeping to fast, in both directions, with reversals and rests in between, and measure "
     "the torque that just starts the joint"
 )
-"""How kinds of friction are told from each other."""
+"""How to distinguish kinds of friction."""
 
 
 class CoulombFriction(Effect):

@@ -18,7 +18,7 @@ ACCELERATIONS = (
     "repeat the motion with a known mass attached, and hold still in several postures: a wrong rotor inertia shows only under "
     "acceleration, a wrong mass or centre at rest too, a load in every posture"
 )
-"""How errors of the rigid body are told from each other."""
+"""How to distinguish errors of the rigid body."""
 
 
 class InertiaError(Effect):

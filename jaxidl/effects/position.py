@@ -18,7 +18,7 @@ HOLDING = (
     "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and load "
     "differ in how the holding torque changes with position"
 )
-"""How torques that depend on position are told from each other."""
+"""How to distinguish torques that depend on position."""
 
 
 class Spring(Effect):

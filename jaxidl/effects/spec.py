@@ -42,7 +42,7 @@ class Scale(NamedTuple):
     joints: int = 1  # how many the mechanism has, J
     lows: Sequence[float] = ()  # (J,) least positions of all joints [m or rad]; empty: of this one only
     highs: Sequence[float] = ()  # (J,) largest positions
-    rest_speed: float = 0.0  # speed below which a joint cannot be told from a resting one [m/s or rad/s]
+    rest_speed: float = 0.0  # speed below which a joint looks as if it rested [m/s or rad/s]
 
     @property
     def width(self) -> float:

@@ -27,7 +27,7 @@ POSTURES = (
     "run the same speeds through the whole range of every joint, in both directions, with the other joints in several postures, "
     "and once with a load"
 )
-"""How kinds of friction that vary are told from each other."""
+"""How to distinguish kinds of friction that vary."""
 
 
 def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:

@@ -43,10 +43,10 @@ def read_record(path: Path, joints: int) -> list[Entry]:
             return []
         return [_entry(entry, joints) for entry in content["effects"]]
     except EffectError as error:
-        raise ModelError(f"{record} as the gap workflow writes it", str(error), "mend it, or remove it") from None
+        raise ModelError(f"{record} as the gap workflow writes it", str(error), "correct it, or remove it") from None
     except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
         got = " ".join(f"{type(error).__name__} {error}".split())[:300]
-        raise ModelError(f"{record} as the gap workflow writes it", got, "mend it, or remove it") from None
+        raise ModelError(f"{record} as the gap workflow writes it", got, "correct it, or remove it") from None
 
 
 def _refuse_constant(name: str) -> float:
