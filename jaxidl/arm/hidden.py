@@ -1,6 +1,7 @@
 """The gap workflow on the arm: a log of the true one, the modelled one, and what is found of what is hidden."""
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
-from jaxidl.gap.data import data_of
+from jaxidl.gap.additions import additions
 from jaxidl.gap.diagnose import diagnose
+from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.library import build, rms
 from jaxidl.gap.log import read
+from jaxidl.gap.rows import rows_of
 from jaxidl.gap.signals import prepare
-from jaxidl.gap.terms import as_effect, contribution
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import execute
 from jaxidl.systems.arm import JOINTS, compiled
@@ -75,24 +78,29 @@ def visible(rows: dict[tuple[str, int | None], float], logged: Logged, log: Path
     with jax.enable_x64(True):
         known = read_model(model)
         signals = prepare(read(log, joints=JOINTS), known.plant.body)
-        data, hidden = data_of(signals), logged.study().hidden
+        seen, hidden = rows_of(signals), logged.study().hidden
         found = {}
         for (name, joint), size in rows.items():
+            cls = CATALOGUE[name]
             if joint is None:
                 effect: Effect = Payload(jnp.asarray(size), jnp.asarray(hidden.payload_com))
             else:
-                values = {next(iter(CATALOGUE[name].parameters)): size}
-                values = {"mass": size} if name == "inertia_error" else values
+                first = "mass" if name == "inertia_error" else next(iter(cls.parameters))
+                values = dict.fromkeys(cls.parameters, 0.0) | {first: size}
                 values |= {"period": hidden.ripple_period[joint]} if name == "torque_ripple" else {}
-                effect = as_effect(CATALOGUE[name], values, **({"steps": 4} if name == "actuator_delay" else {}))
-            joints, value, _, _ = contribution(effect, joint, (), signals, signals.tau, everywhere=name == "inertia_error")
-            rms = np.sqrt(np.mean((value.net - value.slide) ** 2, axis=0))
-            found[name, joint] = float(np.max(rms / data.floor[list(joints)]))
+                effect = build(cls, joint, JOINTS, values, {"steps": 4} if name == "actuator_delay" else {})
+            (added,), _ = additions([effect], signals, signals.tau, signals.tau)
+            found[name, joint] = float(np.max(rms(added, seen.used) / seen.floor))
     return found
 
 
-def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) -> dict[str, Any]:
-    """Log the true arm, let the workflow compare it with the modelled one, and keep log, model and report in ``folder``.
+def find(
+    logged: Logged,
+    folder: Path,
+    keep: Callable[[Diagnosis, Path], object] = lambda found, folder: None,
+    watch: Any = lambda what, share: None,
+) -> dict[str, Any]:
+    """Log the true arm, let the workflow compare it with the modelled one, and keep log and model in ``folder``; ``keep`` writes the report there.
 
     Returns:
         The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.
@@ -104,7 +112,7 @@ def find(logged: Logged, folder: Path, watch: Any = lambda what, share: None) ->
     write_bytes(folder / "log.npz", buffer.getvalue())
     write_bytes(folder / "model.xml", (files("jaxidl.systems") / "arm.xml").read_bytes())
     found = diagnose(folder / "log.npz", folder / "model.xml", watch=watch)
-    found.save(folder / "report")
+    keep(found, folder / "report")
     study = logged.study()
     rows = truth(study.hidden, study.delay)
     seen = visible(rows, logged, folder / "log.npz", folder / "model.xml")

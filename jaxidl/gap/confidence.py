@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxidl.gap.neighbourhood import search
 from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.search import search
 
 DRAWS = 24
 LOOSE = 0.5  # a member that is there on fewer draws than all but this share may be another effect

@@ -23,6 +23,7 @@ from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise
 from jaxidl.systems import Plant
+from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
@@ -219,7 +220,7 @@ def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Find
                 gain,
                 stderr,
                 bounds,
-            )  # fmt: skip
+            )
         )
     return tuple(sorted(out, key=lambda f: -f.share))
 
@@ -230,17 +231,6 @@ def _number(value: np.ndarray) -> float | list[float]:
 
 def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
     return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))
-
-
-def unit_of(unit: str, kind: str) -> str:
-    """Return a parameter's unit on a slide or a hinge, from the catalogue's, which is that of a slide."""
-    fixed = {"mass": "kg", "length": "m", "mass length": "kg m"}
-    if unit in fixed or kind == "slide":
-        return fixed.get(unit, unit)
-    hinge = {
-        "N": "Nm", "m": "rad", "kg": "kg m^2", "m/s": "rad/s", "N/m": "Nm/rad", "N s/m": "Nm s/rad", "N s^2/m^2": "Nm s^2/rad^2",
-    }  # fmt: skip
-    return hinge.get(unit, unit)
 
 
 def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common: Any, rollouts: bool, watch: Watch) -> Gap:
@@ -332,4 +322,4 @@ def _warnings(rows: Rows, known: Model) -> list[str]:
     return notes
 
 
-__all__ = ["SURE", "diagnose", "unit_of"]
+__all__ = ["SURE", "diagnose"]

@@ -1,6 +1,6 @@
 """Find what is missing in a log: the search, the shapes, what may be named, and how sure it is.
 
-The algorithm is at the top of :mod:`jaxidl.gap.neighbourhood`.
+The algorithm is at the top of :mod:`jaxidl.gap.search`.
 """
 
 from collections.abc import Callable
@@ -10,11 +10,13 @@ import numpy as np
 
 from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.library import Library, items_of, residual, upsampled
-from jaxidl.gap.neighbourhood import search
 from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.search import EPSILON, search
 from jaxidl.gap.shapes import fitted, movable
 
 ROUNDS = 3  # of shapes fitted and sets searched
+RIVALS = 3  # of each effect that is not common
+FAR = 40.0  # a rival that promises so much less is not tried
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 
 Watch = Callable[[str, float], None]
@@ -54,6 +56,11 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
         items = [*(i for i in score.items if i.group not in groups), *fresh]
         score = Score(rows, items, score.noise, score.effective, score.anchor)
         before, now = {m.group for m in now.members}, search(score, members)
+        fresh = contested(score, now, library, predicted)
+        if fresh is not None:
+            groups = {m.group for m in fresh}
+            score = Score(rows, [*(i for i in score.items if i.group not in groups), *fresh], score.noise, score.effective, score.anchor)
+            now = search(score, fresh)
         if {m.group for m in now.members} == before and number:
             break
     now, score, dropped = nameable(score, now, min_gain)
@@ -74,6 +81,35 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
             prior = float(1.0 / (1.0 + np.exp(-m.odds)))
             fresh += items_of([(m.shape, prior)], library.rows, predicted, library.score.items)
     return fresh
+
+
+def contested(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item] | None:
+    """Return better members, or None: others with fitted shapes in the place of what is not common, or it without its parts.
+
+    A shape that has not been fitted loses against one that has; here both are.
+    """
+    rows, changed = library.rows, False
+    for m in [m for m in now.members if not m.always and not m.common]:
+        if m not in now.members:
+            continue
+        rest = without(now, m)
+        promise = score.promise(rest)
+        others = [i for i in score.items if id(i) in promise and i is not m and set(i.joints) & set(m.joints)]
+        best = sorted((i for i in others if i.group not in {r.group for r in rest}), key=lambda i: -promise[id(i)])[:RIVALS]
+        trials = [[*rest, i] for i in best if promise[id(i)] > promise[id(m)] - FAR]
+        inner = m.shape.cls.contains(m.shape.free)
+        parts = [r for r in rest if r.key in {(name, m.key[1]) for name in inner}]
+        trials += [[*(r for r in rest if r not in parts), m]] if parts and movable(m.shape) else []
+        for trial in trials:
+            at = score.solve(trial)
+            new = trial[-1]
+            fresh = fitted(new, at, rows, predicted, score.noise) if movable(new.shape) else new
+            small = Score(rows, [*now.members, fresh], score.noise, score.effective, score.anchor)
+            after = search(small, [*trial[:-1], fresh], swap=False)
+            if after.value > small.solve(now.members).value + EPSILON:
+                score, now, changed = small, after, True
+                break
+    return list(now.members) if changed else None
 
 
 def nameable(score: Score, now: Solution, min_gain: float) -> tuple[Solution, Score, dict[Group, str]]:
@@ -121,7 +157,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float) -> str:
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
     """Are blocks kept aside predicted worse than before, by more than the scatter between them?"""
     rise = (score.aside(after) / after.passed - score.aside(before) / before.passed)[:, joints].sum(1)
-    return bool(rise.sum() > np.std(rise) * np.sqrt(len(rise)))
+    return bool(len(rise) and rise.sum() > np.std(rise) * np.sqrt(len(rise)))
 
 
 def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:

@@ -3,36 +3,33 @@
 The search fits the torque balance instant by instant (equation error): fast, convex where effects are linear, but blind to how
 errors add up in motion. What it finds is here the start of a fit of *simulated positions* to measured ones (output error) over
 short windows that begin at measured states: multiple shooting with the starts held (Bock 1983; short windows keep the problem
-smooth: Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is told in
+smooth: Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is explained in
 :mod:`jaxidl.gap.trajectory`.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Float
 
-from jaxidl.effects import AsymmetricFriction, Effect, OnJoint
+from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.gap.data import data_of, instants_of, kept_rows, used
-from jaxidl.gap.gauge import SHARED
-from jaxidl.gap.rank import Ranking
+from jaxidl.gap.balance import balance, parts_of
+from jaxidl.gap.library import rms
 from jaxidl.gap.rollout import SETTLE, rollout_errors
+from jaxidl.gap.rows import instants_of, kept_rows
 from jaxidl.gap.signals import Signals
-from jaxidl.gap.terms import parameters_of
-from jaxidl.gap.trajectory import MOMENTS, Free, Problem, changed
-from jaxidl.systems import Plant
+from jaxidl.gap.trajectory import MOMENTS, Problem
+from jaxidl.systems.free import Bounds, Free, Values, inner
+from jaxidl.systems.plant import Plant
 
 WINDOW = 0.4  # of a rollout [s]
 FEWEST, MOST = 8, 96  # windows on either side
 LEAST_GAIN = 0.05  # of the held-out rollout error,
 SURE = 2.0  # and as many standard errors: what counts as better
 DEARER = 0.1  # by so much may a joint's held-out torque error grow, or its rollout error after the longest horizon
-
-Bounds = Mapping[str, tuple[float, float]]  # lower and upper bound of each free parameter of an effect
-Values = dict[str, np.ndarray]  # of an effect's free parameters
 
 
 class Proof(NamedTuple):
@@ -81,7 +78,7 @@ def refine(
     run away; and if neither a joint's held-out torque error nor its error after the longest horizon grows by more than
     ``DEARER``. Else the effects stay as given. A window that is not finite, or off by more than a joint's whole range, counts as
     off by that range and has no derivative: dry friction and delays have the derivative of the branch taken, encoders none (see
-    :mod:`jaxidl.gap.trajectory`). Where the parameters given were fitted to the torques of the whole log, as a diagnosis tells
+    :mod:`jaxidl.gap.trajectory`). Where the parameters given were fitted to the torques of the whole log, as a diagnosis reports
     them, both sides of the comparison have that in common.
 
     Args:
@@ -89,7 +86,7 @@ def refine(
         found: effects of the whole mechanism that it lacks.
         signals: the log, T instants of J joints.
         free: of each effect found, its free parameters with bounds; those of encoders, which no rollout sees, are left alone.
-        held_out: share of the rows that is kept aside, as :func:`jaxidl.gap.data.kept_rows` chooses them.
+        held_out: share of the rows that is kept aside, as :func:`jaxidl.gap.rows.kept_rows` chooses them.
         window: [s].
 
     Raises:
@@ -100,23 +97,23 @@ def refine(
         raise ConfigurationError(f"a window of {MOMENTS} samples or more", f"{window:g} s", "choose a longer one")
     found = tuple(found)
     free = tuple({} if _senses(effect) else dict(bounds) for effect, bounds in zip(found, free, strict=True))
-    names: Free = (*(() for _ in model.effects), *map(tuple, free))
-    lower, upper = _limits(found, free)
     with jax.enable_x64(True):
-        plant = Plant(model.body, (*model.effects, *found))
+        vector = Free(Plant(model.body, (*model.effects, *found)), (*(() for _ in model.effects), *free))
+        (lower, upper), start = vector.bounds(), np.asarray(vector.vector)
+        named = lambda theta: vector.named(theta)[len(model.effects) :]  # noqa: E731
         seen, aside = signals.behind(found), instants_of(signals, ~kept_rows(signals, held_out))
         training, proving = (_starts(seen, rows, length) for rows in (~aside, aside))
-        given = _named(np.concatenate([np.zeros(0), *_vectors(found, free)]), found, free)
-        nothing = Refinement(False, "", found, given, given, _zero(given), window, (len(training), len(proving)))
-        if not len(lower):
+        given, windows = named(start), (len(training), len(proving))
+        nothing = Refinement(False, "", found, given, given, named(0.0 * start), window, windows)
+        if not len(start):
             return nothing._replace(reason="there is no parameter to refine")
         if min(nothing.windows) < FEWEST:
             return nothing._replace(reason=f"there are fewer than {FEWEST} windows of {window:g} s to fit or to prove it")
-        problem = Problem(plant, names, seen, training, length, _tied(found, free))
+        problem = Problem(vector, seen, training, length, _tied(vector, signals))
         if problem.hopeless:
             return nothing._replace(reason="the simulation runs away in every window")
         theta = problem.solve(lower, upper)
-        refined = changed(plant, names, theta).effects[len(model.effects) :]
+        refined = vector.set(theta).effects[len(model.effects) :]
         (was, before, _), (now, after, residual) = (
             _prove(problem, x, proving, effects, model, signals, seen, aside, held_out)
             for x, effects in ((problem.start, found), (theta, refined))
@@ -126,23 +123,12 @@ def refine(
             accepted=not objection,
             reason=objection or "the simulation follows the motion kept aside more closely",
             effects=found if objection else refined,
-            refined=_named(theta, found, free),
-            stderr=_named(problem.stderr(theta), found, free),
+            refined=named(theta),
+            stderr=named(problem.stderr(theta)),
             before=before,
             after=after,
             residual=residual,
         )
-
-
-def torque_residual(model: Plant, effects: Sequence[Effect], signals: Signals, held_out: float) -> tuple[np.ndarray, np.ndarray]:
-    """What the model with the effects lacks in torque (N, J), and its root mean square (J,) on the rows kept aside [N or Nm].
-
-    As a diagnosis of the patched model would begin: no effect is fitted, but where within a sample a torque acts is.
-    """
-    data = data_of(signals, model.effects, held_out, effects)
-    residual = Ranking(data, (), 0.0).fit.residual
-    counted = (data.block < 0)[:, None] & used(data)
-    return residual, np.sqrt(np.sum(residual**2 * counted, 0) / np.maximum(counted.sum(0), 1))
 
 
 def _prove(
@@ -158,7 +144,8 @@ def _prove(
 ) -> tuple[np.ndarray, Proof, np.ndarray]:
     """Error (V,) of each window kept aside, what they say together, and the torque balance's residual (N, J)."""
     errors, lost = problem.score(theta, proving)
-    residual, torque = torque_residual(model, effects, signals, held_out)
+    rows, residual = balance(signals, model.effects, effects, held_out)
+    torque = rms(residual, rows.used & ~rows.training[:, None])
     far = rollout_errors(Plant(model.body, (*model.effects, *effects)), seen, aside)
     proof = Proof(float(np.sqrt(np.mean(errors**2))), int(lost.sum()), torque.tolist(), {h: e.tolist() for h, e in far.items()})
     return errors, proof, residual
@@ -200,63 +187,22 @@ def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
     return np.array(starts, int)[picked]
 
 
-def _inner(effect: Effect) -> Effect:
-    return effect.effect if isinstance(effect, OnJoint) else effect
-
-
 def _senses(effect: Effect) -> bool:
     """Does the effect lie between the joint and its encoder?"""
-    return type(_inner(effect)).sense is not Effect.sense
+    return type(inner(effect)).sense is not Effect.sense
 
 
-def _tied(found: Sequence[Effect], free: Sequence[Bounds]) -> list[tuple[int, int]]:
-    """Pairs of places of what friction by direction has in common with plain friction on the same joint: that stays there."""
-    places, at = {}, 0
-    for effect, bounds in zip(found, free, strict=True):
-        for name in bounds:
-            joint = effect.joint if isinstance(effect, OnJoint) else None
-            places[_inner(effect).name, joint, name] = at
-            at += np.size(getattr(_inner(effect), name))
-    pairs = []
-    for (effect, joint, name), place in places.items():
-        other = places.get((effect, joint, name.replace("positive", "negative")))
-        if effect == AsymmetricFriction.name and name in SHARED and other is not None:
-            partner, parameter = SHARED[name]
-            pairs += [(place, other)] * ((partner, joint, parameter) in places)
-    return pairs
-
-
-def _vectors(found: Sequence[Effect], free: Sequence[Bounds]) -> list[np.ndarray]:
-    return [parameters_of(_inner(effect), tuple(bounds)) for effect, bounds in zip(found, free, strict=True)]
-
-
-def _limits(found: Sequence[Effect], free: Sequence[Bounds]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper bounds (P,), within which the parameters start and which are no wider than the catalogue's."""
-    lower, upper = [np.zeros(0)], [np.zeros(0)]
-    for effect, bounds in zip(map(_inner, found), free, strict=True):
-        for name, (low, high) in bounds.items():
-            spec, value = effect.parameters[name], np.ravel(np.asarray(getattr(effect, name), float))
-            low, high = max(low, spec.lower), min(high, spec.upper)
-            if not (low < high and np.all((value >= low) & (value <= high))):
-                expected = f"{effect.name}.{name} in [{low:g}, {high:g}] {spec.unit}"
-                raise ConfigurationError(expected, str(value.tolist()), "start within the bounds, or widen them")
-            lower.append(np.full(len(value), low))
-            upper.append(np.full(len(value), high))
-    return np.concatenate(lower), np.concatenate(upper)
-
-
-def _named(theta: np.ndarray, found: Sequence[Effect], free: Sequence[Bounds]) -> tuple[Values, ...]:
-    """The vector (P,) as the free parameters of each effect."""
-    out, at = [], 0
-    for effect, bounds in zip(map(_inner, found), free, strict=True):
-        values: Values = {}
-        for name in bounds:
-            size = np.size(getattr(effect, name))
-            values[name] = theta[at : at + size]
-            at += size
-        out.append(values)
-    return tuple(out)
-
-
-def _zero(values: tuple[Values, ...]) -> tuple[Values, ...]:
-    return tuple({name: 0.0 * x for name, x in of.items()} for of in values)
+def _tied(free: Free, signals: Signals) -> list[np.ndarray]:
+    """Directions (P,) of an effect's parameters that add what a simpler effect on the same joint does: it keeps that part."""
+    found, at = [], 0
+    where = {(inner(e).name, getattr(e, "joint", None)): n for e, n in zip(free.plant.effects, free.labels, strict=True)}
+    start = np.asarray(free.vector)
+    for effect, names in zip(free.plant.effects, free.labels, strict=True):
+        size = sum(np.size(getattr(inner(effect), name)) for name in names)
+        present = {part for part, joint in where if joint == getattr(effect, "joint", None) and where[part, joint]}
+        for amplitudes in parts_of(effect, names, present, signals):
+            row = np.zeros(len(start))
+            row[at : at + size] = amplitudes / np.linalg.norm(amplitudes)
+            found.append(row)
+        at += size
+    return found

@@ -7,12 +7,13 @@ import jax
 import numpy as np
 
 from jaxidl.errors import ConfigurationError
-from jaxidl.gap.data import data_of
+from jaxidl.gap.balance import balance
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Side
 from jaxidl.gap.localise import localise
 from jaxidl.gap.refine import WINDOW, Refinement, refine
 from jaxidl.gap.trajectory import MOMENTS
 from jaxidl.gap.words import summarise
+from jaxidl.systems.plant import Plant
 
 
 def refined(d: Diagnosis, window: float | None) -> Diagnosis:
@@ -23,7 +24,8 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
     found, bounds = [f.effect for f in d.findings], [f.bounds for f in d.findings]
-    r = refine(d.model.plant, found, signals, bounds, held_out=d.options["held_out"], window=window)
+    model = Plant(d.model.plant.body, (*d.model.plant.effects, *d.common))
+    r = refine(model, found, signals, bounds, held_out=d.options["held_out"], window=window)
     if not r.accepted or r.after is None or r.residual is None:
         return replace(d, refinement=r)
     d = replace(d, refinement=r)
@@ -32,15 +34,15 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     relative = np.array(r.after.torque_rms) / np.maximum(command, 1e-300)
     gap = d.gap._replace(after=Side(r.after.torque_rms, relative.tolist(), r.after.rollout_rms))
     with jax.enable_x64(True):
-        data = data_of(signals, d.model.plant.effects, d.options["held_out"])
-    remaining = tuple(localise(data, r.residual, d.model.names))
+        rows, _ = balance(signals, model.effects, (), d.options["held_out"])
+    remaining = tuple(localise(rows, r.residual, d.model.names))
     return replace(
         d,
         findings=findings,
         gap=gap,
         remaining=remaining,
         traces=d.traces._replace(after=r.residual),
-        summary=summarise(d.verdict, findings, d.ambiguous, gap, d.where, remaining, d.model),
+        summary=summarise(d.verdict, findings, d.ambiguous, gap, d.unexplained, remaining, d.model),
     )
 
 
@@ -63,7 +65,7 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
                         "unit": f.parameters[name].unit,
                         "before": _number(value),
                         "after": _number(r.refined[k][name]),
-                        "stderr": _number(told_stderr(d, k, name)),
+                        "stderr": _number(reported_stderr(d, k, name)),
                     }
                     for name, value in r.given[k].items()
                 },
@@ -75,10 +77,10 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
     }
 
 
-def told_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
+def reported_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
     """Standard errors (n,) of a refined parameter of the k-th finding: of the scatter between windows and, beside it, the change.
 
-    That torques and motion say different things is a matter of filters and time steps, the same in all windows. No time is told
+    That torques and motion say different things is a matter of filters and time steps, the same in all windows. No time is known
     better than to a sampling interval.
     """
     r = d.refinement
@@ -94,7 +96,7 @@ def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
     f = d.findings[k]
     parameters = dict(f.parameters)
     for name, value in r.refined[k].items():
-        stderr = np.where(r.stderr[k][name] > 0.0, told_stderr(d, k, name), np.ravel(f.parameters[name].stderr))
+        stderr = np.where(r.stderr[k][name] > 0.0, reported_stderr(d, k, name), np.ravel(f.parameters[name].stderr))
         parameters[name] = Estimate(_number(value), f.parameters[name].unit, _number(stderr))
     return replace(f, effect=r.effects[k], parameters=parameters)
 

@@ -1,118 +1,129 @@
-"""Round after round: rank, add the winner, fit everything anew, until nothing is left to name; then what is ambiguous."""
+"""The search: which effects are missing. One model, one score, one neighbourhood.
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+1. Every effect offers columns of the command that it would add along this log (:mod:`jaxidl.gap.library`).
+2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`).
+3. Begin with the envelope: everything common, on every joint. It is what conventional identification reaches.
+4. Improve the set while the score rises: drop one, add one, another shape of one, one for another, two for one or two.
+5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
+   and go to 4 until the set stays as it is.
+6. Take out what is on a bound, what its standard error does not tell from zero, what kept-aside blocks do better without, and
+   what makes less than the least improvement.
+7. Repeat 4 on resampled blocks: how often is an effect still there, and what stands in its place if it is not?
+"""
+
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from jaxidl.gap.candidates import CONTAINS, INSEPARABLE, Candidate
-from jaxidl.gap.choose import SAME, winner
-from jaxidl.gap.exchange import exchange_two, exchange_wide, instead, prune, revise, tidy, worth
-from jaxidl.gap.gains import Gain, best_gain, errors_of
-from jaxidl.gap.members import Member
-from jaxidl.gap.rank import Ranking, Trial
+from jaxidl.gap.score import Item, Score, Solution
 
-MOST = 24  # effects at most,
-PER_JOINT = 6  # or so many a joint
-UNSURE = 0.1  # ... and never if it loses more than this share, however unsure
-NEGLIGIBLE = 0.02  # explanations that differ by less than this share of the error are equally good
+EPSILON = 1e-6  # least rise of the score
+TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on
+PASSES = 40
 
 
-@dataclass(frozen=True)
-class Named:
-    """An effect that was added: what it did when it was."""
-
-    member: Member
-    gain: Gain
-    before: float  # held-out root mean square error on its joints [N or Nm]
-    after: float
-
-
-@dataclass
-class Outcome:
-    """What the search found."""
-
-    ranking: Ranking
-    before: np.ndarray  # (N, J) residual of the model as it was
-    named: list[Named] = field(default_factory=list)  # in the order added
-    rounds: list[list[Trial]] = field(default_factory=list)  # the ranking of each round, best first
-    chosen: list[tuple[str, int | None] | None] = field(default_factory=list)  # what each round added, if anything
-    ambiguous: list[list[Candidate]] = field(default_factory=list)  # equally good explanations; the named one first
+def search(score: Score, start: Iterable[Item], swap: bool = True, watch: Callable[[], None] = lambda: None) -> Solution:
+    """Return the best set that the neighbourhood reaches from ``start``."""
+    now = score.solve(start)
+    neighbourhoods = (single, replaced, pairs) if swap else (single,)
+    for _ in range(PASSES):
+        watch()
+        for moves in neighbourhoods:
+            after = improved(score, now, moves(score, now))
+            if after is not now:
+                now = after
+                break
+        else:
+            return now
+    return now
 
 
-Watch = Callable[[str, float], None]  # what is being done, and the share of the present round
+Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
 
 
-def search(ranking: Ranking, watch: Watch = lambda what, share: None) -> Outcome:
-    """Add effects while one is clearly missing."""
-    outcome = Outcome(ranking, ranking.fit.residual)
-    keys = len(ranking.groups)
-    seen: set[frozenset[tuple[str, int | None, str]]] = set()
-    most = max(MOST, PER_JOINT * ranking.data.base.shape[1])
-    for number in range(most):
-        tried = iter(range(1, keys + 1))
-        trials = ranking.rank(lambda n=number, t=tried: watch(f"round {n + 1}: ranking", next(t) / keys))
-        outcome.rounds.append(trials)
-        best = winner(ranking, trials)
-        if best is None:
-            outcome.chosen.append(None)
-            watch(f"round {number + 1}: exchanging effects", 1.0)
-            changed = number + 1 < most and (revise(ranking) or exchange_wide(ranking) or exchange_two(ranking))
-            if changed and _news(ranking, seen):
-                continue
-            break
-        watch(f"round {number + 1}: {best.candidate.name.replace('_', ' ')}", 1.0)
-        outcome.chosen.append((best.candidate.name, best.candidate.joint))
-        ranking.take(best)
-        tidy(ranking)
-        if not _news(ranking, seen):  # added and taken out again
-            break
-    prune(ranking, ranking.members)
-    watch("looking for other explanations", 0.0)
-    outcome.named = _credits(ranking)
-    needed = [m for m in ranking.members if worth(ranking, m).value > ranking.min_gain / 2]
-    ranking.margin = 1.0  # no more is needed to compare timings, and inertias compare within NEGLIGIBLE
-    outcome.ambiguous = [found for m in needed if len(found := _equals(ranking, m)) > 1]
-    return outcome
+def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
+    """Return the set after all moves that raise the score, best first, each judged where the ones before have led."""
+    ranked = []
+    for out, new in moves:
+        value = score.solve(after(now.members, out, new)).value
+        if value > now.value + EPSILON:
+            ranked.append((value, out, new))
+    for _, out, new in sorted(ranked, key=lambda r: r[0], reverse=True):
+        if out <= set(now.members) and not {n.group for n in new} & {m.group for m in now.members if m not in out}:
+            then = score.solve(after(now.members, out, new))
+            if then.value > now.value + EPSILON:
+                now = then
+    return now
 
 
-def _news(ranking: Ranking, seen: set[frozenset[tuple[str, int | None, str]]]) -> bool:
-    """Is this set of members new? It is remembered."""
-    state = frozenset(m.candidate.key for m in ranking.members)
-    known = state in seen
-    seen.add(state)
-    return not known
+def after(members: tuple[Item, ...], out: Iterable[Item], new: Iterable[Item]) -> tuple[Item, ...]:
+    """Return the members after a move."""
+    return (*(m for m in members if m not in out), *new)
 
 
-def _credits(ranking: Ranking) -> list[Named]:
-    """What each member does when it is added to those before it."""
-    out = []
-    for number, m in enumerate(ranking.members):
-        own = m.joints
-        joints, _ = ranking.closure(own)
-        pick = list(own)
-        where = [joints.index(j) for j in own]
-        touching = lambda x, joints=joints: bool(set(x.joints) & set(joints))  # noqa: E731
-        sides = [ranking.fitted(tuple(filter(touching, ranking.members[:n])), joints) for n in (number, number + 1)]
-        count = max(ranking.fit.counts[:, pick].sum(), 1.0)
-        rms = [float((side.error[:, where].sum() / count) ** 0.5) for side in sides]
-        before, after = (errors_of(side, ranking.data, ranking.weight, joints).of(where) for side in sides)
-        out.append(Named(m, best_gain(before, after)[0], *rms))
-    return out
+def single(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: drop one, add one, another shape of one."""
+    drops = [(frozenset([m]), frozenset()) for m in now.members if not m.always]
+    taken = {m.group: m for m in now.members}
+    fresh = promising(score, now.members)
+    adds = [(frozenset([taken[i.group]]) if i.group in taken else frozenset(), frozenset([i])) for i in fresh]
+    return [*drops, *adds]
 
 
-def _equals(ranking: Ranking, m: Member) -> list[Candidate]:
-    """The member and the effects that would explain the log as well in its place."""
-    found = [m.candidate]
-    for trial in instead(ranking, m):
-        other = trial.candidate
-        if not {m.candidate.name, other.name} <= INSEPARABLE and (
-            m.candidate.name in CONTAINS.get(other.name, ()) or other.cost > m.candidate.cost + 1.0
-        ):
+def replaced(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: one for another on one of its joints."""
+    moves = []
+    for m in filter(lambda m: not m.always, now.members):
+        rest = after(now.members, [m], [])
+        fresh = [i for i in promising(score, rest, set(m.joints)) if i is not m and i.group not in {r.group for r in rest}]
+        moves += [(frozenset([m]), frozenset([i])) for i in fresh]
+    return moves
+
+
+def pairs(score: Score, now: Solution) -> list[Move]:
+    """Return the moves: two members of one joint for one or two others, of those that hang together most."""
+    moves = []
+    for a, b in entangled(score, now):
+        rest = after(now.members, [a, b], [])
+        groups = {r.group for r in rest}
+        fresh = [i for i in promising(score, rest, set(a.joints) & set(b.joints)) if i not in (a, b) and i.group not in groups]
+        moves += [(frozenset([a, b]), frozenset([i])) for i in fresh[:TRIED]]
+        for first in fresh[:2]:
+            further = promising(score, after(rest, [], [first]), set(a.joints) & set(b.joints))
+            second = [i for i in further if i not in (a, b) and i.group not in groups | {first.group}][:2]
+            moves += [(frozenset([a, b]), frozenset([first, i])) for i in second]
+    return moves
+
+
+def promising(score: Score, members: Iterable[Item], joints: set[int] | None = None) -> list[Item]:
+    """Return the items that promise most beside ``members``, best first: a few for each joint."""
+    promise = score.promise(members)
+    ranked = sorted((i for i in score.items if id(i) in promise), key=lambda i: promise[id(i)], reverse=True)
+    count: dict[tuple[int, ...], int] = {}
+    found = []
+    for i in ranked:
+        if promise[id(i)] < -5.0 or (joints is not None and not joints & set(i.joints)):
             continue
-        if not other.guess.linear and trial.gain.value > -0.5:
-            polished = ranking.attempt(other, polish=True, without=(m,))
-            trial = max((t for t in (trial, polished) if t is not None), key=lambda t: t.gain.value)
-        if trial.fit.feasible and trial.gain.value >= -max(min(SAME * trial.gain.stderr, UNSURE), NEGLIGIBLE):
-            found.append(other)
+        place = i.joints if len(i.joints) == 1 else (-1,)
+        count[place] = count.get(place, 0) + 1
+        if count[place] <= TRIED:
+            found.append(i)
     return found
+
+
+def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
+    """Return pairs of members on a common joint that may be two wrong ones: of what is not common any two, others if a log
+    determines one beside the other badly.
+    """
+    found = []
+    for n, a in enumerate(now.members):
+        for b in now.members[n + 1 :]:
+            if not set(a.joints) & set(b.joints) or (a.common and b.common) or a.always or b.always:
+                continue
+            if not (a.common or b.common):
+                found.append((2.0, a, b))
+                continue
+            x, y = now.folds[:, now.of(a)], now.folds[:, now.of(b)]
+            if x.shape[1] == y.shape[1] == 1 and np.std(x) > 0 and np.std(y) > 0:
+                found.append((abs(float(np.corrcoef(x[:, 0], y[:, 0])[0, 1])), a, b))
+    return [(a, b) for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 4 * TRIED] if r > 0.7]

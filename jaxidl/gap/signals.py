@@ -85,7 +85,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     Args:
         log: what was measured.
         body: the modelled rigid body.
-        effects: the model's own, of which those on the encoders are undone; :func:`jaxidl.gap.data.data_of` must know them, too.
+        effects: the model's own, of which those on the encoders are undone; :func:`jaxidl.gap.rows.rows_of` must know them, too.
         held: is a command held over the interval that follows it, rather than measured at its instant?
         narrower: share of the usual band that is kept.
     """
@@ -113,7 +113,10 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     ]
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
-    peaks = tuple(withstood(rests[:, j], resting[:, j], log.tau[:, j] - static[:, j], edge) for j in range(log.joints))
+    peaks = tuple(
+        withstood(rests[:, j], resting[:, j], log.tau[:, j] - static[:, j], log.q[:, j], 5.0 * sigma[j], edge)
+        for j in range(log.joints)
+    )
     kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
     none = np.zeros((len(kept), log.joints))
     found = Signals(
@@ -247,17 +250,21 @@ def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndar
     return moving, resting, long
 
 
-def withstood(rests: np.ndarray, resting: np.ndarray, torque: np.ndarray, edge: int) -> np.ndarray:
+def withstood(rests: np.ndarray, resting: np.ndarray, torque: np.ndarray, q: np.ndarray, seen: float, edge: int) -> np.ndarray:
     """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered ``torque`` (T,) of it (E, 2).
 
-    A rest ends when its torque exceeds what holds it; filtered, the peak would be cut off.
+    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position ``q`` (T,) has moved by more than
+    ``seen`` [m or rad]; filtered, the peak would be cut off.
     """
     labelled: Any = ndimage.label(rests)
     found = []
     for part in ndimage.find_objects(labelled[0]):
         still = part[0].start + np.flatnonzero(resting[part])
         if part[0].start > edge and part[0].stop < len(rests) - edge and len(still):
-            found.append((still[-1], np.abs(torque[part]).max()))
+            later = np.arange(still[-1], part[0].stop)
+            moved = np.abs(q[later] - np.median(q[still[-50:]])) > seen
+            end = later[np.argmax(moved)] if moved.any() else part[0].stop
+            found.append((still[-1], np.abs(torque[still[0] : end]).max()))
     return np.array(found, float).reshape(-1, 2)
 
 

@@ -16,44 +16,17 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
-from jaxidl.effects import OnJoint
 from jaxidl.gap.rollout import SETTLE, Windows, replay, windows_at
 from jaxidl.gap.signals import Signals
-from jaxidl.gap.terms import parameters_of, with_parameters
-from jaxidl.systems import Plant
+from jaxidl.systems.free import Free, Names
 
 MOMENTS = 10  # at which positions are compared, evenly over a window
 EVALUATIONS = 40  # of the simulation and its derivative, at most
 
-Free = tuple[tuple[str, ...], ...]  # names of the free parameters of each of a plant's effects
-
-
-def parameters_in(plant: Plant, names: Free) -> Float[np.ndarray, " P"]:
-    """The free parameters as one vector (P,)."""
-    parts = [parameters_of(_inner(effect), free) for effect, free in zip(plant.effects, names, strict=True)]
-    return np.concatenate([np.zeros(0), *parts])
-
-
-def changed(plant: Plant, names: Free, theta: Any) -> Plant:
-    """The plant with its free parameters set from one vector (P,)."""
-    effects, at = [], 0
-    for effect, free in zip(plant.effects, names, strict=True):
-        size = sum(jnp.size(getattr(_inner(effect), name)) for name in free)
-        if free:
-            inner = with_parameters(_inner(effect), free, theta[at : at + size])
-            effect = effect.replace(effect=inner) if isinstance(effect, OnJoint) else inner
-        effects.append(effect)
-        at += size
-    return plant.replace(effects=tuple(effects))
-
-
-def _inner(effect: Any) -> Any:
-    return effect.effect if isinstance(effect, OnJoint) else effect
-
 
 @partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
 def window_errors(
-    theta: Any, plant: Any, windows: Windows, span: Any, names: Free, lead: int, every: int, dt: float
+    theta: Any, plant: Any, windows: Windows, span: Any, names: Names, lead: int, every: int, dt: float
 ) -> tuple[Float[Array, "W K J"], Bool[Array, " W"]]:
     """Simulated minus measured positions (W, K, J) [m or rad] at K moments, and which windows (W,) were lost.
 
@@ -68,7 +41,7 @@ def window_errors(
         every: steps from one moment to the next.
         dt: sampling interval [s].
     """
-    now = changed(plant, names, theta)
+    now = Free(plant, names).set(theta)
     positions = jax.vmap(lambda window: replay(now, window, lead, dt))(windows)[:, every - 1 :: every]
     error = positions - jnp.asarray(windows.q)[:, lead + every :: every]
     far = jnp.broadcast_to(span, error.shape)
@@ -78,7 +51,7 @@ def window_errors(
 
 @partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
 def window_slopes(
-    theta: Any, plant: Any, windows: Windows, span: Any, names: Free, lead: int, every: int, dt: float
+    theta: Any, plant: Any, windows: Windows, span: Any, names: Names, lead: int, every: int, dt: float
 ) -> Float[Array, "W K J P"]:
     """Derivatives of :func:`window_errors` by the parameters, in forward mode: all side by side in one simulation.
 
@@ -97,38 +70,33 @@ class Problem:
     """Least squares of the windows (W,) that begin at ``starts``, each joint relative to its error at the start or its noise.
 
     Args:
-        plant: with the parameters' start values.
-        names: the free parameters of each of its effects.
+        free: the plant's free parameters, with their start values.
         signals: the log.
         starts: (W,) first instants.
         length: steps of a window.
-        tied: pairs of parameters, by their places, whose sum is kept: another parameter has it, and no motion tells them apart.
+        tied: (R, P) directions along which the parameters do not move: others have these parts, and no motion tells them apart.
     """
 
     def __init__(
         self,
-        plant: Plant,
-        names: Free,
+        free: Free,
         signals: Signals,
         starts: np.ndarray,
         length: int,
-        tied: Sequence[tuple[int, int]] = (),
+        tied: Sequence[np.ndarray] = (),
     ):
-        self.plant, self.signals, self.starts = plant, signals, starts
+        self.plant, self.signals, self.starts = free.plant, signals, starts
         self.lead, self.length = round(SETTLE / signals.dt), length
         self.span = jnp.asarray(np.ptp(signals.q, axis=0))
-        self.options: dict[str, Any] = {"names": names, "lead": self.lead, "every": length // MOMENTS, "dt": signals.dt}
+        self.options: dict[str, Any] = {"names": free.labels, "lead": self.lead, "every": length // MOMENTS, "dt": signals.dt}
         self.windows = windows_at(signals, starts, self.lead, length)
-        self.start = parameters_in(plant, names)
+        self.start = np.asarray(free.vector)
         error, lost = self.errors(self.start)
         self.hopeless = bool(lost.all())
         rms = np.sqrt(np.mean(error[~lost | self.hopeless] ** 2, axis=(0, 1)))
-        self.ties = np.zeros((len(tied), len(self.start)))
+        self.ties = np.array(tied, float).reshape(len(tied), len(self.start))
         self.weight = 1.0 / np.maximum(np.maximum(rms, signals.sigma), 1e-12)  # (J,) [1/m or 1/rad]
-
-        for row, pair in zip(self.ties, tied, strict=True):
-            row[list(pair)] = 1.0
-        self.ties *= np.linalg.norm(self.slopes(self.start), axis=0).max(initial=0.0, where=self.ties.any(0))
+        self.ties = self.ties * np.linalg.norm(self.slopes(self.start), axis=0).max(initial=0.0, where=self.ties.any(0))
 
     def errors(self, theta: np.ndarray, windows: Windows | None = None) -> tuple[np.ndarray, np.ndarray]:
         """:func:`window_errors` of the windows, or of as many others."""
@@ -136,7 +104,7 @@ class Problem:
         return np.asarray(error), np.asarray(lost)
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
-        """Weighted errors (W K J,) [1], before what keeps the tied parameters' sums."""
+        """Weighted errors (W K J,) [1], before what keeps the tied directions."""
         return np.concatenate([(self.errors(theta)[0] * self.weight).ravel(), self.ties @ (theta - self.start)])
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:

@@ -10,8 +10,8 @@ from matplotlib.ticker import MaxNLocator
 from jaxidl.arm.found import STATES, judge
 from jaxidl.arm.pick import LIFTED
 from jaxidl.effects import CATALOGUE
-from jaxidl.gap.diagnose import unit_of
 from jaxidl.plot.style import SOURCE_STYLE
+from jaxidl.systems.free import unit_of
 
 BEFORE, AFTER = "#D55E00", "#009E73"
 
