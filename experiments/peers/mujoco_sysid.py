@@ -82,7 +82,8 @@ def parameters(case: Case, spec: mujoco.MjSpec, runs: list[Run]) -> sysid.Parame
         body = case.body.body(case.body.jnt_bodyid[j]).name
         found.add(sysid.body_inertia_param(spec, model, body, inertia_type=sysid.InertiaType.Pseudo, modifier=inertia(body)))
     if case.reference:
-        found.add(sysid.Parameter("payload", [0.1, 0, 0, 0], [0, -0.5, -0.5, -0.5], [10, 0.5, 0.5, 0.5], modifier=load))
+        # not at zero: MuJoCo takes a centre that near for the frame's origin, and the derivative there is nothing
+        found.add(sysid.Parameter("payload", [0.1, 0.01, 0.01, 0.01], [0, -0.5, -0.5, -0.5], [10, 0.5, 0.5, 0.5], modifier=load))
     return found
 
 
