@@ -16,7 +16,7 @@ from jaxidl.gap.benchmark.links import Links, load
 from jaxidl.gap.benchmark.robots import Robot, robots, store, truth
 from jaxidl.gap.benchmark.run import chosen, generate, make_case, training_table
 from jaxidl.gap.benchmark.score import score
-from jaxidl.gap.benchmark.translate import expected
+from jaxidl.gap.benchmark.translate import errors, expected
 from jaxidl.gap.benchmark.whole import EXOTIC
 from jaxidl.gap.benchmark.worth import Motion, altered, columns, inertial, rms
 
@@ -36,7 +36,7 @@ def entry(hidden):
     given = {}
     for name, value in expected(hidden).items():
         table = value(np.linspace(-1, 1, 30)) if callable(value) else np.asarray(value)
-        given[name] = {"value": table.tolist(), "stderr": (0.01 * np.abs(table) + 1e-9).tolist()}
+        given[name] = {"value": table.tolist(), "stderr": np.full(table.shape, 0.01 * np.linalg.norm(table) + 1e-9).tolist()}
     given |= {"lower": {"value": -1.0}, "upper": {"value": 1.0}}
     options = {key: hidden["parameters"][key] for key in ("other",) if key in hidden["parameters"]}
     return {"effect": hidden["effect"], "joint": hidden["joint"], "parameters": given, "options": options, "confidence": 0.95}
@@ -260,3 +260,11 @@ def test_training_table_has_every_number_and_whether_it_is_right(measured, tmp_p
     ]
     assert float(rows[0]["parameters.level.value"]) == pytest.approx(dry["parameters"]["level"])
     assert (rows[1]["gain"], rows[1]["features.seen"], rows[0]["gain"]) == ("0.1", "1.0", "")
+
+
+def test_what_a_motion_leaves_open_is_not_scored():
+    reported = {"moment": {"value": [0.11, 5.0, 0.3], "stderr": [0.01, 0.01, 0.1]}}
+    error, deviations = errors({"moment": np.array([0.1, np.nan, 0.3])}, reported, 0)["moment"]
+    assert error == pytest.approx(0.01 / np.hypot(0.1, 0.3))
+    assert deviations == pytest.approx([1.0, 0.0])
+    assert errors({"moment": np.full(3, np.nan)}, reported, 0) == {}

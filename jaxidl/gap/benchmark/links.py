@@ -92,10 +92,10 @@ class Links:
         seen = size > 1e-10 * size.max()  # a first moment about a vertical axis, for one, makes no torque at all
         scale = np.where(seen, np.sqrt(np.maximum(size, 0)), np.inf)
         eigen, turn = np.linalg.eigh(normal / np.outer(scale, scale))
-        large = eigen > 1e-7 * eigen[-1]
+        large = eigen > 1e-9 * eigen[-1]
         inverse = (turn[:, large] / eigen[large]) @ turn[:, large].T
         values = inverse @ (basis.T @ self.gram @ error / scale) / scale
-        known = seen & ((turn[:, ~large] ** 2).sum(axis=1) < 1e-3)
+        known = seen & ((turn[:, ~large] ** 2).sum(axis=1) < 1e-8)
         return values, known
 
 

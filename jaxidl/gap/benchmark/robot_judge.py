@@ -99,7 +99,7 @@ def parameter_errors(truth: Record, report: Record, effect: Record) -> dict[str,
     name, names = judge.key(effect), judge.named(report)
     if name[0] in INERTIAL:
         fitted = _links(truth).fitted(_inertial(names)).get(name, {})
-        true: dict[str, True_] = {key: value for key, value in fitted.items() if np.isfinite(value).all()}
+        true: dict[str, True_] = dict(fitted)
     else:
         true = _merged(truth, name, names)
     scales = {h["joint"]: h["parameters"]["scale"] for h in truth["hidden"] if h["effect"] == "torque_scale"}

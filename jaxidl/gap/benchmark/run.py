@@ -15,7 +15,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
-from jaxidl.files import write_bytes
+from jaxidl.files import as_json, write_bytes
 from jaxidl.gap.benchmark.calibration import training_rows
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
 from jaxidl.gap.benchmark.robots import Robot, robots, store
@@ -79,7 +79,7 @@ def run_benchmark(
     known = _truth(cases, out)
     write_bytes(out / "truth.json", json.dumps(known, indent=1).encode())
     result = {"root": root} | score(known, _reports(out, list(known)))
-    write_bytes(out / "benchmark.json", json.dumps(_plain(result), indent=1, allow_nan=False).encode())
+    write_bytes(out / "benchmark.json", as_json(result).encode())
     return result
 
 
@@ -209,12 +209,3 @@ def _one_core() -> None:
     """Processes share the cores already: threads within them only get into each other's way."""
     os.environ["JAX_PLATFORMS"] = "cpu"
     os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no NaN: null."""
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    return None if isinstance(value, float) and value != value else value

@@ -56,16 +56,19 @@ def errors(true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | 
             got, wanted = (np.pad(x, (0, max(len(got), len(wanted)) - len(x))) for x in (got, wanted))  # other harmonics are zero
         if wanted is None or len(got) != len(wanted):
             continue
-        off = got - wanted
+        open_ = ~np.isfinite(wanted)  # what the motion leaves open has no true value
+        if open_.all():
+            continue
+        off = np.where(open_, np.nan, got - wanted)
         if name == "phase":
             found[name] = abs(math.remainder(float(off[0]), 2 * math.pi)) / math.pi, []
             continue
         together = (
             [np.ravel(np.asarray(true[one], float)) for one in AMPLITUDES.get(name, (name,))] if not callable(value) else [wanted]
         )
-        scale = float(np.linalg.norm(np.concatenate(together) - (1 if name == "scale" else 0)))
+        scale = float(np.linalg.norm(np.nan_to_num(np.concatenate(together)) - (1 if name == "scale" else 0)))
         found[name] = (
-            (float(np.linalg.norm(off)) / scale if scale else math.inf),
+            (float(np.linalg.norm(off[~open_])) / scale if scale else math.inf),
             _deviations(off, reported[name].get("stderr"), joint),
         )
     return found
@@ -79,7 +82,7 @@ def _deviations(off: Array, stderr: Any, joint: int | None) -> list[float]:
     if len(sizes) > 1 and len(off) == 1:
         sizes = sizes[[joint or 0]]
     sizes = np.broadcast_to(sizes, off.shape) if len(sizes) in (1, len(off)) else np.zeros_like(off)
-    return [abs(float(o / s)) for o, s in zip(off, sizes, strict=True) if np.isfinite(s) and s > 0]
+    return [abs(float(o / s)) for o, s in zip(off, sizes, strict=True) if np.isfinite(o) and np.isfinite(s) and s > 0]
 
 
 def _over(value: Callable[[Array], Array], reported: Mapping[str, Any], knots: int) -> Array | None:
