@@ -13,6 +13,7 @@ from jaxidl.gap.localise import localise
 from jaxidl.gap.refine import WINDOW, Refinement, refine
 from jaxidl.gap.trajectory import MOMENTS
 from jaxidl.gap.words import summarise
+from jaxidl.systems.free import Bounds
 from jaxidl.systems.plant import Plant
 
 
@@ -23,7 +24,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         raise ConfigurationError("a diagnosis with the log's signals", "one without", "make it with gap.diagnose")
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
-    found, bounds = [f.effect for f in d.findings], [f.bounds for f in d.findings]
+    found, bounds = [f.effect for f in d.findings], [_bounds(f) for f in d.findings]
     model = Plant(d.model.plant.body, (*d.model.plant.effects, *d.common))
     r = refine(model, found, signals, bounds, held_out=d.options["held_out"], window=window)
     if not r.accepted or r.after is None or r.residual is None:
@@ -44,6 +45,15 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         traces=d.traces._replace(after=r.residual),
         summary=summarise(d.verdict, findings, d.ambiguous, gap, d.unexplained, remaining, d.model),
     )
+
+
+def _bounds(f: Finding) -> Bounds:
+    """Bounds of a finding's parameters, as wide as its values need: an effect that has others as parts may be beyond its own."""
+    out = {}
+    for name, (low, high) in f.bounds.items():
+        value = np.asarray(f.parameters[name].value)
+        out[name] = min(low, float(value.min())), max(high, float(value.max()))
+    return {name: (low, high) for name, (low, high) in out.items() if low < high}
 
 
 def record(d: Diagnosis) -> dict[str, Any] | None:

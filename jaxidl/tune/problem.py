@@ -17,6 +17,7 @@ from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.learning.paper import CONTROLLERS, GAINS, Condition, PaperStudy
 from jaxidl.models import ErrorModel, Training
 from jaxidl.systems.arm import JOINTS
+from jaxidl.systems.free import pieces
 
 MATMUL_PRECISION = "float32"  # as in sweeps
 SMOOTH = {"friction_width": 0.02, "stiction_width": 0.05}  # of the plant that derivatives are taken on [m], [-]
@@ -73,15 +74,8 @@ class Problem:
     def law_of(self, logs: Logs) -> Any:
         """The law with other numbers."""
         leaves, structure = jax.tree.flatten(self.law)
-        out, at = [], 0
-        for leaf in leaves:
-            if np.isfinite(leaf).all():
-                size = np.size(leaf)
-                out.append(jnp.reshape(jnp.exp(logs[at : at + size]), np.shape(leaf)))
-                at += size
-            else:
-                out.append(leaf)
-        return structure.unflatten(out)
+        own = iter(pieces(jnp.exp(logs), [np.shape(leaf) for _, leaf in self._free()]))
+        return structure.unflatten([next(own) if np.isfinite(leaf).all() else leaf for leaf in leaves])
 
     def run(self, logs: Logs, seed: Integer[Array, ""], smooth: bool = False, derivative: str | None = None) -> Outcome:
         """One learning run; ``smooth``: the short one on the plant and with the networks that derivatives are taken on."""
