@@ -16,6 +16,7 @@ from jaxidl.gap.shapes import fitted, movable
 
 ROUNDS = 3  # of shapes fitted and sets searched
 RIVALS = 3  # of each effect that is not common
+EQUAL = 2.0  # logarithm of the likelihood by which explanations that are equally good may differ
 FAR = 40.0  # a rival that promises so much less is not tried
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 
@@ -31,6 +32,7 @@ class Found:
     solution: Solution  # of what may be named
     predicted: np.ndarray  # (T, J) command as the members predict it [N or Nm]
     support: Support
+    ties: list[list[Group]]  # effects that explain the log as well as one that was found, which stands first
     dropped: dict[Group, str]  # what the search took and may not be named, and why
 
     @property
@@ -59,14 +61,17 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
         fresh = contested(score, now, library, predicted)
         if fresh is not None:
             groups = {m.group for m in fresh}
-            score = Score(rows, [*(i for i in score.items if i.group not in groups), *fresh], score.noise, score.effective, score.anchor)
+            score = Score(
+                rows, [*(i for i in score.items if i.group not in groups), *fresh], score.noise, score.effective, score.anchor
+            )
             now = search(score, fresh)
         if {m.group for m in now.members} == before and number:
             break
-    now, score, dropped = nameable(score, now, min_gain)
+    now, score, dropped = nameable(score, now, min_gain, rows.signals.dt)
     watch("resampling", 0.0)
     said = support(score, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
-    return Found(library, score, now, predicted, said, dropped)
+    watch("looking for other explanations", 0.0)
+    return Found(library, score, now, predicted, said, tied(score, now, library, predicted) if resample else [], dropped)
 
 
 def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
@@ -112,14 +117,38 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
     return list(now.members) if changed else None
 
 
-def nameable(score: Score, now: Solution, min_gain: float) -> tuple[Solution, Score, dict[Group, str]]:
+def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[list[Group]]:
+    """Return sets of effects that predict the log as well in each other's place, whatever their prior; the one found first."""
+    sets = []
+    for m in [m for m in now.members if not m.always]:
+        rest = without(now, m)
+        promise = score.promise(rest)
+        near = [i for i in score.items if id(i) in promise and i.group not in {r.group for r in rest} and i.group != m.group]
+        near = [
+            i for i in near if set(i.joints) & set(m.joints) and promise[id(i)] - i.odds > promise[id(m)] - m.odds - FAR / 2.0
+        ]
+        equal = [m.group]
+        for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[:RIVALS]:
+            at = score.solve([*rest, i])
+            if movable(i.shape):
+                fresh = fitted(i, at, library.rows, predicted, score.noise)
+                small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
+                at = small.solve([*rest, fresh])
+            if at.value - i.odds > now.value - m.odds - EQUAL and i.group not in equal:
+                equal.append(i.group)
+        if len(equal) > 1:
+            sets.append(equal)
+    return sets
+
+
+def nameable(score: Score, now: Solution, min_gain: float, interval: float) -> tuple[Solution, Score, dict[Group, str]]:
     """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time."""
     dropped: dict[Group, str] = {}
     while True:
         objections = [
             (now.value - score.solve(without(now, m)).value, m, why)
             for m in now.members
-            if (why := objection(score, now, m, min_gain))
+            if (why := objection(score, now, m, min_gain, interval))
         ]
         if not objections:
             return now, score, dropped
@@ -134,7 +163,7 @@ def without(now: Solution, m: Item) -> list[Item]:
     return [o for o in now.members if o is not m]
 
 
-def objection(score: Score, now: Solution, m: Item, min_gain: float) -> str:
+def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: float) -> str:
     """Return why a member may not be named, or nothing."""
     if m.always:
         return ""
@@ -146,6 +175,9 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float) -> str:
     if np.all(at_bound | (x == 0.0)):
         return "its value is on a bound"
     other = score.solve(without(now, m))
+    times = [m.shape.values[n] for n in movable(m.shape) if m.shape.cls.parameters[n].unit == "s"]
+    if not m.shape.free and times and np.max(times) <= interval:
+        return "it is less than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "data kept aside are predicted better without it"
@@ -155,8 +187,10 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float) -> str:
 
 
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
-    """Are blocks kept aside predicted worse than before, by more than the scatter between them?"""
-    rise = (score.aside(after) / after.passed - score.aside(before) / before.passed)[:, joints].sum(1)
+    """Are blocks kept aside predicted worse than before, by more than the scatter between them, and not for noise?"""
+    count = np.maximum(score.count[~score.training], 1.0)
+    a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
+    rise = (a - b).sum(1)
     return bool(len(rise) and rise.sum() > np.std(rise) * np.sqrt(len(rise)))
 
 
@@ -174,14 +208,12 @@ def aside(score: Score, found: Solution) -> np.ndarray:
 
 def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
     """Return by which share (J,) the root mean square error on blocks left out falls."""
-    a, b = (
-        np.sqrt(s.error.sum(0) / np.maximum(score.count[score.training].sum(0), 1.0) / s.passed + score.floor)
-        for s in (after, before)
-    )
+    count = np.maximum(score.count[score.training].sum(0), 1.0)
+    a, b = (np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before))
     return 1.0 - a / b
 
 
 def jackknife(samples: np.ndarray) -> np.ndarray:
     """Return the standard error (...) from what comes out without one block each, ``samples`` (B, ...)."""
     b = len(samples)
-    return np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0))
+    return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))
