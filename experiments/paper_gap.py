@@ -18,7 +18,7 @@ import numpy as np  # noqa: E402
 from flax import struct  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
-from jaxidl import gap  # noqa: E402
+from jaxidl import gap, report  # noqa: E402
 from jaxidl.control import Pid, PidGains  # noqa: E402
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction  # noqa: E402
 from jaxidl.learning.execute import Task, execute  # noqa: E402
@@ -117,7 +117,7 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "point_mass.xml").write_text(MODEL)
     found = gap.diagnose(measured(), folder / "point_mass.xml")
-    found.save(folder / "report")
+    report.save(found, folder / "report")
     print(found.summary)
     curves = learning(found.plant, PaperStudy(), (1, 2, 3))
     (folder / "learning.json").write_text(json.dumps(curves, indent=1))

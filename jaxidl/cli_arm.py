@@ -32,12 +32,13 @@ def arm(
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text
     from jaxidl.plot.arm_report import write_arm_figures
+    from jaxidl.report import save
 
     choose_devices(None)
     run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
     told = {"seeds": seeds, "noise": noise, "iterations": iterations}
     run = replace(run, grid=replace(run.grid, **{name: value for name, value in told.items() if value is not None}))
-    result = arms.run_all(run, out, experiments)
+    result = arms.run_all(run, out, experiments, keep=save)
     for path in write_arm_figures(run, result, out):
         print(f"wrote {path}")
     if "study" in result:

@@ -49,8 +49,7 @@ def gap(
     """
     from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.gap.inputs import read_inputs
-    from jaxidl.gap.table import as_table
-    from jaxidl.plot.report import check_folder
+    from jaxidl.report import check_folder, save, table
 
     check_folder(out, model)
     motors = {"motor": motor, "torque_constant": torque_constant, "gear_ratio": gear_ratio}
@@ -70,8 +69,8 @@ def gap(
             progress.update(bar, description="fitting to motion", completed=0.0)
             found = found.refined()
         progress.update(bar, description="writing the report")
-        page = found.save(out)
-    print(as_table(found))
+        page = save(found, out)
+    print(table(found))
     print(f"report in {page}")
 
 

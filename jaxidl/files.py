@@ -1,9 +1,13 @@
-"""Files that are whole or not there."""
+"""Files that are whole or not there, and JSON that is strict."""
 
 import contextlib
+import json
 import os
 import secrets
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from jaxidl.errors import StoreError
 
@@ -28,3 +32,21 @@ def write_bytes(path: Path, content: bytes) -> None:
     finally:
         with contextlib.suppress(OSError):  # renamed, or never made
             temporary.unlink()
+
+
+def as_json(value: Any, indent: int | None = 1) -> str:
+    """Return strict JSON of what :func:`plain` makes of ``value``."""
+    return json.dumps(plain(value), indent=indent, allow_nan=False)
+
+
+def plain(value: Any) -> Any:
+    """Return plain numbers, lists and dictionaries as JSON has them; what is not finite becomes None."""
+    if isinstance(value, dict):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jaxidl import gap
+from jaxidl import gap, report
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
@@ -98,7 +98,7 @@ def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
     )
     found = gap.diagnose(log, model)
     assert set(named(found)) == {("coulomb_friction", 0), ("spring", 0)}
-    found.save(tmp_path / "report")
+    report.save(found, tmp_path / "report")
     again = gap.diagnose(log, tmp_path / "report" / "model.xml")
     assert again.verdict == "nothing_missing"
     assert again.gap.before.torque_rms == pytest.approx(found.gap.after.torque_rms, rel=0.05)
@@ -125,7 +125,7 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     assert named(found) == [(effect, 0)]
     ((parameter, truth),) = parameters.items()
     assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02)
-    found.save(tmp_path / "report")
+    report.save(found, tmp_path / "report")
     again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"])
     assert (again.verdict, again.findings) == ("nothing_missing", ())
     assert again.gap.before.torque_rms == pytest.approx(found.gap.after.torque_rms, rel=0.05)

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from flax import struct
 
-from jaxidl import gap
+from jaxidl import gap, report
 from jaxidl.effects import CATALOGUE, Effect, OnJoint, Parameter, Spring, from_dict, register, searchable, searched
 from jaxidl.errors import ConfigurationError, EffectError
-from jaxidl.gap.alignment import ALIGNMENT
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
+from jaxidl.gap.library import ALIGNMENT
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.registry import restored
@@ -73,7 +73,7 @@ def test_without_it_the_gap_is_unexplained_and_with_it_named(script):
 
 def test_what_was_found_is_written_and_read_again(script, tmp_path):
     found, cls = script["found"], script["EddyBrake"]
-    assert "eddy brake" in found.save(tmp_path / "out").read_text(encoding="utf-8").lower()
+    assert "eddy brake" in report.save(found, tmp_path / "out").read_text(encoding="utf-8").lower()
     again = read_model(tmp_path / "out" / "model.xml")
     (brake,) = [e for e in again.plant.effects if isinstance(e, OnJoint) and isinstance(e.effect, cls)]
     assert brake.to_dict() == next(f.effect for f in found.findings if f.name == "eddy_brake").to_dict()

@@ -100,7 +100,9 @@ def find(
     keep: Callable[[Diagnosis, Path], object] = lambda found, folder: None,
     watch: Any = lambda what, share: None,
 ) -> dict[str, Any]:
-    """Log the true arm, let the workflow compare it with the modelled one, and keep log and model in ``folder``; ``keep`` writes the report there.
+    """Log the true arm, let the workflow compare it with the modelled one, keeping log and model in ``folder``.
+
+    ``keep`` writes the report into a folder: :func:`jaxidl.report.save`.
 
     Returns:
         The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.

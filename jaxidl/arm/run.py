@@ -19,7 +19,8 @@ from jaxidl.arm.found import as_text as gap_as_text
 from jaxidl.arm.real_time import latency
 from jaxidl.arm.table import as_text, falls, ranking
 from jaxidl.errors import StoreError, one_of
-from jaxidl.files import write_bytes
+from jaxidl.files import as_json, write_bytes
+from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.learning.arm import ArmStudy
 from jaxidl.models import Training
 from jaxidl.sweep.launch import STOP
@@ -62,11 +63,14 @@ def quick(run: ArmRun) -> ArmRun:
     return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged, 3000)
 
 
+Keep = Callable[[Diagnosis, Path], object]
+
+
 class Job:
     """Pieces of a run: computed if they are not there, and counted; ``say`` is told what is being done."""
 
-    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None], say: Callable[[str], None]):
-        self.run, self.out, self.parts, self.step, self.say = run, out, parts, step, say
+    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None], say: Callable[[str], None], keep: Keep):
+        self.run, self.out, self.parts, self.step, self.say, self.keep = run, out, parts, step, say, keep
 
     def piece(self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None) -> Arrays:
         """The piece ``name``, which the study determines, or else the settings ``of``."""
@@ -127,14 +131,22 @@ class Job:
     def gap(self) -> dict[str, Any]:
         """What the gap workflow finds of what is hidden."""
         logged = self.run.logged
-        find = partial(hidden.find, logged, self.out / "gap", lambda what, share: self.say(f"gap: {what}"))
+        find = partial(hidden.find, logged, self.out / "gap", self.keep, lambda what, share: self.say(f"gap: {what}"))
         of = {"logged": asdict(logged), "arm": logged.study().to_dict()}
         found = self.piece("gap", lambda: {"report": np.array(json.dumps(find()))}, of)
         return json.loads(str(found["report"]))
 
 
-def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, quiet: bool = False) -> dict[str, Any]:
+def run_all(
+    run: ArmRun,
+    out: Path,
+    experiments: tuple[str, ...] = EXPERIMENTS,
+    quiet: bool = False,
+    keep: Keep = lambda found, folder: None,
+) -> dict[str, Any]:
     """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc``, ``arm.json`` and tables.
+
+    ``keep`` writes the report of a diagnosis into a folder: :func:`jaxidl.report.save`.
 
     Returns:
         What each of the ``experiments`` found, and ``about``: versions, command, revision.
@@ -164,7 +176,7 @@ def run_all(run: ArmRun, out: Path, experiments: tuple[str, ...] = EXPERIMENTS, 
     with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
         task = bar.add_task("", total=sum(counts[name] for name in experiments))
         say = lambda what: bar.update(task, description=what)  # noqa: E731
-        job = Job(run, out, parts, partial(_step, bar, task, quiet), say)
+        job = Job(run, out, parts, partial(_step, bar, task, quiet), say, keep)
         for name in dict.fromkeys(experiments):
             say(name)
             result[name] = getattr(job, name)()
@@ -198,18 +210,9 @@ def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
             found = result[name]
             made[name] = {k: v for k, v in found.items() if k not in bulky} if isinstance(found, dict) else found
             made["settings"][name], made["about"][name] = run.settings()[name], result.get("about", {})
-    files["arm.json"] = json.dumps(_finite(made), indent=1, allow_nan=False).encode()
+    files["arm.json"] = as_json(made).encode()
     for name, content in files.items():
         write_bytes(out / name, content)
-
-
-def _finite(value: Any) -> Any:
-    """The same for JSON, which knows no NaN and no infinity: null instead."""
-    if isinstance(value, dict):
-        return {key: _finite(x) for key, x in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(x) for x in value]
-    return None if isinstance(value, float) and not np.isfinite(value) else value
 
 
 def _earlier(out: Path) -> dict[str, Any]:

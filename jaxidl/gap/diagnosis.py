@@ -1,22 +1,17 @@
 """What the workflow says of a log and a model."""
 
-import json
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.files import as_json, plain
 from jaxidl.gap.localise import Place
 from jaxidl.gap.refine import Refinement
 from jaxidl.gap.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 Key = tuple[str, int | None]  # an effect's name and its joint
 SURE = 0.8  # confidence from which an effect is named
@@ -57,7 +52,7 @@ class Finding:
 
 
 class Ambiguity(NamedTuple):
-    """Effects that stand for each other when the log is resampled (the one that was found first), and what would tell them apart."""
+    """Effects that stand for each other when the log is resampled, the one that was found first, and what would separate them."""
 
     candidates: tuple[Key, ...]
     experiment: str
@@ -147,7 +142,7 @@ class Diagnosis:
         """The content of ``report.json``, without ``files``."""
         from jaxidl.gap.refined import record
 
-        return _plain(
+        return plain(
             {
                 "verdict": self.verdict,
                 "summary": self.summary,
@@ -210,70 +205,9 @@ class Diagnosis:
 
         return refined(self, window)
 
-    def save(self, folder: str | Path) -> Path:
-        """Write report.json, report.html, figures and the patched model into ``folder``; return the HTML file's path.
-
-        Raises:
-            StoreError: if the folder cannot be written, or has a model or report of another origin.
-            ModelError: if the model's file has gone or changed since it was read.
-        """
-        from jaxidl.plot.report import write
-
-        with jax.enable_x64(True):  # the parameters' precision
-            return write(self, Path(folder))
-
-    def plot_residual(self) -> "Figure":
-        """Command and residual before and after over time, with the encoder's noise; enlarged where the log is long."""
-        from jaxidl.plot.gap import plot_residual
-
-        return plot_residual(self)
-
-    def plot_where(self) -> "Figure":
-        """The residual before and after against velocity, position and acceleration."""
-        from jaxidl.plot.gap import plot_where
-
-        return plot_where(self)
-
-    def plot_gap(self) -> "Figure":
-        """Torque error by joint and rollout error by horizon, before and after, on the data kept aside."""
-        from jaxidl.plot.gap import plot_gap
-
-        return plot_gap(self)
-
-    def plot_parameters(self) -> "Figure | None":
-        """The parameters found with two standard errors, tables over position; None if nothing was found."""
-        from jaxidl.plot.gap import plot_parameters
-
-        return plot_parameters(self)
-
-    def plot_spectrum(self) -> "Figure":
-        """Power spectral density of the residual before and after, and of the encoder's noise."""
-        from jaxidl.plot.gap import plot_spectrum
-
-        return plot_spectrum(self)
-
-    def _repr_html_(self) -> str:
-        """Verdict and tables, for notebooks."""
-        from jaxidl.plot.page import fragment
-
-        return fragment(self)
-
     def to_json(self, **extra: Any) -> str:
         """:meth:`to_dict` as strict JSON."""
-        return json.dumps(self.to_dict() | extra, indent=1, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """Plain numbers and lists that JSON has; what is not finite becomes null."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+        return as_json(self.to_dict() | extra)
 
 
 def sentence_of(name: str) -> str:

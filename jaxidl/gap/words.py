@@ -10,6 +10,8 @@ from jaxidl.gap.localise import Place
 from jaxidl.systems.mjcf import Model
 
 FEW = 6  # effects that a summary names
+SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
+MOST = 1e4  # times the command: of a joint that no command moves
 
 
 def summarise(
@@ -20,62 +22,125 @@ def summarise(
     unexplained: Sequence[int],
     remaining: Sequence[Place],
     model: Model,
+    reference: bool = False,
 ) -> str:
-    """A few sentences: the verdict, what was found, what it is worth, what is left."""
+    """Return a few sentences: the verdict, what was found, what it is worth, what is left.
+
+    Args:
+        reference: the log was compared with an earlier one, so findings are what has changed.
+    """
     sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
-    out = [_verdict(verdict, sure, [model.names[j] for j in unexplained])]
+    out = [headline(verdict, len(sure), len(rest), [model.names[j] for j in unexplained], reference)]
     if sure:
-        out.append(
-            "Missing, in the order of what it explains: " + "; ".join(f"{f.sentence}, {_numbers(f)}" for f in sure[:FEW]) + "."
-        )
-    if len(sure) > FEW:
-        out.append(f"And {len(sure) - FEW} more: see the table.")
+        first = f", those that explain most first{f' ({FEW} of {len(sure)})' if len(sure) > FEW else ''}"
+        listed = "; ".join(f"{f.sentence}, {_numbers(f)}" for f in sure[:FEW])
+        out.append(f"{'Changed' if reference else 'Missing'}{first if len(sure) > 1 else ''}: {listed}.")
     if rest:
-        out.append("Possible, but not certain: " + "; ".join(f"{f.sentence}" for f in rest[:FEW]) + ".")
-    if findings:
+        more = f", and {len(rest) - FEW} more" if len(rest) > FEW else ""
+        out.append("Possible, but not certain: " + "; ".join(f.sentence for f in rest[:FEW]) + f"{more}.")
+    known = [j for j, relative in enumerate(gap.before.torque_relative) if judged(relative)]
+    if findings and known:
         changes = [
-            f"{name} {_percent(b)} before, {_percent(a)} after"
-            for name, b, a in zip(model.names, gap.before.torque_relative, gap.after.torque_relative, strict=True)
-            if np.isfinite(b)
+            f"{model.names[j]} {percent(gap.before.torque_relative[j])} → {percent(gap.after.torque_relative[j])}" for j in known
         ]
-        out.append("Torque error on the data kept aside, relative to the command: " + "; ".join(changes) + ".")
+        out.append("Torque error on the data kept aside, relative to the command, before → after: " + "; ".join(changes) + ".")
     for a in ambiguous:
         names = " or ".join(readable(name) + (f" on {model.names[j]}" if j is not None else "") for name, j in a.candidates)
         out.append(f"This log cannot tell between {names}. To separate them, {a.experiment}.")
     return " ".join(out)
 
 
+def headline(verdict: str, sure: int, suspected: int, unexplained: Sequence[str], reference: bool = False) -> str:
+    """Return the verdict in one or two sentences.
+
+    Args:
+        verdict: named, nothing_missing, ambiguous or unexplained.
+        sure: number of effects that are certain.
+        suspected: number of those that are not.
+        unexplained: names of the joints of which much is left.
+        reference: the log was compared with an earlier one.
+    """
+    several = sure != 1
+    count = f"{sure} effect{'s' * several}"
+    lacks = (
+        f"{count} {'have' if several else 'has'} changed since the reference log"
+        if reference
+        else f"The simulation lacks {count}"
+    )
+    if verdict == "unexplained":
+        left = f"Something is left on {listed(unexplained)} that no effect of the catalogue explains."
+        return f"{left} {lacks} for certain all the same." if sure else left
+    if verdict == "nothing_missing":
+        nothing = "Nothing has changed since the reference log" if reference else "Nothing is missing"
+        return f"{nothing}: no effect of the catalogue makes the model clearly better."
+    if verdict == "ambiguous":
+        other = (
+            f"{suspected} effect{'s are' if suspected != 1 else ' is'} possible, but this log does not determine which of them"
+        )
+        if not suspected:
+            return f"{lacks}, but this log does not fully determine which."
+        return f"{lacks}; {other}." if sure else f"{other[0].upper()}{other[1:]} {'has changed' if reference else 'is missing'}."
+    return f"{lacks}." + (
+        f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain." if suspected else ""
+    )
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return names as a sentence has them."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "some joint"
+
+
+def judged(relative: float) -> bool:
+    """Is a torque error relative to the command a number that means something?"""
+    return abs(relative) < MOST
+
+
 def readable(name: str) -> str:
-    """An effect's name for a person."""
-    return name.replace("_", " ")
+    """Return an effect's name for a person."""
+    return " ".join(SPELLED.get(word, word) for word in name.split("_"))
 
 
 def number(estimate: Estimate) -> str:
-    """A parameter with unit and standard error; of a table its range."""
-    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
-    if isinstance(estimate.value, list):
-        return f"{min(estimate.value):.4g} to {max(estimate.value):.4g}{unit}"
-    return f"{estimate.value:.4g} ± {estimate.stderr:.2g}{unit}"
+    """Return a parameter with unit and standard error: each of up to three numbers, of a table its range and mean error."""
+    unit = "" if estimate.unit == "1" else f" {squared(estimate.unit)}"
+    if not isinstance(estimate.value, list):
+        return f"{plus_minus(estimate.value, float(np.mean(estimate.stderr)))}{unit}"
+    errors = np.broadcast_to(np.array(estimate.stderr, float), len(estimate.value)).tolist()
+    if len(estimate.value) <= 3:
+        return "(" + ", ".join(plus_minus(v, e) for v, e in zip(estimate.value, errors, strict=True)) + f"){unit}"
+    return f"{_digits(min(estimate.value))} to {_digits(max(estimate.value))}{unit}, each ± {np.mean(errors):.2g}"
+
+
+def plus_minus(value: float, stderr: float) -> str:
+    """Return a value and its standard error, of which two digits are written, and of the value as many decimals."""
+    if not np.isfinite(value):
+        return "-"
+    if not (np.isfinite(stderr) and stderr > 0.0):
+        return _digits(value)
+    if not 1e-4 < max(abs(value), stderr) < 1e5:
+        return f"{value:.3g} ± {stderr:.2g}"
+    decimals = int(np.clip(1 - np.floor(np.log10(float(f"{stderr:.1e}"))), 0, 5))
+    return f"{round(value, decimals) + 0.0:.{decimals}f} ± {stderr:.{decimals}f}"
+
+
+def percent(share: float) -> str:
+    """Return a share as a percentage with two digits, or all it has before the point; a dash for one that means nothing."""
+    if not judged(share):
+        return "-"
+    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{round(100.0 * share, 4):.2g} %".replace("-0 ", "0 ")
+
+
+def squared(unit: str) -> str:
+    """Return a unit with its exponents raised."""
+    return unit.replace("^2", "²")
+
+
+def _digits(value: float) -> str:
+    return f"{value:.4g}"
 
 
 def _numbers(finding: Finding) -> str:
     return ", ".join(f"{readable(name)} {number(p)}" for name, p in finding.parameters.items())
 
 
-def _verdict(verdict: str, sure: Sequence[Finding], unexplained: Sequence[str]) -> str:
-    count = f"{len(sure)} effect{'s' * (len(sure) != 1)}"
-    return {
-        "named": f"The simulation lacks {count}.",
-        "ambiguous": f"The simulation lacks {count or 'something'}, but this log does not fully determine which.",
-        "nothing_missing": "Nothing is missing: no effect of the catalogue makes the model clearly better.",
-        "unexplained": f"Something is left on {', '.join(unexplained)} that the catalogue does not explain"
-        + (f", beside {count} that the simulation lacks for certain." if sure else "."),
-    }[verdict]
-
-
-def _percent(share: float) -> str:
-    """Two digits, or all that stand before the point."""
-    return f"{100 * share:.0f} %" if abs(share) >= 0.0995 else f"{100 * share:.2g} %"
-
-
-__all__ = ["experiment", "number", "readable", "summarise"]
+__all__ = ["experiment", "headline", "judged", "listed", "number", "percent", "plus_minus", "readable", "squared", "summarise"]

@@ -1,6 +1,5 @@
 """The whole comparison: the law as it is, what descent finds, what random search of equal cost finds, on fresh seeds."""
 
-import json
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -11,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import stats
 
-from jaxidl.files import write_bytes
+from jaxidl.files import as_json, write_bytes
 from jaxidl.sweep.launch import progress_bar
 from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.sweep.provenance import PRECISION, provenance, revision
@@ -66,20 +65,11 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
         **provenance(),
         "git_revision": revision(),
     }
-    write_bytes(out / "tune.json", (json.dumps(plain(result), indent=1, allow_nan=False) + "\n").encode())
+    write_bytes(out / "tune.json", (as_json(result) + "\n").encode())
     return result
 
 
 PAIRS = (("gradient", "as it is"), ("random", "as it is"), ("gradient", "random"))
-
-
-def plain(node: Any) -> Any:
-    """As JSON has it, which knows no infinity: None instead."""
-    if isinstance(node, dict):
-        return {key: plain(value) for key, value in node.items()}
-    if isinstance(node, list):
-        return [plain(value) for value in node]
-    return None if isinstance(node, float) and not np.isfinite(node) else node
 
 
 def course(trail: Trail, limit: float, each: int) -> dict[str, Any]:

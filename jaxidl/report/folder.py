@@ -6,17 +6,19 @@ import os
 import tempfile
 from pathlib import Path
 
+import jax
+
 from jaxidl.errors import StoreError
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.plot.gap import FIGURES, draw
-from jaxidl.plot.page import page
+from jaxidl.report.figures import FIGURES, draw
+from jaxidl.report.page import page
 from jaxidl.systems.export import write_patched
 
 MODEL, EFFECTS, PAGE, REPORT, PICTURES = "model.xml", "effects.json", "report.html", "report.json", "figures"
 
 
-def write(d: Diagnosis, folder: Path) -> Path:
-    """Write the report into ``folder``, which is made; return the path of ``report.html``.
+def save(d: Diagnosis, folder: str | Path) -> Path:
+    """Write report.json, report.html, figures and the patched model into ``folder``, which is made; return the page's path.
 
     Everything is first written aside and then moved into place file by file, ``report.json`` last. An older report there is
     replaced; other files stay as they are.
@@ -25,14 +27,15 @@ def write(d: Diagnosis, folder: Path) -> Path:
         StoreError: if the folder cannot be written, or has a model or report that is not ours; nothing has changed then.
         ModelError: if the model's file has gone or changed since it was read.
     """
-    made: list[Path] = []
+    folder, made = Path(folder), list[Path]()
     try:
         made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
         check_folder(folder, d.model.path)
         folder.mkdir(parents=True, exist_ok=True)
         # inside the folder: the place beside it may be on another disk, or not ours to write
         with tempfile.TemporaryDirectory(prefix=".report-", dir=folder) as aside:
-            names = _compose(d, folder, Path(aside))
+            with jax.enable_x64(True):  # the parameters' precision
+                names = _compose(d, folder, Path(aside))
             _move(Path(aside), folder, names)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
@@ -85,7 +88,7 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
     pictures = [f"{PICTURES}/{name}.png" for name in figures]
     for name, content in zip(pictures, figures.values(), strict=True):
         (aside / name).write_bytes(content)
-    _, effects = write_patched(d.model, [f.effect for f in d.findings], aside)
+    _, effects = write_patched(d.model, [*d.common, *(f.effect for f in d.findings)], aside)
     record = json.loads(effects.read_text(encoding="utf-8"))["effects"]
     (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))  # a path may be no text
     files = {"model": MODEL, "effects": EFFECTS, "report": PAGE, "figures": pictures}

@@ -33,15 +33,15 @@ def _markup(piece: Any) -> str:
     return join(piece) if isinstance(piece, Iterable) and not isinstance(piece, str) else escape(str(piece))
 
 
-def table(head: Iterable[Any], rows: Iterable[Iterable[Any]], numbers: Iterable[int] = ()) -> Html:
-    """A table that scrolls sideways on a narrow screen; columns in ``numbers`` are set flush right."""
+def table(head: Iterable[Any], rows: Iterable[Iterable[Any]], numbers: Iterable[int] = (), class_: str | None = None) -> Html:
+    """Return a table that scrolls sideways on a narrow screen; columns in ``numbers`` are set flush right."""
     right = set(numbers)
 
     def row(kind: str, cells: Iterable[Any]) -> Html:
         return tag("tr", (tag(kind, cell, class_="number" if k in right else None) for k, cell in enumerate(cells)))
 
     body = tag("tbody", (row("td", cells) for cells in rows))
-    return tag("div", tag("table", tag("thead", row("th", head)), body), class_="scroll")
+    return tag("div", tag("table", tag("thead", row("th", head)), body, class_=class_), class_="scroll", tabindex="0")
 
 
 STYLE = """
@@ -52,7 +52,7 @@ STYLE = """
 figure img{filter:invert(.92) hue-rotate(180deg)}}
 *{box-sizing:border-box}
 body{margin:0;background:var(--ground);color:var(--text);font:16px/1.55 system-ui,-apple-system,"Segoe UI",Roboto,sans-serif}
-main{max-width:58rem;margin:0 auto;padding:1.5rem 1.25rem 3rem}
+main{max-width:68rem;margin:0 auto;padding:1.5rem 1.25rem 3rem}
 h1{font-size:1.55rem;line-height:1.25;margin:0 0 .25rem;overflow-wrap:anywhere}
 h2{font-size:1.2rem;margin:2.4rem 0 .6rem;padding-bottom:.25rem;border-bottom:1px solid var(--line)}
 h3{font-size:1rem;margin:1.3rem 0 .4rem;overflow-wrap:anywhere}
@@ -67,15 +67,18 @@ table{border-collapse:collapse;min-width:100%;font-size:.9rem}
 th,td{padding:.38rem .6rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 th{font-weight:600;color:var(--soft);vertical-align:bottom}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}th.number{white-space:normal;min-width:5.5rem}
-td ul{margin:0;padding-left:1.1rem;min-width:14rem}tr:has(ul) td:first-child{min-width:8rem}tr.chosen td{font-weight:600}
-.bar{display:inline-block;height:.7rem;border-radius:.15rem;background:var(--line);vertical-align:middle}
-.chosen .bar{background:var(--accent)}.bar{print-color-adjust:exact;-webkit-print-color-adjust:exact}
-td.wide{min-width:9rem;width:35%}
+td strong{font-weight:600}td.what{min-width:15rem}
+.doubt,.doubt small{color:var(--soft)}td>div+div{margin-top:.35rem}
+.kinds td{font-variant-numeric:tabular-nums;min-width:6.2rem}.kinds td:first-child,.kinds th:first-child{position:sticky;left:0;
+background:var(--ground);min-width:0;font-weight:600;white-space:nowrap}
+.kinds td:nth-child(n+2):nth-child(-n+4){white-space:nowrap}
+details{margin:.8rem 0}summary{cursor:pointer;color:var(--accent)}
 figure{margin:1rem 0}figure>div{overflow-x:auto}
 figure img{display:block;width:100%;min-width:32rem;height:auto;background:#fff;border-radius:.4rem}
 pre,code{font:.86rem/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace}
 pre{background:var(--panel);padding:.8rem 1rem;border-radius:.5rem;overflow-x:auto}code{overflow-wrap:anywhere}
-@media (max-width:40rem){main{padding:1rem .9rem 2rem}h1{font-size:1.3rem}}
+@media (max-width:40rem){.kinds td:first-child,.kinds th:first-child{white-space:normal;overflow-wrap:anywhere;min-width:5.6rem;
+max-width:6.6rem}main{padding:1rem .9rem 2rem}h1{font-size:1.3rem}}
 @media print{:root{--ground:#fff;--text:#000;--soft:#444;--line:#bbb;--panel:#f2f2f2;--accent:#0b62a3}
 main{max-width:none;padding:0}figure img{filter:none;min-width:0}figure,tr,pre,.verdict{break-inside:avoid}
 h2,h3{break-after:avoid}pre{white-space:pre-wrap}

@@ -9,11 +9,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.table import cut
+from jaxidl.report.words import cut
 
 WIDTH = 7.2  # of every figure [in]
 BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
-JOINTS = 4  # shown at most in figures with a row for each
+JOINTS = 7  # shown at most in figures with a row for each
 POINTS = 6000  # of a curve or cloud; more are thinned out
 
 

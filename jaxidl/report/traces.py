@@ -6,9 +6,9 @@ from matplotlib.figure import Figure
 from scipy import signal
 
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.plot import gap_common as common
-from jaxidl.plot.gap_common import NOISE, WIDTH, broken, clock, counted, length_unit, limits, name_of, shown, sides, which
 from jaxidl.plot.style import house_style
+from jaxidl.report import common
+from jaxidl.report.common import NOISE, WIDTH, broken, clock, counted, length_unit, limits, name_of, shown, sides, which
 
 BINS = 26  # over the range of position, velocity or acceleration
 FEWEST = 8  # samples that a bin must have
@@ -22,7 +22,9 @@ def plot_residual(d: Diagnosis) -> Figure:
     joints = shown(d)
     time, starts = clock(d)
     zoom = _stretch(d, time, joints) if time[-1] - time[0] > LONG else None
-    figure = Figure(figsize=(WIDTH, 0.9 + (1.75 if len(joints) > 1 else 2.3) * len(joints)), layout="constrained")
+    figure = Figure(
+        figsize=(WIDTH, 0.9 + (2.3 if len(joints) == 1 else 1.75 if len(joints) < 5 else 1.4) * len(joints)), layout="constrained"
+    )
     widths = (1.7, 1.0) if zoom else (1.0,)
     rows = figure.subplots(len(joints), len(widths), squeeze=False, sharex="col", width_ratios=widths)
     for row, j in zip(rows, joints, strict=True):
@@ -92,7 +94,7 @@ def plot_where(d: Diagnosis) -> Figure:
     joints = shown(d)
     twice = [j for j in joints if len(joints) <= 2 and d.gap.after.torque_rms[j] < CLEARLY * d.gap.before.torque_rms[j]]
     rows = [(j, enlarged) for j in joints for enlarged in ((False, True) if j in twice else (False,))]
-    figure = Figure(figsize=(WIDTH, 0.9 + 1.75 * len(rows)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 0.9 + (1.75 if len(rows) < 5 else 1.45) * len(rows)), layout="constrained")
     grid = figure.subplots(len(rows), 3, squeeze=False, sharey="row")
     for line, (j, enlarged) in zip(grid, rows, strict=True):
         unit, torque = length_unit(d, j), d.model.units[j]
@@ -100,7 +102,7 @@ def plot_where(d: Diagnosis) -> Figure:
         for axes, (x, label) in zip(line, (*states, (_acceleration(d, j), f"acceleration [{unit}/s²]")), strict=True):
             for name, color, residual in sides(d)[int(enlarged) :]:
                 _cloud(axes, x, counted(d, residual, j), color, name)
-            axes.set_xlabel(label)
+            axes.set_xlabel(label if len(rows) < 5 or (j, enlarged) == rows[-1] else "")
             axes.axhline(0.0, color="0.2", linewidth=0.6)
         limits(line[0], counted(d, d.traces.after if enlarged else d.traces.before, j), share=0.99)
         left = "after, enlarged" if enlarged else "residual"

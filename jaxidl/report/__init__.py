@@ -1,0 +1,31 @@
+"""What a diagnosis looks like: terminal, page, JSON, figures. ``jaxidl.report.save(diagnosis, folder)`` writes all of it."""
+
+from jaxidl.report.figures import (
+    FIGURES,
+    draw,
+    plot_gap,
+    plot_improvement,
+    plot_parameters,
+    plot_residual,
+    plot_spectrum,
+    plot_where,
+)
+from jaxidl.report.folder import check_folder, save
+from jaxidl.report.page import fragment, page
+from jaxidl.report.table import table
+
+__all__ = [
+    "FIGURES",
+    "check_folder",
+    "draw",
+    "fragment",
+    "page",
+    "plot_gap",
+    "plot_improvement",
+    "plot_parameters",
+    "plot_residual",
+    "plot_spectrum",
+    "plot_where",
+    "save",
+    "table",
+]

@@ -1,0 +1,104 @@
+"""What was found as a table of joints × kinds of effect, for the terminal and the page alike.
+
+A kind is what conventional identification fits on every joint: recognised by what an effect says of itself, so those that a user
+registered find their place, too. All else is in the last column.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding
+from jaxidl.gap.words import number, plus_minus, squared
+from jaxidl.report.words import readable
+
+VISCOUS, DRY, ROTOR, LINK, OFFSET, OTHER = range(6)
+KINDS = ("viscous friction", "dry friction", "rotor inertia", "link errors", "offset", "other")
+ALIKE = {VISCOUS: "N s/m", DRY: "N", ROTOR: "kg", OFFSET: "N"}  # one number each; unit as the catalogue has it
+AXES = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
+
+
+class Entry(NamedTuple):
+    """A parameter of a finding, in one cell."""
+
+    what: str  # the effect, or what of a link is wrong; empty where the column says it
+    label: str  # which of several parameters
+    value: str  # with standard error; with the unit unless the column has it
+    finding: Finding
+    own: bool = True  # False: only a pointer to another column
+
+    @property
+    def sure(self) -> bool:
+        """Is its effect named, rather than suspected?"""
+        return self.finding.sure
+
+
+class Matrix(NamedTuple):
+    """Cells by joint and kind. J joints, K kinds."""
+
+    units: tuple[str, ...]  # (K) of columns of single numbers, where all joints have the same
+    rows: tuple[tuple[tuple[Entry, ...], ...], ...]  # (J, K)
+
+
+def matrix(d: Diagnosis) -> Matrix:
+    """Return the findings on joints, sorted into cells; within a cell those that are certain come first."""
+    found = [f for f in d.findings if f.joint is not None]
+    units = []
+    for kind in range(len(KINDS)):
+        here = {p.unit for f in found for n, p in f.parameters.items() if kind_of(CATALOGUE[f.name], n) == kind}
+        units.append(squared(here.pop()) if kind in ALIKE and len(here) == 1 else "")
+    cells: list[list[list[Entry]]] = [[[] for _ in KINDS] for _ in d.model.names]
+    for f in sorted(found, key=lambda f: not f.sure):
+        for kind, entry in _entries(f, units):
+            cells[f.joint or 0][kind].append(entry)
+    return Matrix(tuple(units), tuple(tuple(tuple(cell) for cell in row) for row in cells))
+
+
+def kind_of(cls: type[Effect], parameter: str) -> int:
+    """Return the column of an effect's parameter."""
+    unit = cls.parameters[parameter].unit
+    if not cls.common:
+        return OTHER
+    for kind, alike in ALIKE.items():
+        if unit == alike and cls.friction == (kind in (VISCOUS, DRY)):
+            return kind
+    return LINK if cls.rigid() else OTHER
+
+
+def _entries(f: Finding, units: list[str]) -> Iterator[tuple[int, Entry]]:
+    cls = CATALOGUE[f.name]
+    kinds = {name: kind_of(cls, name) for name in f.parameters}
+    for kind in dict.fromkeys(_contained(cls, tuple(f.parameters))):
+        yield kind, Entry("", "", f"see {KINDS[OTHER]}", f, own=False)
+    for name, p in f.parameters.items():
+        kind = kinds[name]
+        if kind in ALIKE and not isinstance(p.value, list):
+            yield kind, Entry("", "", number(p._replace(unit="1")) if units[kind] else number(p), f)
+            continue
+        what = short_name(cls, name) if kind == LINK else readable(f.name)
+        alone = len(f.parameters) == 1 or kind == LINK
+        yield kind, Entry(what, "" if alone else readable(name), spelled(p), f)
+
+
+def _contained(cls: type[Effect], free: tuple[str, ...]) -> Iterator[int]:
+    """Columns whose effect is a part of this one, which is in another."""
+    for part in cls.contains(free):
+        name, _, parameter = part.partition(".")
+        if name in CATALOGUE and name != cls.name:
+            kinds = {kind_of(CATALOGUE[name], p) for p in ([parameter] if parameter else CATALOGUE[name].parameters)}
+            yield from sorted(kinds - {OTHER, LINK})
+
+
+def short_name(cls: type[Effect], parameter: str) -> str:
+    """Return what of a link is wrong, from the parameter's meaning: "the missing mass of the body" is its mass."""
+    return cls.parameters[parameter].meaning.removeprefix("the ").removeprefix("missing ").removesuffix(" of the body")
+
+
+def spelled(p: Estimate) -> str:
+    """Return a parameter with unit and standard error, of a vector by axes."""
+    axes = AXES.get(len(p.value)) if isinstance(p.value, list) else None
+    if axes is None or not isinstance(p.value, list):
+        return number(p)
+    errors = p.stderr if isinstance(p.stderr, list) else [p.stderr] * len(axes)
+    unit = "" if p.unit == "1" else f" {squared(p.unit)}"
+    return ", ".join(f"{a} {plus_minus(v, e)}" for a, v, e in zip(axes, p.value, errors, strict=True)) + unit
