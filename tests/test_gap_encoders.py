@@ -9,8 +9,8 @@ import pytest
 
 from jaxidl import gap
 from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
+from jaxidl.gap.balance import balance
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.data import data_of
 from jaxidl.gap.log import from_arrays
 from jaxidl.gap.refine import _starts
 from jaxidl.gap.rollout import window_starts
@@ -57,11 +57,11 @@ def log():
 
 @pytest.mark.parametrize("encoder", ENCODERS, ids=["bias", "delay"])
 def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder):
-    own = data_of(prepare(log, body, (encoder,)), (encoder, FRICTION))
-    found, neither = (data_of(prepare(log, body), (), found=others) for others in ((encoder, FRICTION), (FRICTION,)))
+    own, _ = balance(prepare(log, body, (encoder,)), (encoder, FRICTION))
+    found, neither = (balance(prepare(log, body), (), others)[0] for others in ((encoder, FRICTION), (FRICTION,)))
     np.testing.assert_array_equal(own.signals.rows, found.signals.rows)
-    change = np.abs(found.base - neither.base).max()
-    np.testing.assert_allclose(own.base, found.base, atol=0.01 * change)
+    change = np.abs(found.gap - neither.gap).max()
+    np.testing.assert_allclose(own.gap, found.gap, atol=0.01 * change)
 
 
 @pytest.mark.parametrize("logged", [False, True], ids=["positions", "speeds-too"])
@@ -85,7 +85,7 @@ def test_an_encoder_that_is_late_is_not_taken_for_a_quieter_one(log, body):
     np.testing.assert_array_equal(prepare(log, body, (half,)).sigma, prepare(log, body).sigma)
 
 
-def test_no_window_reaches_beyond_what_late_encoders_have_told(log, body):
+def test_no_window_reaches_beyond_what_late_encoders_have_seen(log, body):
     signals, every = prepare(log, body), np.ones(STEPS, bool)
     seen, late = signals.behind(ENCODERS), int(np.ceil(DELAY / DT))
     assert signals.late == signals.behind(ENCODERS[:1]).late == 0

@@ -14,14 +14,15 @@ from jaxidl.cli import main
 from jaxidl.effects import ActuatorDelay, AsymmetricFriction, CoulombFriction, OnJoint, PositionBias, Spring, ViscousFriction
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.data import instants_of, kept_rows
 from jaxidl.gap.log import from_arrays
-from jaxidl.gap.refine import _starts, _tied
+from jaxidl.gap.refine import _starts, _tied, refine
 from jaxidl.gap.rollout import windows_at
+from jaxidl.gap.rows import instants_of, kept_rows
 from jaxidl.gap.signals import prepare
-from jaxidl.gap.table import as_table
-from jaxidl.gap.trajectory import Problem, changed, parameters_in, window_errors, window_slopes
+from jaxidl.gap.trajectory import Problem, window_errors, window_slopes
+from jaxidl.report import table
 from jaxidl.systems import Plant
+from jaxidl.systems.free import Free
 from jaxidl.types import State
 
 DT, STEPS, NOISE = 2e-3, 6000, 1e-5
@@ -83,11 +84,11 @@ def problem(pendulum, signals):
 
 def _problem(pendulum, signals, *factors):
     starts = _starts(signals, instants_of(signals, kept_rows(signals, 0.3)), LENGTH)
-    return Problem(Plant(pendulum.plant.body, effects(*factors)), tuple(map(tuple, FREE)), signals, starts, LENGTH)
+    return Problem(Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH)
 
 
 def test_parameters_a_quarter_off_are_found_again(pendulum, signals):
-    found = gap.refine(pendulum.plant, effects(*WRONG), signals, FREE)
+    found = refine(pendulum.plant, effects(*WRONG), signals, FREE)
     assert found.accepted
     np.testing.assert_allclose(values(found.effects), list(TRUE.values()), rtol=0.01)
     for truth, told, stderr in zip(TRUE.values(), found.refined, found.stderr, strict=True):
@@ -101,7 +102,7 @@ def test_parameters_a_quarter_off_are_found_again(pendulum, signals):
 
 def test_right_parameters_are_left_alone(pendulum, signals):
     right = effects()
-    found = gap.refine(pendulum.plant, right, signals, FREE)
+    found = refine(pendulum.plant, right, signals, FREE)
     assert not found.accepted
     assert found.effects == right
     assert found.after.score > 0.95 * found.before.score
@@ -110,7 +111,7 @@ def test_right_parameters_are_left_alone(pendulum, signals):
 
 def test_parameters_stay_within_their_bounds(pendulum, signals):
     bounds = ({"coefficient": (0.0, 10.0)}, {"level": (0.0, 0.27)}, {"delay": (0.0145, 0.1)})
-    found = gap.refine(pendulum.plant, effects(*WRONG), signals, bounds)
+    found = refine(pendulum.plant, effects(*WRONG), signals, bounds)
     assert found.accepted
     _, level, delay = values(found.effects)
     assert 0.2699 < level <= 0.27
@@ -123,7 +124,7 @@ def test_what_encoders_do_is_undone_and_not_fitted(pendulum, signals):
     seen = shifted.behind((bias, *effects()))
     np.testing.assert_allclose(seen.q, signals.q, atol=1e-12)
     np.testing.assert_allclose(seen.qd, signals.qd, atol=1e-9)
-    found = gap.refine(pendulum.plant, (bias,), shifted, ({"bias": (-1.0, 1.0)},))
+    found = refine(pendulum.plant, (bias,), shifted, ({"bias": (-1.0, 1.0)},))
     assert (found.accepted, found.reason, found.refined) == (False, "there is no parameter to refine", ({},))
 
 
@@ -132,9 +133,13 @@ def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, pr
     uneven = OnJoint(AsymmetricFriction(*(jnp.array([x]) for x in (0.3, 0.3, 0.01, -0.01))), 0, 1)
     either = ("viscous_positive", "viscous_negative")
     free = (*FREE, dict.fromkeys(either, (-1.0, 1.0)))
-    assert _tied((*effects(), uneven), free) == [(3, 4)]
-    assert _tied((effects()[1], uneven), (FREE[1], free[3])) == []  # nothing has the common part
-    tied = Problem(problem.plant, tuple(map(tuple, FREE)), signals, problem.starts, LENGTH, [(0, 1)])
+    body = pendulum.plant.body
+    (row,) = _tied(Free(Plant(body, (*effects(), uneven)), free), signals)
+    np.testing.assert_allclose(row, np.array([0.0, 0.0, 0.0, 1.0, 1.0]) / np.sqrt(2.0), atol=1e-9)
+    assert _tied(Free(Plant(body, (effects()[1], uneven)), (FREE[1], free[3])), signals) == []  # nothing has the common part
+    fixed = ({}, *free[1:])
+    assert _tied(Free(Plant(body, (*effects(), uneven)), fixed), signals) == []  # what has it is not fitted
+    tied = Problem(Free(problem.plant, FREE), signals, problem.starts, LENGTH, [np.array([1.0, 1.0, 0.0])])
     step = tied.residual(tied.start + np.array([0.01, -0.01, 0.0]))[-1], tied.residual(tied.start + 0.01)[-1]
     assert abs(step[0]) < 1e-9 < 1e-2 < step[1]
     np.testing.assert_allclose(tied.slopes(tied.start)[-1] * 0.01 @ np.ones(3), step[1])
@@ -170,7 +175,7 @@ def test_a_window_that_runs_away_counts_as_an_error_and_spoils_no_derivative(pro
 def test_a_start_from_which_everything_runs_away_is_told(pendulum, signals):
     brakes = 1e4, 1.0, 1.0  # more viscous friction than steps of this length can simulate
     unstable = effects(*brakes)
-    found = gap.refine(pendulum.plant, unstable, signals, ({"coefficient": (0.0, 1e4)}, *FREE[1:]))
+    found = refine(pendulum.plant, unstable, signals, ({"coefficient": (0.0, 1e4)}, *FREE[1:]))
     assert not found.accepted
     assert "runs away" in found.reason
     assert found.effects == unstable
@@ -190,9 +195,9 @@ def test_windows_lie_wholly_on_their_side(signals):
 
 
 def test_nothing_to_fit_and_too_little_to_prove_it_are_told(pendulum, signals):
-    nothing = gap.refine(pendulum.plant, effects(), signals, ({}, {}, {}))
+    nothing = refine(pendulum.plant, effects(), signals, ({}, {}, {}))
     assert (nothing.accepted, nothing.reason) == (False, "there is no parameter to refine")
-    short = gap.refine(pendulum.plant, effects(), signals, FREE, window=2.0)
+    short = refine(pendulum.plant, effects(), signals, FREE, window=2.0)
     assert (short.accepted, short.before) == (False, None)
     assert "fewer than 8 windows" in short.reason
 
@@ -207,16 +212,7 @@ def test_nothing_to_fit_and_too_little_to_prove_it_are_told(pendulum, signals):
 def test_wrong_bounds_and_windows_are_explained(pendulum, signals, bounds, window, words):
     spring = OnJoint(Spring(jnp.array([2.0]), jnp.array([0.0])), 0, 1)
     with pytest.raises(ConfigurationError, match=words):
-        gap.refine(pendulum.plant, (spring,), signals, (bounds,), window=window)
-
-
-def test_changed_sets_what_is_free_and_nothing_else(pendulum):
-    plant = Plant(pendulum.plant.body, effects())
-    names = ((), ("level",), ("delay",))
-    other = changed(plant, names, np.array([0.5, 0.02]))
-    assert values(other.effects) == [TRUE["viscous_friction"], 0.5, 0.02]
-    np.testing.assert_array_equal(parameters_in(other, names), [0.5, 0.02])
-    assert jax.tree.structure(other) == jax.tree.structure(plant)
+        refine(pendulum.plant, (spring,), signals, (bounds,), window=window)
 
 
 @pytest.fixture(scope="module")
@@ -258,7 +254,7 @@ def test_command_line_fits_to_motion_and_reports_it(commanded):
 def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
     _, found = commanded
     assert "refined" not in found.to_dict()
-    assert "fitted to motion" not in as_table(found)
+    assert "fitted to motion" not in table(found)
     wrong = replace(found, findings=tuple(replace(f, effect=jax.tree.map(lambda x: 0.8 * x, f.effect)) for f in found.findings))
     with jax.numpy_rank_promotion("allow"):  # the programs of the command
         refined = wrong.refined()
@@ -271,7 +267,7 @@ def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
         (parameter,) = f.parameters.values()
         assert parameter.value == pytest.approx(TRUE[f.name], rel=0.01)
     assert wrong.refinement is None
-    assert "kept, the simulation follows" in as_table(refined)
+    assert "kept, the simulation follows" in table(refined)
     assert refined.to_dict()["refined"]["accepted"]
 
 

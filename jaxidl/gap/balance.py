@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Sequence
 
+import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -57,7 +58,7 @@ def parts_of(effect: Effect, names: Sequence[str], present: Collection[str], sig
     flat, found = columns.reshape(len(columns), -1), []
     for name in contained:
         cls = CATALOGUE[name]
-        (part,) = _added([cls(*(np.ones(1) for _ in cls.parameters))], effect, signals)
+        (part,) = _added([cls(*(jnp.ones(1) for _ in cls.parameters))], effect, signals)
         amplitudes = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True) @ (flat @ part.ravel())
         same = np.linalg.norm(part.ravel() - amplitudes @ flat) < SAME * np.linalg.norm(part)
         found += [amplitudes] if same and len(cls.parameters) == 1 else []

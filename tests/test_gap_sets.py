@@ -1,0 +1,278 @@
+"""Sets of effects on made-up rows: their score against refits by brute force, the search, what may be named, how sure it is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
+from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
+from jaxidl.gap.rows import Rows
+from jaxidl.gap.score import Anchor, Item, Score, correlation_time
+from jaxidl.gap.search import search
+
+N, JOINTS, BLOCKS = 1200, 2, 8
+FAR = np.inf
+
+
+def rows_with(gap, seed=0):
+    """Rows of which every second one of joint 1's rests do not count; the last quarter is kept aside, in three blocks."""
+    rng = np.random.default_rng(seed)
+    train = 3 * N // 4
+    block = np.concatenate([np.arange(train) * BLOCKS // train, -1 - np.arange(N - train) * 3 // (N - train)])
+    used = np.ones((N, JOINTS), bool)
+    used[100:140:2, 1] = False
+    command = rng.normal(0.0, 2.0, (N, JOINTS))
+    return Rows(gap, command, used, block, np.full(JOINTS, 1e-3), np.ones(JOINTS), command, None)  # type: ignore[arg-type]
+
+
+def item(name, columns, joints=(0,), low=-FAR, high=FAR, **more):
+    """An item of P columns (P, N, K), with prior odds one to one."""
+    columns = np.asarray(columns, float).reshape(-1, N, len(joints))
+    p = len(columns)
+    options = {"precision": np.zeros(p), "odds": 0.0} | more
+    bounds = np.broadcast_to(low, p).astype(float), np.broadcast_to(high, p).astype(float)
+    return Item((name, joints[0] if len(joints) == 1 else None, ""), None, tuple(joints), columns, *bounds, **options)
+
+
+def score_of(rows, items, **more):
+    return Score(rows, items, np.full(JOINTS, 0.5), np.full(JOINTS, 50.0), **more)
+
+
+@pytest.fixture(scope="module")
+def planted():
+    """Items of one joint and of both, of which three make the gap; and their score."""
+    rng = np.random.default_rng(1)
+    pool = [item(f"one{k}", rng.normal(size=(1, N, 1)), (k % 2,)) for k in range(8)]
+    pool += [item("two", rng.normal(size=(2, N, 2)), (0, 1)), item("pair", rng.normal(size=(2, N, 1)), (1,))]
+    # so alike that each looks right as long as the truth is not there
+    pool.append(item("alike", 0.6 * pool[0].columns + 0.8 * pool[2].columns + 0.2 * rng.normal(size=(1, N, 1))))
+    pool = [replace(i, odds=-2.0) for i in pool]
+    truth = [pool[0], pool[2], pool[8]]
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    for m, x in zip(truth, ([1.0], [0.7], [0.5, -0.8]), strict=True):
+        gap[:, list(m.joints)] += np.tensordot(x, m.columns, 1)
+    rows = rows_with(gap)
+    return rows, pool, truth, score_of(rows, pool)
+
+
+def stacked(rows, members, fitted):
+    """Design (M, P) and gap (M,) of the rows that count, joint after joint, where ``fitted`` (N,)."""
+    width = sum(len(m.lower) for m in members)
+    xs, ys = [], []
+    for j in range(JOINTS):
+        use, at = rows.used[:, j] & fitted, 0
+        x = np.zeros((use.sum(), width))
+        for m in members:
+            if j in m.joints:
+                x[:, at : at + len(m.lower)] = m.columns[:, use, m.joints.index(j)].T
+            at += len(m.lower)
+        xs.append(x)
+        ys.append(rows.gap[use, j])
+    return np.concatenate(xs), np.concatenate(ys)
+
+
+# the score
+
+
+def test_error_on_blocks_left_out_is_that_of_refits_by_brute_force(planted):
+    rows, pool, _, score = planted
+    found = score.solve([pool[0], pool[8], pool[9]])
+    for b in range(BLOCKS):
+        x, *_ = np.linalg.lstsq(*stacked(rows, found.members, rows.training & (rows.block != b)), rcond=None)
+        np.testing.assert_allclose(found.folds[b], x, atol=1e-6)
+        for j in range(JOINTS):
+            only = rows._replace(used=rows.used & (np.arange(JOINTS) == j))
+            left = stacked(only, found.members, rows.block == b)
+            np.testing.assert_allclose(found.error[b, j], np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5)
+    x, *_ = np.linalg.lstsq(*stacked(rows, found.members, rows.training), rcond=None)
+    np.testing.assert_allclose(found.x, x, atol=1e-6)
+    left = stacked(rows, found.members, ~rows.training)
+    np.testing.assert_allclose(score.aside(found).sum(), np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5)
+    mean = found.error.sum(0) / score.count[score.training].sum(0)
+    assert found.value == pytest.approx(-25.0 * np.log(mean).sum() - 3 * 2.0)
+
+
+def test_bounds_hold_as_in_a_bounded_fit(planted):
+    rows, pool, _, _ = planted
+    zero = np.zeros(2)
+    tight = [replace(pool[0], upper=zero[:1] + 0.6), replace(pool[2], lower=zero[:1]), replace(pool[9], lower=zero)]
+    found = score_of(rows, tight).solve(tight)
+    low, high = (np.concatenate([getattr(m, side) for m in found.members]) for side in ("lower", "upper"))
+    best = lsq_linear(*stacked(rows, found.members, rows.training), bounds=(low, high))
+    np.testing.assert_allclose(found.x, best.x, atol=1e-6)
+    assert found.x[found.of(tight[0])][0] == 0.6
+    assert np.all((found.folds >= low) & (found.folds <= high))
+
+
+def test_a_prior_on_coefficients_is_a_ridge(planted):
+    rows, pool, _, _ = planted
+    stiff = replace(pool[0], precision=np.array([900.0]))
+    found = score_of(rows, [stiff]).solve([stiff])
+    x, y = stacked(rows, [stiff], rows.training)
+    np.testing.assert_allclose(found.x, x.T @ y / (x.T @ x + 900.0 * 0.5**2).ravel(), rtol=1e-6)
+
+
+def test_an_effect_that_lets_little_of_the_command_through_explains_little():
+    rng = np.random.default_rng(2)
+    rows = rows_with(rng.normal(size=(N, JOINTS)))
+    rows = rows._replace(gap=0.9 * rows.command + 0.1 * rng.normal(size=(N, JOINTS)))  # a command that hardly arrives
+    scale = item("scale", rows.command[None, :, :1])
+    acting = replace(scale, actuates=True)
+    plain, honest = (score_of(rows, [i]).solve([i]) for i in (scale, acting))
+    np.testing.assert_allclose(honest.passed, [0.01, 1.0], rtol=0.05)  # a tenth of its amplitude
+    np.testing.assert_allclose(honest.error, plain.error)
+    fall = 25.0 * np.log(1.0 / honest.passed[0])
+    assert plain.value - honest.value == pytest.approx(fall, rel=0.02)  # but for the floor
+
+
+def test_where_a_motor_lets_no_more_through_the_commands_own_variance_remains(planted):
+    rows, pool, _, _ = planted
+    held = np.zeros((N, JOINTS), bool)
+    held[:300, 0] = True
+    plain, found = (score_of(rows, [i]).solve([i]) for i in (pool[0], replace(pool[0], held=held)))
+    np.testing.assert_array_equal(found.error, plain.error)
+    command, share = rows.command[:300, 0] / 0.5, 300 / rows.training.sum()
+    within = sum(np.sum((c - c.mean()) ** 2) for c in (command[command > 0], command[command < 0])) / 300
+    error = plain.error.sum(0)[0] / rows.training.sum()
+    change = (1.0 - share) * np.log(error / (1.0 - share)) + share * np.log(within) - np.log(error)
+    assert found.value - plain.value == pytest.approx(-25.0 * change)
+
+
+def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
+    rows, pool, _, _ = planted
+    other = rows_with(rows.gap + np.random.default_rng(3).normal(size=(N, JOINTS)), seed=4)
+    common = [replace(i, always=True) for i in (pool[0], pool[8])]
+    there = score_of(other, common)
+    first = there.solve(common)
+    gram, _ = there.normal(first.members)
+    new = rows._replace(gap=rows.gap - _made(common, first))
+    here = score_of(new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0)))
+    found = here.solve([*common, pool[9]])
+    x, y = (np.concatenate(parts) for parts in zip(
+        stacked(rows, found.members, rows.training), _nothing(stacked(other, found.members, other.training), 1), strict=True
+    ))  # fmt: skip
+    joint, *_ = np.linalg.lstsq(x, y, rcond=None)
+    both = np.concatenate([found.x[found.of(m)] + (first.x[first.of(m)] if m in common else 0.0) for m in found.members])
+    np.testing.assert_allclose(both, joint, atol=1e-5)
+    assert np.abs(both - np.linalg.lstsq(*stacked(rows, found.members, rows.training), rcond=None)[0]).max() > 1e-3
+
+
+def _made(members, found):
+    out = np.zeros((N, JOINTS))
+    for m in members:
+        out[:, list(m.joints)] += np.tensordot(found.x[found.of(m)], m.columns, 1)
+    return out
+
+
+def _nothing(design, last):
+    """The design of another log, in which the effects beside the common ones are not: its last item's two columns."""
+    x, y = design
+    return np.concatenate([x[:, :-2], 0.0 * x[:, -2:]], 1), y
+
+
+def test_blocks_drawn_again_count_as_often_as_they_are_drawn(planted):
+    rows, _, truth, score = planted
+    weights = np.array([2.0, 0.0, 1.0, 1.0, 3.0, 0.0, 1.0, 0.0])
+    found = score.resampled(weights).solve(truth)
+    xs = [stacked(rows, found.members, rows.block == b) for b in np.repeat(np.arange(BLOCKS), weights.astype(int))]
+    x, *_ = np.linalg.lstsq(np.concatenate([x for x, _ in xs]), np.concatenate([y for _, y in xs]), rcond=None)
+    np.testing.assert_allclose(found.x, x, atol=1e-6)
+    assert score.solve(truth).value != found.value  # and nothing of it is remembered in the first
+
+
+def test_samples_that_are_alike_count_for_less():
+    rng = np.random.default_rng(0)
+    white = rng.normal(size=20_000)
+    slow = np.empty_like(white)
+    slow[0] = 0.0
+    for t in range(1, len(white)):
+        slow[t] = 0.9 * slow[t - 1] + white[t]
+    assert correlation_time(white) == pytest.approx(1.0, abs=0.2)
+    assert correlation_time(slow) == pytest.approx((1 + 0.9) / (1 - 0.9), rel=0.2)  # of a first-order process
+
+
+# the search
+
+
+def test_the_search_finds_what_was_planted_from_any_start(planted):
+    _, pool, truth, score = planted
+    for start in ([], pool, [pool[10]], [pool[10], pool[9]], truth[::-1]):
+        assert set(search(score, start).members) == set(truth)
+
+
+def test_nothing_is_found_in_noise():
+    rng = np.random.default_rng(5)
+    pool = [item(f"one{k}", rng.normal(size=(1, N, 1)), (k % 2,), odds=-3.0) for k in range(20)]
+    assert search(score_of(rows_with(rng.normal(size=(N, JOINTS))), pool), []).members == ()
+
+
+def test_what_is_always_there_stays_and_is_no_finding(planted):
+    rows, pool, truth, _ = planted
+    clock = replace(pool[1], always=True)
+    pool = [clock if i is pool[1] else i for i in pool]
+    score = score_of(rows, pool)
+    assert set(search(score, [clock]).members) == {*truth, clock}
+
+
+# what may be named
+
+
+def test_each_objection_is_raised_where_it_holds(planted):
+    rows, pool, truth, score = planted
+    now = score.solve(truth)
+    assert [objection(score, now, m, 0.05) for m in now.members] == [""] * 3
+    assert objection(score, now, pool[2], 0.6) == "it removes less than 60% of the error"
+    sign = np.where(rows.block % 2 == 0, 1.0, -0.9)  # what is there in every second block, and the opposite in the others
+    swinging = score_of(rows._replace(gap=rows.gap + (sign * pool[3].columns[0, :, 0])[:, None] * [0.0, 1.0]), pool)
+    assert "exclude zero" in objection(swinging, swinging.solve([*truth, pool[3]]), pool[3], 0.05)
+    bound = replace(pool[0], upper=np.array([0.4]))
+    tight = score_of(rows, [bound, *truth[1:]])
+    assert objection(tight, tight.solve(tight.items), bound, 0.05) == "its value is on a bound"
+    gap = rows.gap.copy()
+    gap[~rows.training, 0] -= 2.0 * pool[0].columns[0, ~rows.training, 0]  # the opposite, in the part kept aside
+    turned = score_of(rows._replace(gap=gap), pool)
+    then = turned.solve(truth)
+    assert objection(turned, then, pool[0], 0.05) == "data kept aside are predicted better without it"
+    share, stderr = worse_by(turned, turned.solve(truth[1:]), then, 0)
+    assert share < -3.0 * stderr < 0.0
+
+
+def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
+    rows, pool, truth, _ = planted
+    bound = replace(pool[0], upper=np.array([0.4]))
+    score = score_of(rows, [bound, *truth[1:]])
+    now, narrowed, dropped = nameable(score, score.solve(score.items), 0.05)
+    assert dropped == {bound.group: "its value is on a bound"}
+    assert set(now.members) == set(truth[1:])
+    assert bound not in narrowed.items
+    assert aside(narrowed, now)[0] > aside(score, score.solve(score.items))[0]
+    assert gain(score, score.solve(truth[1:]), score.solve(score.items))[0] > 0.05
+
+
+# how sure it is
+
+
+def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(planted):
+    rows, pool, truth, score = planted
+    said = support(score, score.solve(truth))
+    assert all(share == 1.0 for share in said.share.values())
+    assert ambiguous(truth, said) == []
+    rng = np.random.default_rng(6)
+    twin = item("twin", pool[0].columns + 0.02 * rng.normal(size=(1, N, 1)), odds=-2.0)
+    twins = score_of(rows, [*truth, twin])
+    found = search(twins, [])
+    (own,) = [m for m in found.members if m in (pool[0], twin)]
+    said = support(twins, found)
+    assert said.share == support(twins, found).share  # the same draws each time
+    other = twin if own is pool[0] else pool[0]
+    assert set(said.instead[own.group]) <= {other.group}
+    assert all(said.share[m.group] == 1.0 for m in found.members if m is not own)
+
+
+def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
+    _, pool, _, _ = planted
+    often, seldom = Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}), Support({pool[0].group: 0.9}, {})
+    assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
+    assert ambiguous([pool[0]], seldom) == []
