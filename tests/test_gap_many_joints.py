@@ -1,21 +1,13 @@
-"""The gap workflow on a chain of four hinges: what concerns one joint is tried there, what reaches many is held meanwhile."""
+"""The gap workflow on a chain of four hinges: friction of every joint and a load; several runs; what changed between two logs."""
 
+from pathlib import Path
 from typing import Any
 
-import jax
 import mujoco
 import numpy as np
 import pytest
 
 from jaxidl.gap import diagnose
-from jaxidl.gap.candidates import candidates
-from jaxidl.gap.data import data_of
-from jaxidl.gap.fit import fit, polished, updated
-from jaxidl.gap.gains import Errors, best_gain
-from jaxidl.gap.log import read
-from jaxidl.gap.rank import Ranking
-from jaxidl.gap.signals import prepare
-from jaxidl.systems.mjcf import read_model
 
 JOINTS, DT, SECONDS = 4, 0.004, 24.0
 VISCOUS, COULOMB = np.array([2.0, 2.0, 1.0, 0.5]), np.array([1.0, 1.0, 0.5, 0.2])
@@ -36,15 +28,16 @@ def chain(load: float = 0.0) -> str:
     return f'<mujoco model="chain"><worldbody>{text}</worldbody></mujoco>'
 
 
-def moved(text: str, friction: float) -> dict[str, np.ndarray]:
-    """A log of a chain on smooth paths, with this share of the friction."""
+def moved(text: str, friction: float, seed: int = 0, still: tuple[int, ...] = ()) -> dict[str, np.ndarray]:
+    """A log of a chain on smooth paths drawn with ``seed``, with this share of the friction; some joints may stand ``still``."""
     model: Any = mujoco.MjModel.from_xml_string(text)  # pyright: ignore[reportAttributeAccessIssue]
     data: Any = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
-    rng, time = np.random.default_rng(0), np.arange(round(SECONDS / DT)) * DT
+    rng, time = np.random.default_rng(seed), np.arange(round(SECONDS / DT)) * DT
     q, qd, qdd = (np.zeros((len(time), JOINTS)) for _ in range(3))
     for j in range(JOINTS):
         for hertz in rng.uniform(0.1, 0.7, 4):
             size, phase, w = 0.4 / (1 + 2 * hertz), rng.uniform(0.0, 2 * np.pi), 2 * np.pi * hertz
+            size *= j not in still
             q[:, j] += size * np.sin(w * time + phase)
             qd[:, j] += size * w * np.cos(w * time + phase)
             qdd[:, j] -= size * w * w * np.sin(w * time + phase)
@@ -74,6 +67,11 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     assert not found.findings
 
 
+def saved(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
+    np.savez(folder / name, allow_pickle=False, **columns)
+    return folder / name
+
+
 def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     found = diagnose(*files, effects=EFFECTS, rollouts=False)
     named = {(f.name, f.joint): f for f in found.findings}
@@ -87,57 +85,51 @@ def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     np.testing.assert_allclose(load["com"].value, COM, atol=0.005)
 
 
-def test_a_trial_on_one_joint_holds_what_reaches_beyond_it_and_leaves_other_joints_trials(files):
-    log, model = files
-    with jax.enable_x64(True):
-        known = read_model(model)
-        data = data_of(prepare(read(log, joints=JOINTS), known.plant.body, ()), (), 0.3)
-        ranking = Ranking(
-            data, candidates(data.signals, np.sqrt(np.mean(data.base**2, axis=0)), (*EFFECTS, "torque_ripple")), 0.05
-        )
-        pool = {c.key: c for c in ranking.pool}
-        load, friction = pool["payload", None, ""], pool["viscous_friction", 2, "0"]
-        trial = ranking.attempt(load, polish=True)
-        assert trial is not None
-        ranking.take(trial)
-        ranking.rank()
-        local = ranking.attempt(friction)
-        assert local is not None
-        assert local.joints == (2,)
-        assert [m.candidate.name for m in local.fit.members if m.candidate.name != "alignment"] == ["viscous_friction"]
-        kept = ranking.trials["viscous_friction", 0]
-        before = ranking.members[0].theta
-        ranking.take(local)
-        ripple = ranking.attempt(pool["torque_ripple", 1, "3"])
-        assert ripple is not None
-        assert [m.candidate.name for m in ripple.fit.held] == ["payload"]
-        after = polished(data, ripple.fit, ranking.rows, ripple.joints)
-        assert [m.candidate.name for m in after.held] == ["payload"]
-        assert after.rms(0) <= ripple.fit.rms(0)
-        again = fit(data, (*updated(ripple.fit, data), *ripple.fit.held), ranking.rows, ripple.joints)
-        assert again.rms(0) < 1.5 * ripple.fit.rms(0)  # linearised anew it is nearly the same, the load being there still
-        (now,) = (m for m in ranking.members if m.candidate.name == "payload")
-        assert not np.array_equal(now.theta, before)  # taken, the effect moves it
-        assert ("viscous_friction", 2) not in ranking.trials
-        assert ranking.trials["viscous_friction", 0] is kept
+def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_path):
+    """Two halves of a log, each of another motion, as runs: time begins anew, positions jump."""
+    halves = [moved(chain(LOAD), 1.0, seed) for seed in (0, 5)]
+    half = round(SECONDS / DT / 2)
+    columns = {name: np.concatenate([h[name][:half] for h in halves]) for name in ("time", "q", "tau")}
+    log = saved(tmp_path, "runs.npz", columns | {"run": np.repeat([1, 2], half)})
+    found = diagnose(log, files[1], effects=EFFECTS, rollouts=False)
+    values = {(f.name, f.joint): f.parameters for f in found.findings}
+    for j in range(JOINTS):
+        assert values["viscous_friction", j]["coefficient"].value == pytest.approx(VISCOUS[j], rel=0.02)
+        assert values["coulomb_friction", j]["level"].value == pytest.approx(COULOMB[j], rel=0.03)
+    assert values["payload", None]["mass"].value == pytest.approx(LOAD, rel=0.03)
 
 
-def errors(*sizes: float) -> Errors:
-    """Of blocks all alike: mean squares of each joint."""
-    error = 100.0 * np.tile(sizes, (20, 1))
-    return Errors(error, np.full_like(error, 1e-3), np.full_like(error, 100.0), np.repeat(error, 2, axis=0) / 2)
+def test_of_a_joint_that_stands_still_nothing_is_said(files, tmp_path):
+    log = saved(tmp_path, "still.npz", moved(chain(), 1.0, 1, still=(3,)))
+    found = diagnose(log, files[1], effects=EFFECTS[:4], rollouts=False)
+    named = {(f.name, f.joint) for f in found.findings}
+    assert named == {(name, j) for name in ("viscous_friction", "coulomb_friction") for j in range(JOINTS - 1)}
+    assert any("j4 hardly moved" in note for note in found.notes)
+    assert found.verdict == "named"
 
 
-def test_of_many_joints_the_one_that_gains_most_counts_unless_all_together_lose():
-    gain, overall, where = best_gain(errors(1.0, 1.0, 1.0, 1.0), errors(1.0, 1.0, 1.0, 0.25))
-    assert where == [3]
-    assert gain.value == pytest.approx(0.5)
-    assert overall.value == pytest.approx(1.0 - np.sqrt(3.25 / 4.0))
-    gain, overall, where = best_gain(errors(1.0, 1.0, 1.0, 1.0), errors(1.0, 1.0, 1.2, 0.25))
-    assert where == [0, 1, 2, 3]  # one joint would pay for the other
-    assert gain.value > 0.0
-    gain, overall, where = best_gain(errors(1.0, 1.0, 1.0, 1.0), errors(1.0, 1.0, 3.0, 0.25))
-    assert where == [0, 1, 2, 3]
-    assert gain == overall
-    assert gain.value < 0.0
-    assert best_gain(errors(1.0, 1.0), errors(1.0, 0.25))[2] == [0, 1]
+def test_a_joint_without_a_motor_has_findings_too(files, tmp_path):
+    """The last joint is passive: its torque is zero throughout, and the motion is what friction and the others make of it."""
+    columns = moved(chain(), 0.0)
+    columns["tau"][:, 3] = 0.0  # as logged; what the model needs there nobody supplies
+    found = diagnose(saved(tmp_path, "passive.npz", columns), files[1], effects=EFFECTS[:4], rollouts=False)
+    assert all(np.isfinite(x) for x in found.gap.after.torque_rms)
+    assert any("no torque was commanded" in note for note in found.notes)
+    assert not [f for f in found.findings if f.joint in (0, 1, 2)]
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["picked-up", "put-down"])
+def test_what_changed_between_two_logs_is_the_load_alone(files, tmp_path, sign):
+    """Friction of every joint is in both logs, and not in the model: it is no finding."""
+    loads = (0.0, LOAD) if sign > 0.0 else (LOAD, 0.0)
+    before, after = (
+        saved(tmp_path, f"{k}.npz", moved(chain(load), 1.0, seed))
+        for k, (load, seed) in enumerate(zip(loads, (2, 3), strict=True))
+    )
+    found = diagnose(after, files[1], reference=before, effects=EFFECTS, rollouts=False)
+    (load,) = [f for f in found.findings if f.sure]
+    assert load.name == "payload"
+    assert load.parameters["mass"].value == pytest.approx(sign * LOAD, rel=0.05)
+    np.testing.assert_allclose(load.parameters["com"].value, COM, atol=0.01)
+    assert len(found.common) >= 2 * JOINTS
+    assert found.options["reference"]
