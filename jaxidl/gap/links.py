@@ -86,4 +86,4 @@ def pseudo_inertia(ten: np.ndarray) -> np.ndarray:
 def physical(ten: np.ndarray) -> np.ndarray:
     """Return which links (..., 10) have a pseudo-inertia that is positive definite, or nothing at all."""
     least = np.linalg.eigvalsh(pseudo_inertia(ten))[..., 0]
-    return least > -1e-9 * np.maximum(np.abs(ten).max(-1), 1e-12)
+    return np.asarray(least > -1e-9 * np.maximum(np.abs(ten).max(-1), 1e-12))
