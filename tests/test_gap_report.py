@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from jaxidl.effects import CoulombFriction, OnJoint, Payload, PositionDependentFriction
+from jaxidl import report
+from jaxidl.effects import CATALOGUE, CoulombFriction, InertiaError, OnJoint, Payload, PositionDependentFriction, ViscousFriction
 from jaxidl.errors import StoreError
-from jaxidl.gap import table as tables
 from jaxidl.gap.diagnose import diagnose
-from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Estimate, Finding, Gap, Row, Side, Traces
+from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
 from jaxidl.gap.localise import Place
 from jaxidl.gap.log import from_arrays
-from jaxidl.plot import report
-from jaxidl.plot.gap import FIGURES, draw
-from jaxidl.plot.gap_common import broken
-from jaxidl.plot.gap_traces import binned
-from jaxidl.plot.page import page
+from jaxidl.gap.words import number, percent, plus_minus, summarise
+from jaxidl.report import FIGURES, draw, folder, page, save, table
+from jaxidl.report.common import broken
+from jaxidl.report.table import COLUMNS
+from jaxidl.report.traces import binned
 from jaxidl.systems.mjcf import read_model
 
 NASTY = '<b>"x"&'
@@ -43,32 +43,57 @@ def chain(folder, names):
     return read_model(path)
 
 
-def friction(joints, level=3.25):
-    effect = OnJoint(CoulombFriction(jnp.array([level])), 0, joints)
-    parameters = {"level": Estimate(level, "N", 0.125)}
-    return Finding("coulomb_friction", 0, effect, "dry friction (joint 0)", parameters, 3.5, 0.5, 0.857, 0.013)
+def finding(name, joint, effect, parameters, confidence=0.97, share=0.4, gain=0.857, where=0):
+    """One of those that a search hands out."""
+    return Finding(
+        name, joint, effect, f"{CATALOGUE[name].sentence} (there)", parameters, confidence, confidence, 100.0, share, where,
+        3.5, 0.5, gain, 0.013,
+    )  # fmt: skip
 
 
-def made_up(folder, names=("slide", "hinge"), verdict="named", findings=None, rows=600, **others):
-    """A diagnosis by hand; two runs, the second of which is kept aside."""
+def friction(joints, level=3.25, joint=0, confidence=0.97, gain=0.857):
+    effect = OnJoint(CoulombFriction(jnp.array([level])), joint, joints)
+    unit = "N" if joint == 0 else "Nm"
+    return finding("coulomb_friction", joint, effect, {"level": Estimate(level, unit, 0.125)}, confidence, gain=gain, where=joint)
+
+
+def viscous(joints, joint, level=1.5, confidence=0.97, gain=0.3):
+    effect = OnJoint(ViscousFriction(jnp.array([level])), joint, joints)
+    parameters = {"coefficient": Estimate(level, "Nm s/rad", 0.02)}
+    return finding("viscous_friction", joint, effect, parameters, confidence, gain=gain, where=joint)
+
+
+def inertia(joints, joint, confidence=0.97):
+    effect = OnJoint(InertiaError(jnp.array([0.25]), jnp.array([-1.0])), joint, joints)
+    parameters = {"extra": Estimate(0.25, "kg m^2", 0.0125), "mass": Estimate(-1.0, "kg", 0.05)}
+    return finding("inertia_error", joint, effect, parameters, confidence, gain=0.1, where=joint)
+
+
+def load(confidence=0.97):
+    effect = Payload(mass=jnp.array(1.5), com=jnp.array([0.0, 0.1, 0.2]))
+    parameters = {"mass": Estimate(1.5, "kg", 0.1), "com": Estimate([0.0, 0.1, 0.2], "m", [0.01, 0.02, 0.03])}
+    return finding("payload", None, effect, parameters, confidence, where=1)
+
+
+def made_up(folder, names=("slide", "hinge"), verdict="named", findings=None, rows=600, silent=(), still=(), **others):
+    """A diagnosis by hand of two runs, the second kept aside. Joints in ``silent`` have no command, those in ``still`` rest."""
     model, joints = chain(folder, names), len(names)
     time = np.tile(np.arange(rows // 2) * 0.02, 2)
     rng = np.random.default_rng(1)
-    q = np.sin(2.0 * time[:, None] + np.arange(joints)) + 0.01
-    qd = 2.0 * np.cos(2.0 * time[:, None] + np.arange(joints))
+    moves, driven = (np.array([j not in group for j in range(joints)]) for group in (still, silent))
+    q = np.sin(2.0 * time[:, None] + np.arange(joints)) * moves + 0.01
+    qd = 2.0 * np.cos(2.0 * time[:, None] + np.arange(joints)) * moves
     after = 0.1 * rng.standard_normal((rows, joints))
     before = after + 3.25 * np.sign(qd) * (np.arange(joints) == 0)
     aside = np.arange(rows) >= rows // 2
     findings = (friction(joints),) if findings is None else findings
+    judged = moves & driven
     rms = lambda x: np.sqrt(np.mean(x[aside] ** 2, axis=0))  # noqa: E731
-    side = lambda r, far: Side(rms(r).tolist(), (rms(r) / 10.0).tolist(), {h: [far * float(h)] * joints for h in ("0.1", "0.5")})  # noqa: E731
+    share = lambda r: np.where(judged, rms(r) / 10.0, np.nan).tolist()  # noqa: E731
+    side = lambda r, far: Side(rms(r).tolist(), share(r), {h: [far * float(h)] * joints for h in ("0.1", "0.5")})  # noqa: E731
     gap = Gap(
         list(model.units), side(before, 0.3), side(after if findings else before, 0.01 if findings else 0.3), [0.05] * joints
     )
-    first = tuple(
-        Row(name, 0, gain, 0.02, name == "coulomb_friction") for name, gain in (("stiction", 0.9), ("coulomb_friction", 0.857))
-    )
-    last = tuple(Row("spring", j, 0.01 - 0.2 * j, 0.02, False) for j in range(joints))
     content = {
         "verdict": verdict,
         "summary": "The simulation lacks something.",
@@ -79,13 +104,15 @@ def made_up(folder, names=("slide", "hinge"), verdict="named", findings=None, ro
             Place(j, "everywhere", 1.0, 1.0, f"{name}: the rest is spread evenly") for j, name in enumerate(names)
         ),
         "gap": gap,
-        "rounds": (first, last) if findings else (last,),
+        "envelope": Envelope([0.123] * joints, [0.0456] * joints),
+        "unexplained": (),
+        "rivals": (Row("stiction", 0, 0.0, "its standard error does not exclude zero"), Row("base_tilt", None, 3.0, "no")),
         "network": ((0.01, 0.02),) * joints,
         "model": model,
-        "traces": Traces(time, aside, q, qd, 10.0 * q, before, after, np.abs(qd) > 0.02),
+        "traces": Traces(time, aside, q, qd, 10.0 * q * driven, before, after, (np.abs(qd) > 0.02) & moves),
         "band": 20.0,
         "notes": ("column <i> ignored",),
-        "options": {"held_out": 0.3, "effects": ["coulomb_friction", "spring"], "min_gain": 0.05},
+        "options": {"held_out": 0.3, "effects": ["coulomb_friction", "spring"], "min_gain": 0.05, "reference": False},
     }
     return Diagnosis(**content | others)
 
@@ -100,7 +127,7 @@ class Elements(HTMLParser):
 
     def handle_starttag(self, tag, attrs):
         self.tags.append((tag, dict(attrs)))
-        if tag not in ("meta", "img", "br"):
+        if tag not in ("meta", "img", "br", "wbr"):
             self.open.append(tag)
 
     def handle_endtag(self, tag):
@@ -128,18 +155,20 @@ def page_of(folder):
 def test_the_folder_is_as_the_contract_says(tmp_path):
     d = made_up(tmp_path)
     out = tmp_path / "deep" / "out"
-    assert d.save(out) == out / "report.html"
+    assert save(d, str(out)) == out / "report.html"
     content = json.loads((out / "report.json").read_text(), parse_constant=pytest.fail)
     figures = [f"figures/{name}.png" for name in FIGURES]
     assert content["files"] == {"model": "model.xml", "effects": "effects.json", "report": "report.html", "figures": figures}
     assert content["verdict"] == "named"
     [effect] = content["effects"]
     assert (effect["effect"], effect["joint"], effect["gain"], effect["gain_stderr"]) == ("coulomb_friction", 0, 0.857, 0.013)
+    assert (effect["joint_name"], effect["confidence"], effect["share"]) == ("slide", 0.97, 0.4)
     assert effect["parameters"] == {"level": {"value": 3.25, "unit": "N", "stderr": 0.125}}
-    assert {"sentence", "held_out_before", "held_out_after"} <= effect.keys()
+    assert {"sentence", "held_out_before", "held_out_after", "support", "evidence"} <= effect.keys()
     assert {"joint", "regime", "share", "sentence"} <= content["where"][0].keys()
     assert content["gap"]["unit"] == ["N", "Nm"]
     assert content["gap"]["before"].keys() == {"torque_rms", "torque_relative", "rollout_rms"} == content["gap"]["after"].keys()
+    assert content["envelope"]["torque_relative"] == [0.0456, 0.0456]
     assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == PLAIN_FILES | set(figures)
     for name in figures:
         assert (out / name).read_bytes().startswith(b"\x89PNG")
@@ -150,18 +179,19 @@ def test_the_folder_is_as_the_contract_says(tmp_path):
 
 def test_the_page_is_self_contained_escapes_and_has_the_numbers(tmp_path):
     d = made_up(tmp_path, names=(NASTY, "a$b$_{"))
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     elements = page_of(tmp_path / "out")
     assert "b" not in [tag for tag, _ in elements.tags]
     assert "i" not in [tag for tag, _ in elements.tags]
     assert NASTY in elements.text
     assert "column <i> ignored" in elements.text.lower()
     relative = d.gap.before.torque_relative[0], d.gap.after.torque_relative[0]
-    for text in ("3.25 ± 0.12 N", "85.7 ± 1.3 %", *map(tables.percent, relative), "3.5 → 0.5 N", "50 % of them", "20 Hz"):
+    words = ("3.25\xa0±\xa00.12", "97 %", "85.7 ± 1.3 %", *map(percent, relative), "3.5 → 0.5 N", "50 % of them", "20 Hz")
+    for text in (*words, "0.123 N = 4.6 %", "The simulation lacks 1 effect.", "its standard error does not exclude zero"):
         assert text in elements.text
     assert sum(tag == "img" for tag, _ in elements.tags) == len(FIGURES)
     assert str(tmp_path / "out" / "model.xml") in elements.text
-    fragment = d._repr_html_()
+    fragment = report.fragment(d)
     assert "<img" not in fragment
     assert "<b>" not in fragment
     assert not Elements(fragment).open
@@ -171,53 +201,145 @@ def variants(folder):
     keys = (("coulomb_friction", 0), ("stiction", 0), ("payload", None))
     doubt = (Ambiguity(keys, "move at several constant speeds"),)
     yield made_up(folder, verdict="nothing_missing", findings=())
-    yield made_up(folder, verdict="ambiguous", ambiguous=doubt)
-    yield made_up(folder, verdict="unexplained", findings=(), network=((0.6, 0.05), (float("nan"), float("nan"))))
-    yield made_up(folder, verdict="unexplained")
+    yield made_up(folder, verdict="ambiguous", findings=(friction(2, confidence=0.6),), ambiguous=doubt)
+    nan = float("nan")
+    yield made_up(folder, verdict="unexplained", findings=(), network=((0.6, 0.05), (nan, nan)), unexplained=(0,))
+    yield made_up(folder, verdict="unexplained", unexplained=(1,))
 
 
+@pytest.mark.usefixtures("unpainted")
 @pytest.mark.parametrize("number", range(4))
 def test_every_verdict_has_its_page(tmp_path, number):
     d = list(variants(tmp_path))[number]
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     text = page_of(tmp_path / "out").text
     assert {"nothing_missing": "Nothing missing", "ambiguous": "Ambiguous", "unexplained": "Unexplained"}[d.verdict] in text
-    assert ("parameters" in json.loads((tmp_path / "out" / "report.json").read_text())["files"]["figures"][-2]) == bool(
-        d.findings
-    )
-    if d.ambiguous:
-        assert "coulomb friction (slide) or stiction (slide) or payload" in text
-        assert "move at several constant speeds" in text
+    files = json.loads((tmp_path / "out" / "report.json").read_text())["files"]["figures"]
+    assert ("figures/parameters.png" in files) == bool(d.findings)
+    for told in (text, table(d)):
+        assert ("Coulomb friction (slide) or stiction (slide) or payload" in told) == bool(d.ambiguous)
+        assert ("move at several constant speeds" in told) == bool(d.ambiguous)
+        assert "nan" not in told.lower()
     if d.verdict == "unexplained" and not d.findings:
-        assert "60.0 ± 5.0 %" in text
-        assert "something systematic is left" in text
+        assert "60.0 ± 5.0 % of it: something systematic is left" in text
+        assert "Something is left on slide that no effect of the catalogue explains." in text
+        assert "Nothing is certain." in text
+    if d.verdict == "unexplained" and d.findings:
+        assert (
+            "Something is left on hinge that no effect of the catalogue explains. The simulation lacks 1 effect for certain"
+            in text
+        )
+        assert "Certain all the same: Coulomb friction (slide)." in text
+        assert "The certain effect above holds all the same." in table(d)
     if not d.findings:
+        assert "lacks" not in text
         assert read_model(tmp_path / "out" / "model.xml").plant.effects == ()
 
 
-def test_seven_joints_with_a_table_and_a_payload(tmp_path):
-    names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
+def rows_of(text):
+    """Cells of the first table, as texts, joint by joint."""
+    body = re.search(r"<table class=\"kinds\">.*?<tbody>(.*?)</tbody>", text, re.DOTALL).group(1)
+    rows = [re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in re.findall(r"<tr>(.*?)</tr>", body, re.DOTALL)]
+    return {
+        re.sub("<.*?>", "", row[0]): [re.sub("<.*?>", " ", cell).replace("\xa0", " ").split() for cell in row[1:]] for row in rows
+    }
+
+
+def test_the_first_table_has_joints_and_kinds(tmp_path):
+    """Values stand in the column of their kind, with their confidence; suspicions in grey and in parentheses."""
+    names = ("base", "shoulder_joint", "elbow_joint")
+    found = (friction(3), viscous(3, 1), inertia(3, 1), friction(3, 0.75, 2, confidence=0.5), load())
+    d = made_up(tmp_path, names=names, findings=found)
+    text = page(d, {}, (), tmp_path)
+    rows = rows_of(text)
+    assert tuple(rows) == names
+    assert rows["base"] == [[], ["3.25", "±", "0.12", "N", "97", "%"], [], [], [], []]
+    one, dry, rotor, link, offset, other = rows["shoulder_joint"]
+    assert (" ".join(one), " ".join(rotor), dry, offset, other) == ("1.500 ± 0.020 97 %", "0.250 ± 0.013 97 %", [], [], [])
+    assert " ".join(link) == "mass -1.000 ± 0.050 kg 97 %"
+    assert " ".join(rows["elbow_joint"][1]) == "(0.75 ± 0.12 Nm 50 % )"
+    assert text.count('class="doubt"') == 2  # there, and in the list of what each is worth
+    words = Elements(text).text.replace("\xa0", " ")
+    assert "x 0.000 ± 0.010, y 0.100 ± 0.020, z 0.200 ± 0.030 m" in words
+    assert f"in the frame of {d.frame}" in words
+    assert d.frame
+    told = table(d)
+    assert "(0.75 ± 0.12 Nm" in told
+    assert "mass 1.50 ± 0.10 kg" in told
+    assert f"in the frame of {d.frame}" in told
+    assert "shoulder_joint, mass: -1.000 ± 0.050 kg" in told
+    assert "viscous friction" in told
+
+
+def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
+    """Friction that varies with position has dry friction in it: the joint is not one without."""
     values = np.linspace(0.5, 2.0, 9)
     one = PositionDependentFriction(jnp.array([values]), jnp.zeros((1, 9)), jnp.array([-1.0]), jnp.array([1.0]))
-    uneven = Finding(
-        "position_dependent_friction", 5, OnJoint(one, 5, 7), "friction that varies with position",
-        {"level": Estimate(values.tolist(), "Nm", (0.1 * values).tolist())}, 2.0, 1.0, 0.5, 0.1,
-    )  # fmt: skip
-    load = Finding(
-        "payload", None, Payload(mass=jnp.array(1.5), com=jnp.array([0.0, 0.1, 0.2])), "a load",
-        {"mass": Estimate(1.5, "kg", 0.1), "com": Estimate([0.0, 0.1, 0.2], "m", [0.01, 0.02, 0.03])}, 2.0, 1.0, 0.5, 0.1,
-    )  # fmt: skip
-    d = made_up(tmp_path, names=names, findings=(friction(7), uneven, load))
-    d.save(tmp_path / "out")
-    text = page_of(tmp_path / "out").text
-    assert all(name in text for name in names)
-    assert "0.5 to 2 Nm" in text
-    assert "(0 ± 0.01, 0.1 ± 0.02, 0.2 ± 0.03) m" in text
-    assert "4 of 7 joints" in d.plot_residual().get_suptitle()
-    shown = [axes.get_ylabel() for axes in d.plot_where().axes if axes.get_ylabel()]
-    assert any("joint_5"[-3:] in label or "a_rather_long" in label for label in shown)
-    assert len(shown) == 4
-    assert max(len(line) for line in tables.as_table(d).splitlines()) <= tables.COLUMNS
+    parameters = {"level": Estimate(values.tolist(), "Nm", (0.1 * values).tolist())}
+    uneven = finding("position_dependent_friction", 1, OnJoint(one, 1, 2), parameters, where=1)
+    d = made_up(tmp_path, findings=(uneven,))
+    cells = [" ".join(cell) for cell in rows_of(page(d, {}, (), tmp_path))["hinge"]]
+    assert cells[1] == "see other"
+    assert cells[5].startswith("position dependent friction 0.5 to 2 Nm, each ± 0.12")
+    assert report.plot_parameters(d) is not None
+
+
+def test_thirty_findings_on_seven_joints(tmp_path):
+    names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
+    many = [make(7, j) for make in (viscous, inertia) for j in range(1, 7)] + [friction(7, 1.0 + j, j, 0.5) for j in range(7)]
+    uneven = [friction(7, 9.0 + j, j, 0.2, gain=0.02 * j) for j in range(7)]
+    found = (*many, *uneven, load(), friction(7), viscous(7, 3), viscous(7, 4))
+    assert len(found) == 30
+    d = made_up(tmp_path, names=names, findings=found)
+    text = table(d)
+    assert max(len(line) for line in text.splitlines()) <= COLUMNS
+    assert text.startswith("Found. The simulation lacks 16 effects. 14 more are possible, but not certain.")
+    squeezed = re.sub(r"\s", "", text)
+    words = Elements(page(d, draw(d), (), tmp_path)).text
+    for name in names:
+        assert name in words
+        assert name[-20:] in squeezed or name[:20] in squeezed
+    assert report.plot_residual(d).get_suptitle() == "What the model does not explain"  # all seven are shown
+    assert len([axes for axes in report.plot_where(d).axes if axes.get_ylabel()]) == 7
+    bars = [t.get_text() for t in report.plot_improvement(d).axes[0].get_yticklabels()]
+    assert len(bars) == 30
+    assert bars[0].startswith(("Coulomb friction", "payload"))
+    patches = report.plot_improvement(d).axes[0].patches
+    assert sum(p.get_facecolor()[:3] != (1.0, 1.0, 1.0) for p in patches) == sum(f.sure for f in d.findings)
+    gains = [p.get_width() for p in patches]
+    assert gains == sorted(gains, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("group", "sentence"),
+    [("silent", "no torque was commanded"), ("still", "the joint hardly moved")],
+    ids=["passive", "at rest"],
+)
+def test_a_joint_that_the_log_says_nothing_of_gets_one_sentence(tmp_path, group, sentence):
+    d = made_up(tmp_path, names=("slide", "idle"), **{group: (1,)})
+    for text in (table(d), Elements(page(d, draw(d), (), tmp_path)).text):
+        assert text.count(f"idle: {sentence}, so this log cannot tell what is missing there.") == 1
+        assert "nan" not in text.lower()
+    rows = [line for line in table(d).splitlines() if line.startswith("idle") and "%" in line]
+    assert not rows
+
+
+def test_with_a_reference_findings_are_changes(tmp_path):
+    options = {"held_out": 0.3, "effects": ["payload"], "min_gain": 0.05, "reference": True}
+    common = (OnJoint(CoulombFriction(jnp.array([0.5])), 1, 2),)
+    d = made_up(tmp_path, findings=(load(),), options=options, common=common)
+    same = replace(d, findings=(), verdict="nothing_missing")
+    args = d.ambiguous, d.gap, (), (), d.model, True
+    summaries = summarise("named", d.findings, *args), summarise("nothing_missing", (), *args)
+    for diagnosis, summary in zip((d, same), summaries, strict=True):
+        for text in (table(diagnosis), Elements(page(diagnosis, {}, (), tmp_path)).text, summary):
+            assert "since the reference log" in text
+            assert not re.search(r"simulation lacks|is missing|Missing", text.replace("what is missing there", ""))
+    assert "1 effect has changed since the reference log." in summaries[0]
+    save(d, tmp_path / "out")
+    assert (
+        sorted(e.to_dict()["effect"] for e in read_model(tmp_path / "out" / "model.xml").plant.effects)[0] == "coulomb_friction"
+    )
 
 
 def test_logs_that_have_little_in_them_still_draw(tmp_path):
@@ -226,25 +348,26 @@ def test_logs_that_have_little_in_them_still_draw(tmp_path):
         before=0.0 * d.traces.before, after=0.0 * d.traces.after, command=0.0 * d.traces.command, counted=d.traces.counted & False
     )
     side = Side([0.0, 0.0], [float("nan"), 1e299], {"0.1": [float("nan")] * 2})
-    empty = replace(d, traces=nothing, gap=Gap(["N", "Nm"], side, side, [0.0, 0.0]), rounds=())
+    empty = replace(d, traces=nothing, gap=Gap(["N", "Nm"], side, side, [0.0, 0.0]), rivals=())
     assert draw(empty).keys() == FIGURES.keys()
-    assert "the torque error" in page(empty, {}, (), tmp_path)
-    assert "nan" not in tables.as_table(empty)
-    empty.save(tmp_path / "out")
+    assert "nan" not in table(empty)
+    save(empty, tmp_path / "out")
     page_of(tmp_path / "out")
 
 
-def test_methods_return_figures(tmp_path):
+def test_figures_are_functions(tmp_path):
     d = made_up(tmp_path)
     for name in FIGURES:
-        assert isinstance(getattr(d, f"plot_{name}")(), Figure)
-    assert replace(d, findings=()).plot_parameters() is None
+        assert isinstance(getattr(report, f"plot_{name}")(d), Figure)
+    assert report.plot_parameters(replace(d, findings=())) is None
+    assert report.plot_improvement(replace(d, findings=())) is None
 
 
 @pytest.fixture
 def unpainted(monkeypatch):
     """Files of the right names instead of figures: for tests of where things go."""
-    monkeypatch.setattr(report, "draw", lambda d: {name: b"PNG" for name in FIGURES if d.findings or name != "parameters"})
+    needed = ("parameters", "improvement")
+    monkeypatch.setattr(folder, "draw", lambda d: {name: b"PNG" for name in FIGURES if d.findings or name not in needed})
 
 
 @pytest.mark.usefixtures("unpainted")
@@ -254,7 +377,7 @@ def test_nothing_is_left_behind_where_nothing_can_be_written(tmp_path, monkeypat
     file.write_text("mine")
     for place in (file, file / "below", tmp_path / ("x" * 300)):
         with pytest.raises(StoreError, match=r"^expected [^\n]+; got [^\n]+; [^\n]+$"):
-            d.save(place)
+            save(d, place)
     assert file.read_text() == "mine"
     assert {p.name for p in tmp_path.iterdir()} == {"file", "robot.xml"}
 
@@ -264,10 +387,10 @@ def test_nothing_is_left_behind_where_nothing_can_be_written(tmp_path, monkeypat
             raise OSError(errno.ENOSPC, "No space left on device")
         return move(source, target)
 
-    move = report.os.replace
-    monkeypatch.setattr(report.os, "replace", full)
+    move = folder.os.replace
+    monkeypatch.setattr(folder.os, "replace", full)
     with pytest.raises(StoreError, match="no space left"):
-        d.save(tmp_path / "a" / "b")
+        save(d, tmp_path / "a" / "b")
     assert {p.name for p in tmp_path.iterdir()} == {"file", "robot.xml"}
 
 
@@ -278,49 +401,68 @@ def test_what_others_have_in_the_folder_stays(tmp_path):
     (out / "figures").mkdir(parents=True)
     (out / "log.csv").write_text("time")
     (out / "figures" / "mine.png").write_text("mine")
-    d.save(out)
+    save(d, out)
     assert (out / "figures" / "parameters.png").exists()
-    replace(d, findings=(), verdict="nothing_missing").save(out)  # over our own report
+    save(replace(d, findings=(), verdict="nothing_missing"), out)  # over our own report
     assert not (out / "figures" / "parameters.png").exists()
     assert (out / "figures" / "mine.png").read_text() == "mine"
     assert (out / "log.csv").read_text() == "time"
     (out / "report.json").write_text("{}")
     before = (out / "model.xml").read_text()
     with pytest.raises(StoreError, match=r"model\.xml and effects\.json and report\.html"):
-        d.save(out)
+        save(d, out)
     assert (out / "model.xml").read_text() == before
 
 
 @pytest.mark.usefixtures("unpainted")
 def test_the_model_itself_is_not_written_over(tmp_path):
     d = made_up(tmp_path)
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     again = replace(d, model=read_model(tmp_path / "out" / "model.xml"), findings=())
     with pytest.raises(StoreError, match="another folder than the model's own"):
-        again.save(tmp_path / "out")
-    again.save(tmp_path / "second")
+        save(again, tmp_path / "out")
+    save(again, tmp_path / "second")
     assert len(read_model(tmp_path / "second" / "model.xml").plant.effects) == 1
+
+
+@pytest.mark.usefixtures("unpainted")
+@pytest.mark.parametrize("after", ["gone", "changed"])
+def test_a_diagnosis_is_saved_without_its_model_file(tmp_path, after):
+    d = made_up(tmp_path)
+    save(d, tmp_path / "one")
+    if after == "gone":
+        d.model.path.unlink()
+    else:
+        d.model.path.write_text(d.model.path.read_text().replace('mass="2"', 'mass="7"'))
+    save(d, tmp_path / "two")
+    assert (tmp_path / "two" / "model.xml").read_text() == (tmp_path / "one" / "model.xml").read_text()
 
 
 def test_the_same_diagnosis_gives_the_same_files(tmp_path):
     d = made_up(tmp_path)
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     first = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     assert {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()} == first
 
 
-def test_the_table_says_what_was_found(tmp_path):
-    *_, doubt, _, _ = variants(tmp_path)
-    text = tables.as_table(doubt)
-    assert text.startswith("ambiguous: 1 effect missing")
-    assert "coulomb friction (slide)  3.5 → 0.5 N     85.7 ± 1.3 %" in text
-    assert "    level 3.25 ± 0.12 N" in text
-    assert "not told apart: coulomb friction (slide) or stiction (slide) or payload" in text
-    assert tables.as_table(made_up(tmp_path, verdict="nothing_missing", findings=())).startswith("nothing missing: no effect")
-    assert [tables.percent(x) for x in (1.234, 0.0999, 0.0123, -1e-9, float("nan"), 1e300)] == [
-        "123 %", "10 %", "1.2 %", "0 %", "-", "-",
-    ]  # fmt: skip
+def test_numbers_are_as_a_person_writes_them():
+    assert [percent(x) for x in (1.234, 0.0999, 0.0123, -1e-9, float("nan"), 1e300)] == [
+        "123 %",
+        "10 %",
+        "1.2 %",
+        "0 %",
+        "-",
+        "-",
+    ]
+    assert plus_minus(21.5229, 0.3449) == "21.52 ± 0.34"
+    assert plus_minus(1234.0, 99.7) == "1234 ± 100"
+    assert plus_minus(-0.0001, 0.02) == "0.000 ± 0.020"
+    assert plus_minus(3.0, 0.0) == "3"
+    assert plus_minus(3.0, float("nan")) == "3"
+    assert plus_minus(2.5e-7, 1e-8) == "2.5e-07 ± 1e-08"
+    assert number(Estimate(0.5, "kg m^2", 0.01)) == "0.500 ± 0.010 kg m²"
+    assert number(Estimate(0.5, "1", 0.01)) == "0.500 ± 0.010"
 
 
 def test_curves_break_at_gaps_and_bins_do_not_reach_across_zero():
@@ -349,7 +491,7 @@ def test_a_measured_log_from_end_to_end(tmp_path):
         d = diagnose(from_arrays(time, wanted + noise, tau), model, effects=["viscous_friction", "coulomb_friction", "spring"])
     assert d.verdict == "named"
     assert {f.name for f in d.findings} == {"viscous_friction", "coulomb_friction"}
-    d.save(tmp_path / "out")
+    save(d, tmp_path / "out")
     assert "coulomb friction" in page_of(tmp_path / "out").text
     found = read_model(tmp_path / "out" / "model.xml").plant.effects
     assert float(found[0].effect.coefficient[0]) == pytest.approx(3.0, rel=0.05)

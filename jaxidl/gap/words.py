@@ -92,7 +92,7 @@ def listed(names: Sequence[str]) -> str:
 
 def judged(relative: float) -> bool:
     """Is a torque error relative to the command a number that means something?"""
-    return abs(relative) < MOST
+    return bool(abs(relative) < MOST)
 
 
 def readable(name: str) -> str:

@@ -29,20 +29,27 @@ def plot_improvement(d: Diagnosis) -> Figure | None:
     colors = [AFTER if f.sure else "white" for f in order]
     axes.barh(range(len(order)), shown, color=colors, edgecolor=["none" if f.sure else "0.4" for f in order], height=0.7)
     axes.errorbar(
-        shown, range(len(order)), xerr=2.0 * np.minimum(errors, 50.0), fmt="none", color="0.15", elinewidth=0.9, capsize=2
+        shown,
+        range(len(order)),
+        xerr=np.stack([2.0 * errors, np.clip(2.0 * errors, 0.0, np.maximum(104.0 - shown, 0.0))]),
+        fmt="none",
+        color="0.15",
+        elinewidth=0.9,
+        capsize=2,
     )
     axes.axvline(0.0, color="0.2", linewidth=0.8)
     axes.set_yticks(range(len(order)), [label_of(d, f) for f in order])
     axes.set_ylim(max(len(order), 3) - 0.4, -1.4)
-    axes.set_xlim(min(-2.0, 1.2 * shown.min()), 100.0)
+    axes.set_xlim(min(-2.0, 1.2 * shown.min()), 150.0)
+    axes.set_xticks(range(0, 101, 20))
     axes.set_xlabel("share of the error that returns without the effect [%]")
     axes.grid(axis="y", visible=False)
     for k, title in enumerate(("explains of\nthe command", "confidence")):
-        axes.text(1.1 + 0.16 * k, -0.95, title, transform=axes.get_yaxis_transform(), ha="center", fontsize=7.5, color="0.3")
+        axes.text(116 + 24 * k, -0.95, title, ha="center", fontsize=7.5, color="0.3")
     for k, f in enumerate(order):
         text = (percent(f.share), confidence(f) if f.sure else f"({confidence(f)})")
         for n, word in enumerate(text):
-            axes.text(1.1 + 0.16 * n, k, word, transform=axes.get_yaxis_transform(), ha="center", va="center", fontsize=8)
+            axes.text(116 + 24 * n, k, word, ha="center", va="center", fontsize=8)
     left = f" (the first {MOST} of {len(d.findings)})" if len(d.findings) > MOST else ""
     figure.suptitle("What each effect is worth on the data kept aside" + left, fontsize=10)
     return figure

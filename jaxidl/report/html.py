@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-EMPTY = ("br", "img", "meta")  # elements without content
+EMPTY = ("br", "img", "meta", "wbr")  # elements without content
 
 
 class Html(str):
@@ -67,7 +67,7 @@ table{border-collapse:collapse;min-width:100%;font-size:.9rem}
 th,td{padding:.38rem .6rem;text-align:left;vertical-align:top;border-bottom:1px solid var(--line)}
 th{font-weight:600;color:var(--soft);vertical-align:bottom}
 .number{text-align:right;font-variant-numeric:tabular-nums;white-space:nowrap}th.number{white-space:normal;min-width:5.5rem}
-td strong{font-weight:600}td.what{min-width:15rem}
+td strong{font-weight:600}.worth td:first-child{min-width:19rem}
 .doubt,.doubt small{color:var(--soft)}td>div+div{margin-top:.35rem}
 .kinds td{font-variant-numeric:tabular-nums;min-width:6.2rem}.kinds td:first-child,.kinds th:first-child{position:sticky;left:0;
 background:var(--ground);min-width:0;font-weight:600;white-space:nowrap}
@@ -77,7 +77,8 @@ figure{margin:1rem 0}figure>div{overflow-x:auto}
 figure img{display:block;width:100%;min-width:32rem;height:auto;background:#fff;border-radius:.4rem}
 pre,code{font:.86rem/1.5 ui-monospace,SFMono-Regular,Menlo,Consolas,monospace}
 pre{background:var(--panel);padding:.8rem 1rem;border-radius:.5rem;overflow-x:auto}code{overflow-wrap:anywhere}
-@media (max-width:40rem){.kinds td:first-child,.kinds th:first-child{white-space:normal;overflow-wrap:anywhere;min-width:5.6rem;
+@media (max-width:40rem){.worth td:first-child{min-width:12rem}
+.kinds td:first-child,.kinds th:first-child{white-space:normal;overflow-wrap:anywhere;min-width:5.6rem;
 max-width:6.6rem}main{padding:1rem .9rem 2rem}h1{font-size:1.3rem}}
 @media print{:root{--ground:#fff;--text:#000;--soft:#444;--line:#bbb;--panel:#f2f2f2;--accent:#0b62a3}
 main{max-width:none;padding:0}figure img{filter:none;min-width:0}figure,tr,pre,.verdict{break-inside:avoid}

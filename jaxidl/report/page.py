@@ -12,8 +12,8 @@ from jaxidl.report.words import badge, compared, oneline, verdict
 
 CAPTIONS = {
     "gap": "Above: root mean square torque error on the data kept aside, relative to the command; dashed: what encoder noise "
-    "alone makes of it; ticks: conventional identification. Below: how far the simulation gets away from the measurement when it "
-    "replays the logged torque.",
+    "alone makes of it; diamonds: conventional identification. Below: how far the simulation gets away from the measurement when "
+    "it replays the logged torque.",
     "residual": "The residual is the commanded torque minus the one that the model needs for the measured motion. Its gaps are "
     "where a joint comes to rest or breaks away, which does not count.",
     "where": "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope over acceleration an "

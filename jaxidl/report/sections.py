@@ -46,23 +46,29 @@ def found(d: Diagnosis) -> Iterator[Html]:
         yield tag("p", "Nothing has changed that this log shows." if compared(d) else "No effect of the catalogue was added.")
         return
     m = matrix(d)
-    if any(cell for row in m.rows for cell in row):
-        head = [
-            "joint",
-            *([kind, tag("br"), tag("small", unit)] if unit else kind for kind, unit in zip(KINDS, m.units, strict=True)),
-        ]
-        rows = [[oneline(name), *(_cell(cell) for cell in row)] for name, row in zip(d.model.names, m.rows, strict=True)]
-        yield table(head, rows, class_="kinds")
-    whole = [f for f in d.findings if f.joint is None]
-    if whole:
-        yield tag("h3", "Of the whole mechanism")
-        yield table(["effect", "parameters", "confidence"], ([_whole(d, f) for f in sorted(whole, key=lambda f: not f.sure)]))
     doubt = (
         ""
         if all(f.sure for f in d.findings)
         else f" In grey and in parentheses: suspected only, confidence below {100 * SURE:.0f} %."
     )
-    yield tag("p", tag("small", f"Value ± standard error, and how certain the effect is.{doubt}"))
+    yield tag("p", tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}"))
+    if any(cell for row in m.rows for cell in row):
+        head = [
+            "joint",
+            *([kind, tag("br"), tag("small", unit)] if unit else kind for kind, unit in zip(KINDS, m.units, strict=True)),
+        ]
+        rows = [[_name(name), *(_cell(cell) for cell in row)] for name, row in zip(d.model.names, m.rows, strict=True)]
+        yield table(head, rows, class_="kinds")
+    whole = [f for f in d.findings if f.joint is None]
+    if whole:
+        yield tag("h3", "Of the whole mechanism")
+        yield table(["effect", "parameters", "confidence"], ([_whole(d, f) for f in sorted(whole, key=lambda f: not f.sure)]))
+
+
+def _name(name: str) -> list[Any]:
+    """A name that may go on in the next line behind its underscores."""
+    first, *rest = oneline(name).split("_")
+    return [first, *(["_", tag("wbr"), part] for part in rest)]
 
 
 def _cell(entries: Sequence[Entry]) -> Any:
@@ -164,7 +170,7 @@ def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     head = ["effect", "joint", "confidence", "explains of the command", "error without → with it", "improvement"]
     rows = [list(_worth(d, d.findings[k], entries[k])) for k in order]
     about = "The error is that on the data kept aside without and with the effect, all others being there and fitted anew."
-    return join([tag("p", about), table(head, rows, (2, 3, 4, 5))])
+    return join([tag("p", about), table(head, rows, (2, 3, 4, 5), class_="worth")])
 
 
 def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:

@@ -21,7 +21,7 @@ from jaxidl.effects.spec import Motor
 from jaxidl.errors import ModelError
 from jaxidl.files import write_bytes
 from jaxidl.systems.attributes import Numbers, Principal, drives, kind, motors
-from jaxidl.systems.mjcf import Model, compile_spec, load_part, quietly
+from jaxidl.systems.mjcf import Model, as_read, compile_spec, load_part, quietly
 from jaxidl.systems.mujoco_body import joint_names, last_moving
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
 
@@ -47,7 +47,7 @@ def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[
 
 
 def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]:
-    """MJCF text and ``effects.json`` record of ``model``, as its files have it, with the effects ``added``.
+    """MJCF text and ``effects.json`` record of ``model``, as its files had it when it was read, with the effects ``added``.
 
     Reading both again gives the same plant; effects with ``in_mjcf`` true are those that the text alone restores. Scale,
     saturation and lag of a drive are in the record, and written as motors too if the user's model has no actuators. Meshes and
@@ -60,9 +60,9 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
     joints = len(model.names)
     for effect in added:
         check_fits(effect, joints)
-    with quietly():
-        entries = read_record(model.path, joints)
-        spec, _ = load_part(model.path, model.part, model.locked)
+    with quietly(), as_read(model) as path:
+        entries = read_record(path, joints)
+        spec, _ = load_part(path, model.part, model.locked)
         compiled = _prepare(spec, model)
         numbers = Numbers(compiled)
         numbers.expect(added)

@@ -4,6 +4,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import contextlib
+import tempfile
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -35,6 +36,7 @@ class Model(NamedTuple):
     path: Path
     part: tuple[str, ...] | None = None  # names of the joints that were asked for; None: all
     locked: Mapping[str, float] | None = None  # [m or rad] where other joints were to be locked, by name
+    files: Mapping[str, bytes] | None = None  # content of the file and of effects.json when they were read, by name
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -60,7 +62,7 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
             silently dropped: other joints, equality constraints, tendons, gravity compensation, fluid forces, polynomial damping
             or stiffness, inertia or damping of actuators, plugins, springs or friction that a flag switches off.
     """
-    path = Path(path)
+    path, files = Path(path), contents(Path(path))
     with quietly() as said:
         part = None if joints is None else tuple(joints)
         spec, changed = load_part(path, part, locked)
@@ -73,7 +75,36 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
         _check_inertia(bare(body.source), path)
     effects = (*_effects(model, path), *(e.effect for e in _recorded(path, model.njnt, part) if not e.in_mjcf))
     notes = (*changed, *_notes(model), *said)
-    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked)
+    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked, files)
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Return the content of a model's file and of the ``effects.json`` beside it, so far as they are there, by name."""
+    found = {}
+    for file in (path, path.with_name(EFFECTS)):
+        with contextlib.suppress(OSError):
+            found[file.name] = file.read_bytes()
+    return found
+
+
+@contextlib.contextmanager
+def as_read(model: Model) -> Iterator[Path]:
+    """Give the path of the model's file as it was read: its own, or if that has changed or gone, a copy for the time being.
+
+    Beside the copy stands what else is in the folder of the original now.
+    """
+    files = model.files or {}
+    if model.path.name not in files or contents(model.path) == files:
+        yield model.path
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        if model.path.parent.is_dir():
+            for file in model.path.absolute().parent.iterdir():
+                if file.name not in (model.path.name, EFFECTS):
+                    Path(folder, file.name).symlink_to(file)
+        for name, content in files.items():
+            Path(folder, name).write_bytes(content)
+        yield Path(folder, model.path.name)
 
 
 def _recorded(path: Path, joints: int, part: Sequence[str] | None) -> list[Entry]:
