@@ -91,7 +91,7 @@ def diagnose(
     notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(verdict, findings, doubts, compared, unexplained, remaining, known),
+        summary=summarise(verdict, findings, doubts, compared, unexplained, remaining, known, reference is not None),
         findings=findings,
         ambiguous=doubts,
         where=where,

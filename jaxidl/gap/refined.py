@@ -43,7 +43,9 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         gap=gap,
         remaining=remaining,
         traces=d.traces._replace(after=r.residual),
-        summary=summarise(d.verdict, findings, d.ambiguous, gap, d.unexplained, remaining, d.model),
+        summary=summarise(
+            d.verdict, findings, d.ambiguous, gap, d.unexplained, remaining, d.model, bool(d.options.get("reference"))
+        ),
     )
 
 
