@@ -24,7 +24,7 @@ from jaxidl.report.words import (
 )
 
 COLUMNS = 100  # at most
-NAME, NARROW, WIDE = 22, 14, 20  # widths of columns at most
+NAME, NARROW, WIDE = 22, 16, 18  # widths of columns at most
 
 Line = Sequence[str]
 

@@ -32,14 +32,14 @@ def verdict(d: Diagnosis) -> str:
 
 def silent(d: Diagnosis) -> dict[int, str]:
     """Return, of each joint that this log says nothing of, one sentence that says why."""
-    out = {}
+    out, what = {}, "has changed" if compared(d) else "is missing"
     for j, name in enumerate(d.model.names):
         if judged(d.gap.before.torque_relative[j]):
             continue
         if not np.any(d.traces.command[:, j]):
-            out[j] = f"{name}: no torque was commanded, so this log cannot tell what is missing there"
+            out[j] = f"{name}: no torque was commanded, so this log cannot tell what {what} there"
         elif not d.traces.counted[:, j].any():
-            out[j] = f"{name}: the joint hardly moved, so this log cannot tell what is missing there"
+            out[j] = f"{name}: the joint hardly moved, so this log cannot tell what {what} there"
         else:
             out[j] = f"{name}: no torque to speak of was commanded on the data kept aside, so no error can be given"
     return out
