@@ -38,6 +38,7 @@ class InertiaError(Effect):
     }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"extra": "joint/armature", "mass": "body/inertial"}
+    changes: ClassVar[float] = 0.001
     prior: ClassVar[float] = 0.5  # of a rotor's
     common: ClassVar[bool] = True
     advice: ClassVar[str] = ACCELERATIONS
@@ -61,6 +62,7 @@ class ComError(Effect):
     parameters: ClassVar = {"moment": Parameter("kg m", -1e4, 1e4, "the missing first moment of the body")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"moment": "body/inertial"}
+    changes: ClassVar[float] = 0.001
     prior: ClassVar[float] = LINK
     common: ClassVar[bool] = True
     advice: ClassVar[str] = ACCELERATIONS
@@ -83,6 +85,7 @@ class InertiaTensorError(Effect):
     parameters: ClassVar = {"tensor": Parameter("kg m^2", -1e4, 1e4, "the missing inertia tensor of the body")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"tensor": "body/inertial"}
+    changes: ClassVar[float] = 0.001
     prior: ClassVar[float] = LINK
     common: ClassVar[bool] = True
     advice: ClassVar[str] = ACCELERATIONS
@@ -120,7 +123,7 @@ class Payload(Effect):
     internal: ClassVar[tuple[str, ...]] = ("moment",)
     mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial", "moment": "body/inertial", "inertia": "body/inertial"}
     changes: ClassVar[float] = 0.3
-    prior: ClassVar[float] = 0.15
+    prior: ClassVar[float] = 0.25
     advice: ClassVar[str] = ACCELERATIONS
 
     def numbers(self) -> Float[Array, "10"]:
@@ -146,7 +149,7 @@ class Payload(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """With its centre left at the frame's origin, where mass, moment and inertia are amplitudes."""
         values = {"mass": 0.0, "com": np.zeros(3), "moment": np.zeros(3), "inertia": np.zeros(6)}
-        return [Variant(values, ("mass", "moment", "inertia"))]
+        return [Variant(values, ("mass", "moment", "inertia"), {"mass": (0.0, np.inf)})]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:

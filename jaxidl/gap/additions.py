@@ -68,7 +68,8 @@ def additions(
         terms = jax.tree.map(np.asarray, _many(jax.tree.structure(part[0]), leaves, drive, starts, signals.dt))
         for k in range(len(part)):
             one = Terms(*(x[k] for x in terms))
-            out[first + k][:, columns] = _rows(one, signals, columns, drive, undone)
+            # a simulation that runs away adds nothing
+            out[first + k][:, columns] = np.nan_to_num(_rows(one, signals, columns, drive, undone), posinf=0.0, neginf=0.0)
             if np.any(one.change):
                 delivered = tau.copy()
                 delivered[:, columns] += one.change
@@ -120,8 +121,8 @@ def driven(signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Co
     """Return what effects on some joints see, and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
-    parts = (x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted))
-    return Drive(*parts, _sliced(signals.tables, columns)), starts
+    q, qd, qdd, *torques = (x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted))
+    return Drive(q, qd, qdd, torques[0], torques[1], _sliced(signals.tables, columns)), starts
 
 
 @partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)

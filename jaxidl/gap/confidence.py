@@ -1,9 +1,8 @@
 """How sure a finding is: blocks of the log are drawn again with replacement, and the search improves what it found on each draw.
 
-An effect's *support* is the share of draws in which it is still there. Resampling does not see imitation: an effect that stands
-for something the catalogue has not is there on every draw. So the support and what else is known of a finding become a
-*confidence* by a logistic function that was calibrated on simulated robots with a remainder (:data:`CALIBRATION`; see
-``experiments/calibrate_confidence.py``): of the effects reported with a confidence of 0.9 and more, at least nine in ten are right.
+An effect's *confidence* is the share of draws in which it is still there. Resampling does not see imitation: an effect that
+stands for something the catalogue has not is there on every draw. Which effects stand for each other shows in what comes in a
+member's place when it is gone.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +14,7 @@ from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import search
 
 DRAWS = 24
-LOOSE = 0.5  # a member that is there on fewer draws than all but this share may be another effect
+SURE = 0.8  # a member that is there on fewer draws may be another effect
 
 
 class Support(NamedTuple):
@@ -50,7 +49,7 @@ def support(
 
 
 def _rivals(score: Score, found: Solution) -> Score:
-    """The score, with those items only that could take a member's place: what promises most without it, and without any change."""
+    """The score with those items only that could take a member's place: what promises most, with it and without."""
     promise = score.promise(found.members)
     near = {id(i) for i in score.items if promise.get(id(i), -np.inf) > -4.0}
     for m in found.members:
@@ -63,25 +62,12 @@ def _rivals(score: Score, found: Solution) -> Score:
     return score.narrowed(keep)
 
 
-def confidence(support: float, evidence: float, share: float, gain: float, prior: float) -> float:
-    """Return the calibrated probability that an effect which was found is there.
-
-    Args:
-        support: share of draws in which it is found again.
-        evidence: fall of the score without it.
-        share: of the command that it explains.
-        gain: share of the error kept aside that goes with it.
-        prior: the effect's.
-    """
-    return support
-
-
 def ambiguous(found: Sequence[Item], said: Support) -> list[list[Group]]:
     """Return sets of effects that swap with each other across draws, the one found first."""
     sets = []
     for m in found:
         missing = 1.0 - said.share[m.group]
-        if missing < 1.0 - LOOSE:
+        if missing <= 1.0 - SURE:
             continue
         often = [g for g, n in said.instead[m.group].items() if n >= 0.5 * missing * DRAWS]
         if often:

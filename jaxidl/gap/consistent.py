@@ -4,6 +4,9 @@ Least squares under linear and linear matrix inequalities is a small conic progr
 and Chen, Clarabel, 2024).
 """
 
+# Clarabel's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 from collections.abc import Sequence
 
 import clarabel
@@ -86,8 +89,18 @@ def buildable(
         if m.shape is not None and m.shape.free and m.shape.cls.alter is not Effect.alter:
             for k, row in enumerate(np.eye(len(m.lower))):
                 slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
-    found, nominal = [], links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
-    for link in range(len(nominal) - 1):
-        if np.any(slopes[:, link]) and physical(nominal[link]):
-            found.append((pseudo_inertia(nominal[link]), pseudo_inertia(slopes[:, link])))
+    nominal = links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
+    if links.same:  # a load there is a part of the last link
+        slopes[:, -2] += slopes[:, -1]
+        nominal[-2] += nominal[-1] - links.nominal[-1]
+        slopes, nominal = slopes[:, :-1], nominal[:-1]
+    found = []
+    for link, numbers in enumerate(nominal):
+        if not np.any(slopes[:, link]) or not physical(numbers):
+            continue
+        whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))  # is the tensor free? If not, at least the mass is one
+        base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
+        if not whole:
+            base, change = base[3, 3] * np.eye(4), change[:, 3, 3, None, None] * np.eye(4)
+        found.append((base, change))
     return found

@@ -9,7 +9,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.gap.confidence import ambiguous, confidence
+from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
 from jaxidl.gap.find import Found, aside, find, worse_by
 from jaxidl.gap.library import Library, Reference, library, present, residual
@@ -18,7 +18,7 @@ from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
-from jaxidl.gap.score import Item
+from jaxidl.gap.score import Item, Score
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise
@@ -84,7 +84,10 @@ def diagnose(
         findings = _findings(found, _values(found, whole), known)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
-    doubts = tuple(_ambiguity(groups, found.library.rows.signals.q.shape[1]) for groups in ambiguous(found.named, found.support))
+    doubts = tuple(
+        _ambiguity(groups, found.library.rows.signals.q.shape[1])
+        for groups in (*found.ties, *ambiguous(found.named, found.support))
+    )
     unexplained = _unexplained(found, compared, still)
     verdict = _verdict(findings, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -150,19 +153,21 @@ def _search(
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
     rows = rows_of(signals, effects, held_out)
-    reference = None
-    if before is not None:
-        members = before.named
-        items = before.library.score.anchor.items if before.library.score.anchor else ()
-        score = before.score
-        order = score.solve(before.solution.members).members
-        gram, _ = score.normal(order)
-        information = gram.sum(0) + np.diag(np.concatenate([m.precision for m in order]))
-        keep = [m for m in order if m in members]
-        at = np.concatenate([np.arange(before.solution.of(m).start, before.solution.of(m).stop) for m in keep])
-        reference = Reference((*items, *keep), information[np.ix_(at, at)])
+    reference = None if before is None else _reference(before)
     watch("computing what each effect would add", 0.0)
     return find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+
+
+def _reference(before: Found) -> Reference:
+    """What a log says of everything common and of what was found there, about the values that were found."""
+    rows, score, named = before.library.rows, before.score, before.named
+    taken = {m.group for m in named}
+    members = [*named, *(m for m in before.library.envelope.members if not m.always and m.group not in taken)]
+    fresh = Score(rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective)
+    gram, right = fresh.normal(members)
+    precision = np.concatenate([m.precision for m in members])
+    at = [before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower)) for m in members]
+    return Reference(tuple(members), gram.sum(0) + np.diag(precision), right.sum(0) - precision * np.concatenate(at))
 
 
 def _values(found: Found, rows: Rows) -> list[Value]:
@@ -186,6 +191,8 @@ def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Find
     command = _rms(rows.command, rows.used)
     for value in fitted:
         name, joint = value.key
+        if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
+            continue  # the whole log says nothing of what the part that was searched seemed to say
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
         adds = np.zeros_like(rows.gap)
@@ -210,7 +217,6 @@ def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Find
                 value.effect,
                 cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                confidence(support, evidence, share, gain, cls.prior),
                 support,
                 float(evidence),
                 share,
@@ -264,7 +270,7 @@ def _envelope(made: Library, compared: Gap) -> Envelope:
 
 
 def _unexplained(found: Found, compared: Gap, network: Sequence[tuple[float, float]]) -> tuple[int, ...]:
-    """Joints of which much is left: more than conventional identification leaves, or a good part that a network still predicts."""
+    """Joints of which much is left: more than the envelope leaves, or a good part that a network still predicts."""
     rows, made = found.library.rows, found.library
     envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
     out = []

@@ -34,8 +34,7 @@ class Finding:
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    confidence: float  # 0 to 1; see :mod:`jaxidl.gap.confidence`
-    support: float  # share of resamples in which it is found again
+    confidence: float  # share of resamples in which it is found again; see :mod:`jaxidl.gap.confidence`
     evidence: float  # fall of the score without it
     share: float  # root mean square of what it adds over that of the command, on the joint where it is largest
     where: int  # that joint
@@ -155,7 +154,6 @@ class Diagnosis:
                         "frame": self.frame if f.joint is None else None,
                         "parameters": {name: p._asdict() for name, p in f.parameters.items()},
                         "confidence": f.confidence,
-                        "support": f.support,
                         "evidence": f.evidence,
                         "share": f.share,
                         "held_out_before": f.held_out_before,

@@ -4,20 +4,27 @@ The algorithm is at the top of :mod:`jaxidl.gap.search`.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
-from jaxidl.gap.library import Library, items_of, residual, upsampled
+from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
+from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search
-from jaxidl.gap.shapes import fitted, movable
+from jaxidl.gap.shapes import amplitudes, fitted, limits, movable, vector
 
-ROUNDS = 3  # of shapes fitted and sets searched
-RIVALS = 3  # of each effect that is not common
-EQUAL = 2.0  # logarithm of the likelihood by which explanations that are equally good may differ
+ROUNDS = 5  # of shapes fitted and sets searched
+RIVALS = 2  # of each effect that is not common
+ALIKE = 0.005  # of the error: explanations that differ by less are equally good,
+FARTHER = 4.0  # log odds: an explanation that was so much less likely beforehand is no equal one
+EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
+BOUND = "its value is on a bound"
+STRONG = 10.0  # what an effect is worth to the score: without it the set is another one
+ON_BOUND = 1e-3  # of a value: nearer to a bound it is on it
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 
 Watch = Callable[[str, float], None]
@@ -50,28 +57,40 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
     for number in range(ROUNDS):
         watch("fitting shapes", (number + 1) / (ROUNDS + 1))
         predicted = upsampled(rows, rows.command - residual(rows, now))
+        score = seen_anew(score, now, rows, predicted)
         fresh = refitted(now, library, predicted)
-        if not fresh:
-            break
-        groups = {i.group for i in fresh}
-        members = [next((n for n in fresh if n.group == m.group), m) for m in now.members]
-        items = [*(i for i in score.items if i.group not in groups), *fresh]
-        score = Score(rows, items, score.noise, score.effective, score.anchor)
-        before, now = {m.group for m in now.members}, search(score, members)
-        fresh = contested(score, now, library, predicted)
-        if fresh is not None:
-            groups = {m.group for m in fresh}
-            score = Score(
-                rows, [*(i for i in score.items if i.group not in groups), *fresh], score.noise, score.effective, score.anchor
-            )
-            now = search(score, fresh)
-        if {m.group for m in now.members} == before and number:
+        score, after = renewed(score, now, fresh, rows)
+        settled = {m.group for m in after.members} == {m.group for m in now.members}
+        now = after
+        if settled and (better := contested(score, now, library, predicted)) is not None:
+            score, now = renewed(score, now, better, rows)
+        elif settled:
             break
     now, score, dropped = nameable(score, now, min_gain, rows.signals.dt)
     watch("resampling", 0.0)
     said = support(score, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
     watch("looking for other explanations", 0.0)
     return Found(library, score, now, predicted, said, tied(score, now, library, predicted) if resample else [], dropped)
+
+
+def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Score:
+    """Return the score with those items anew, no members, that look at the predicted command to see whether it gets through."""
+    old = [i for i in score.items if i.shape is not None and i.shape.cls.seen is not Effect.seen and i not in now.members]
+    if not old:
+        return score
+    fresh = [pushed(replace(i, columns=columns_of(i.shape, rows, predicted)[:, :, list(i.joints)]), rows, predicted) for i in old]
+    items = [*(i for i in score.items if i not in old), *fresh]
+    return Score(rows, items, score.noise, score.effective, score.anchor)
+
+
+def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
+    """Return the score with ``fresh`` items in the place of those of their groups, and the best set from there."""
+    groups = {i.group for i in fresh}
+    members = [*(m for m in now.members if m.group not in groups), *fresh] if len(fresh) < len(now.members) else fresh
+    old = {id(m) for m in now.members if m.group in groups}
+    items = [*(i for i in score.items if id(i) not in old), *(i for i in fresh if i not in score.items or id(i) in old)]
+    score = Score(rows, items, score.noise, score.effective, score.anchor)
+    return score, search(score, members)
 
 
 def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
@@ -104,7 +123,8 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
         trials = [[*rest, i] for i in best if promise[id(i)] > promise[id(m)] - FAR]
         inner = m.shape.cls.contains(m.shape.free)
         parts = [r for r in rest if r.key in {(name, m.key[1]) for name in inner}]
-        trials += [[*(r for r in rest if r not in parts), m]] if parts and movable(m.shape) else []
+        starts = [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
+        trials += [[*(r for r in rest if r not in parts), i] for i in starts] if parts and movable(m.shape) else []
         for trial in trials:
             at = score.solve(trial)
             new = trial[-1]
@@ -134,16 +154,22 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
                 fresh = fitted(i, at, library.rows, predicted, score.noise)
                 small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
                 at = small.solve([*rest, fresh])
-            if at.value - i.odds > now.value - m.odds - EQUAL and i.group not in equal:
+            close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
+            if at.value - i.odds > now.value - m.odds - close and i.group not in equal:
                 equal.append(i.group)
         if len(equal) > 1:
             sets.append(equal)
     return sets
 
 
+def size(i: Item) -> int:
+    """Return the number of an effect's parameters that a fit moves."""
+    return len(i.lower) * bool(i.shape.free) + sum(np.size(i.shape.values[n]) for n in movable(i.shape))
+
+
 def nameable(score: Score, now: Solution, min_gain: float, interval: float) -> tuple[Solution, Score, dict[Group, str]]:
     """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time."""
-    dropped: dict[Group, str] = {}
+    every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
         objections = [
             (now.value - score.solve(without(now, m)).value, m, why)
@@ -151,11 +177,18 @@ def nameable(score: Score, now: Solution, min_gain: float, interval: float) -> t
             if (why := objection(score, now, m, min_gain, interval))
         ]
         if not objections:
-            return now, score, dropped
-        _, worst, why = min(objections, key=lambda o: o[0])
-        dropped[worst.group] = why
-        score = score.narrowed([i for i in score.items if i.group != worst.group])
-        now = search(score, without(now, worst), swap=False)
+            again = search(score, now.members) if strong or weak else now
+            if again.value <= now.value + EPSILON:
+                return now, score, strong | weak
+            now = again
+            continue
+        worth, worst, why = min(objections, key=lambda o: o[0])
+        if worth > STRONG or why == BOUND:  # the others were judged beside it
+            strong[worst.group], weak = why, {}
+        else:
+            weak[worst.group] = why
+        score = every.narrowed([i for i in every.items if i.group not in strong and i.group not in weak])
+        now = search(score, without(now, worst), swap=worth > STRONG)
 
 
 def without(now: Solution, m: Item) -> list[Item]:
@@ -172,11 +205,10 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if not np.any(np.abs(x) > EXCLUDED * stderr):
         return "its standard error does not exclude zero"
     at_bound = (x <= m.lower) | (x >= m.upper)
-    if np.all(at_bound | (x == 0.0)):
-        return "its value is on a bound"
+    if np.all(at_bound | (x == 0.0)) or bounded(m, x):
+        return BOUND
     other = score.solve(without(now, m))
-    times = [m.shape.values[n] for n in movable(m.shape) if m.shape.cls.parameters[n].unit == "s"]
-    if not m.shape.free and times and np.max(times) <= interval:
+    if late(m, x) <= interval:
         return "it is less than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
@@ -184,6 +216,23 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""
+
+
+def bounded(m: Item, x: np.ndarray) -> bool:
+    """Is a fitted shape on a bound of what is plausible, or as good as?"""
+    low, high = limits(m.shape)
+    theta, shape = vector(m.shape, x), np.arange(len(low)) >= amplitudes(m.shape)
+    near = ON_BOUND * np.abs(theta)
+    return bool(np.any(shape & ((theta <= low + near) | (theta >= high - near))))
+
+
+def late(m: Item, x: np.ndarray) -> float:
+    """Return the longest time [s] among the parameters of an effect that is nothing but late; infinite of others."""
+    if m.shape.free:
+        return np.inf
+    names = [n for n in movable(m.shape) for _ in range(np.size(m.shape.values[n]))]
+    times = [v for n, v in zip(names, vector(m.shape, x), strict=True) if m.shape.cls.parameters[n].unit == "s"]
+    return max(times, default=np.inf)
 
 
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:

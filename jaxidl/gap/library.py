@@ -23,6 +23,7 @@ from jaxidl.gap.signals import Signals
 
 SHAPES = 3  # kept of each effect on a joint
 ALIGNMENT = "alignment"
+CLEAR = 2.0  # rise of the log likelihood
 ALIKE = 20.0  # samples that say as much as one, before it is known how many
 PUSH = 0.01  # of the command's spread, to see whether more command delivers more
 MOST_SCALED = 2.0  # what an effect adds may be scaled by so much before its shape is fitted
@@ -38,10 +39,20 @@ class Shape(NamedTuple):
     values: Mapping[str, Any]
     options: Mapping[str, Any]
     within: Mapping[str, tuple[float, float]]
+    amplitudes: frozenset[str] = frozenset()  # of all shapes of the effect
     basis: np.ndarray | None = None  # (A, P): of the amplitudes, those combinations that the effect's parts cannot imitate
     parts: tuple[
         tuple[str, np.ndarray], ...
     ] = ()  # names of the parts, and the amplitudes (A,) that add what one unit of them adds
+
+    def probes(self) -> tuple[list[Effect], np.ndarray]:
+        """Return an effect for each amplitude (P), or one at the values, and by what their additions are to be divided (P,)."""
+        if not self.free:
+            return [self.effect()], np.ones(1)
+        whole = self._replace(basis=None)
+        far = np.minimum(np.abs(whole.limits()[1]), np.abs(whole.limits()[0]) + np.abs(whole.limits()[1]))
+        size = np.where(np.isfinite(far) & (far > 0.0), np.minimum(0.5 * far, 1.0), 1.0)  # a motor's curve ends at its bound
+        return [whole.at(row) for row in np.diag(size)], size
 
     def effect(self, **changes: Any) -> Effect:
         """Return the effect of the whole mechanism with some parameters changed."""
@@ -63,7 +74,7 @@ class Shape(NamedTuple):
         (name,) = self.values
         low, high = self.bounds(name)
         value = np.asarray(self.values[name])
-        return {name: np.clip(self.cls.neutral + share * (value - self.cls.neutral), low, high)}
+        return {name: np.asarray(np.clip(self.cls.neutral + share * (value - self.cls.neutral), low, high))}
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the bounds of a parameter: the variant's within the catalogue's."""
@@ -77,9 +88,10 @@ class Shape(NamedTuple):
             if self.basis is None:
                 return pairs[0], pairs[1]
             whole = [np.flatnonzero(column)[0] if np.count_nonzero(column) == 1 else -1 for column in self.basis.T]
-            return tuple(
-                np.array([side[k] if k >= 0 else far for k in whole]) for side, far in zip(pairs, (-np.inf, np.inf), strict=True)
+            low, high = (
+                np.array([s[k] if k >= 0 else far for k in whole]) for s, far in zip(pairs, (-np.inf, np.inf), strict=True)
             )
+            return low, high
         neutral, least = self.cls.neutral, 0.0
         if len(self.values) == 1 and np.isfinite(neutral):
             (name,) = self.values
@@ -107,6 +119,7 @@ def shapes_of(
     """
     found = []
     variants = cls.variants(scale)
+    amplitudes = frozenset(name for v in variants for name in v.free)
     rivals = {v.free: sum(o.free == v.free for o in variants) if cls.linear else len(variants) for v in variants}
     for variant in variants:
         values = {name: np.asarray(variant.values.get(name, 0.0), float) for name in cls.parameters}
@@ -120,7 +133,9 @@ def shapes_of(
         for n, value in less.items():
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
             within[n] = (low - max(value, 0.0), high)
-        shape = Shape(cls, joint, scale.joints, variant.free, values, variant.options, within)
+        if changed:  # it may be less, too: a load that is gone
+            within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
+        shape = Shape(cls, joint, scale.joints, variant.free, values, variant.options, within, amplitudes)
         prior = cls.changes if changed else cls.prior if variant.prior is None else variant.prior
         found.append((shape, prior / rivals[variant.free]))
     return found
@@ -131,31 +146,18 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
 
     Neighbouring samples are alike, ``alike`` of them say as much as one, and the prior is weighted like the data.
     """
-    if links is None or i.shape is None or i.shape.cls.alter is Effect.alter or not i.shape.free:
+    if links is None or i.shape is None or i.shape.joint is None or i.shape.cls.alter is Effect.alter or not i.shape.free:
         return i
     changes = np.stack([change_of(i.shape.at(row), links) for row in np.eye(len(i.lower))])
     return replace(i, precision=alike * np.sum((changes / links.plausible) ** 2, (1, 2)))
 
 
-def blocked(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
-    """Return an item of an actuator with what its motor keeps back: the command's own spread where it does not get through.
-
-    Where a little more command would deliver no more, a motor in saturation say, the delivered torque says nothing of the
-    command: all of its variance there remains unexplained, or a motor that passes nothing on would explain everything.
-    """
-    nudge = PUSH * rows.spread
-    pushed, plain = (
-        additions([i.shape.effect()], rows.signals, rows.tau + s * np.sign(rows.tau), predicted + s * np.sign(predicted))[0][0]
-        for s in (nudge, 0.0)
-    )
-    held = (pushed - plain > (1.0 - 0.1) * nudge) & rows.used
-    kept = np.zeros(rows.gap.shape)
-    for way in (-1.0, 1.0):
-        there = held & (np.sign(rows.command) == way)
-        count = np.maximum(there.sum(0), 1)
-        mean = np.sum(rows.command * there, 0) / count
-        kept += there * (rows.command - mean) ** 2
-    return replace(i, kept=kept if kept.any() else None)
+def pushed(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
+    """Return an item of an actuator with what it keeps back of a little more command, per command."""
+    nudge = PUSH * np.maximum(rows.spread, 1e-300)
+    more = rows._replace(tau=rows.tau + nudge * np.sign(rows.tau))
+    change = columns_of(i.shape, more, predicted + nudge * np.sign(predicted)) - columns_of(i.shape, rows, predicted)
+    return replace(i, push=(change * np.sign(rows.command) / nudge)[:, :, list(i.joints)])
 
 
 def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
@@ -166,8 +168,8 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
     torque, count = np.abs(signals.tau).max(0), len(lows)
     return [
         Scale(
-            float(torque[j]), float(speed[j]), float(lows[j]), float(highs[j]), float(inertia[j]), float(residual[j]), signals.band,
-            signals.dt, j, count, tuple(lows.tolist()), tuple(highs.tolist()), float(signals.rest_speed[j]),
+            float(torque[j]), float(speed[j]), float(lows[j]), float(highs[j]), float(inertia[j]), float(residual[j]),
+            signals.band, signals.dt, j, count, tuple(lows.tolist()), tuple(highs.tolist()), float(signals.rest_speed[j]),
         )
         for j in range(count)
     ]  # fmt: skip
@@ -193,16 +195,9 @@ def beside(shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndar
 
 def items_of(shapes: Sequence[tuple[Shape, float]], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()) -> list[Item]:
     """Return items of shapes of one class, beside ``others`` that they may have as parts: their columns computed side by side."""
-    out, jobs = [], []
-    for shape, prior in shapes:
-        probes = (
-            [shape.at(row) for row in np.eye(sum(np.size(shape.values[n]) for n in shape.free))]
-            if shape.free
-            else [shape.effect()]
-        )
-        jobs.append((shape, prior, probes))
+    out, jobs = [], [(shape, prior, *shape.probes()) for shape, prior in shapes]
     together: dict[Any, list[int]] = {}
-    for number, (_, _, probes) in enumerate(jobs):
+    for number, (_, _, probes, _) in enumerate(jobs):
         alike = [np.shape(x) for x in jax.tree.leaves(probes[0])]
         together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
     columns: dict[int, np.ndarray] = {}
@@ -210,8 +205,8 @@ def items_of(shapes: Sequence[tuple[Shape, float]], rows: Rows, predicted: np.nd
         every = [p for n in numbers for p in jobs[n][2]]
         added, _ = additions(every, rows.signals, rows.tau, predicted)
         for n, part in zip(numbers, np.split(added, np.cumsum([len(jobs[n][2]) for n in numbers])[:-1]), strict=True):
-            columns[n] = part
-    for n, (shape, prior, _) in enumerate(jobs):
+            columns[n] = part / jobs[n][3][:, None, None]
+    for n, (shape, prior, _, _) in enumerate(jobs):
         names = shape.cls.contains(shape.free) if shape.free and shape.joint is not None else ()
         simpler = [
             (o.key[0], spread(o, rows)[0])
@@ -222,6 +217,13 @@ def items_of(shapes: Sequence[tuple[Shape, float]], rows: Rows, predicted: np.nd
         if len(own):
             out.append(item(shape, prior, own))
     return [i for i in out if i.joints]
+
+
+def columns_of(shape: Shape, rows: Rows, predicted: np.ndarray) -> np.ndarray:
+    """Return the columns (P, N, J) of a shape."""
+    probes, size = shape.probes()
+    columns = additions(probes, rows.signals, rows.tau, predicted)[0] / size[:, None, None]
+    return columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
 
 
 def spread(i: Item, rows: Rows) -> np.ndarray:
@@ -240,8 +242,8 @@ def item(shape: Shape, prior: float, columns: np.ndarray) -> Item:
     part = "+".join(shape.free) if cls.linear else ""
     acts = cls.actuate is not Effect.actuate
     odds = float(np.log(prior / (1.0 - prior)))
-    return Item((cls.name, shape.joint, part), shape, joints, columns[:, :, list(joints)], lower, upper, odds, np.zeros(len(lower)),
-                acts, cls.common)  # fmt: skip
+    group, none = (cls.name, shape.joint, part), np.zeros(len(lower))
+    return Item(group, shape, joints, columns[:, :, list(joints)], lower, upper, odds, none, acts, cls.common)
 
 
 class Library(NamedTuple):
@@ -273,6 +275,7 @@ class Reference(NamedTuple):
 
     items: tuple[Item, ...]  # of that log
     information: np.ndarray  # (P, P)
+    pull: np.ndarray  # (P,)
 
 
 def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference | None = None) -> Library:
@@ -295,6 +298,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     }
     links = links_of(signals.body)
     common = [plausible(i, links, ALIKE) for cls in classes if cls.common for i in items_of(offered[cls], rows, predicted)]
+    rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
     first = Score(rows, common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
@@ -309,17 +313,18 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     for cls in classes:
         if not cls.common:
             best = projected.best(items_of(offered[cls], rows, predicted, common), left, effective)
-            items += [blocked(i, rows, predicted) if i.actuates else plausible(i, links, alike) for i in best]
+            items += [pushed(i, rows, predicted) if i.actuates else plausible(i, links, alike) for i in best]
     basic = [i for i in items if i.common or i.always]
-    score = Score(rows, items, noise, effective, Anchor(shared, reference.information) if reference is not None else None)
+    score = Score(
+        rows, items, noise, effective, Anchor(shared, reference.information, reference.pull) if reference is not None else None
+    )
     still = tuple(j for j in range(len(every)) if every[j] not in moving)
     return Library(rows, score, score.solve(basic), predicted, still)
 
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     """Return an item of another log on this one: what both have in common, and no finding."""
-    probes = [i.shape.at(row) for row in np.eye(len(i.lower))] if i.shape.free else [i.shape.effect()]
-    columns, _ = additions(probes, rows.signals, rows.tau, predicted)
+    columns = columns_of(i.shape, rows, predicted)
     far = np.full(len(i.lower), np.inf)
     joints = tuple(range(columns.shape[2]))
     group = (i.group[0], i.group[1], f"{i.group[2]} before")
@@ -333,22 +338,32 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
         odds=0.0,
         common=False,
         always=True,
-        kept=None,
+        push=None,
         actuates=False,
     )
 
 
-def alignments(rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return for each joint what a shift of its torque in time adds, which every set has.
+def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
+    """Return the rows with the torque of each joint shifted in time as everything common fits it best.
 
     Whether a logged torque acts at its instant, over the interval that follows or over the one before is the logger's convention,
     and no effect. A torque that comes before its motion by more than that is a delay, and left for the search.
     """
+    joints = rows.gap.shape[1]
+    projected = Projection(rows, common, np.ones(joints))
+    steps = np.arange(-6, 3) * rows.signals.dt / 4
+    values = np.stack([projected.left_of(rows.shifted(s)) for s in steps])  # (S, J)
+    zero, best = int(np.argmin(np.abs(steps))), values.argmin(0)
+    return rows.shifted(steps[np.where(values[zero] - values.min(0) < CLEAR, zero, best)])
+
+
+def alignments(rows: Rows, predicted: np.ndarray) -> list[Item]:
+    """Return for each joint what is left of that shift, which every set has: a quarter of a sample either way."""
     s, found = rows.signals, []
     slope = s.smooth(s.differentiate(predicted))[s.rows]
     for j in np.flatnonzero(np.any(slope != 0.0, 0)).tolist():
-        column, reach = slope[None, :, j : j + 1], np.array([s.dt])
-        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, -1.5 * reach, 0.5 * reach, 0.0, np.zeros(1), always=True))
+        column, reach = slope[None, :, j : j + 1], np.array([s.dt / 4])
+        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, -reach, reach, 0.0, np.zeros(1), always=True))
     return found
 
 
@@ -396,6 +411,17 @@ class Projection:
             x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
             u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
             self.bases.append(u[:, s > 1e-5 * s.max(initial=1e-300)])
+
+    def left_of(self, rows: Rows) -> np.ndarray:
+        """Return minus the log likelihood (J,) of what everything common leaves of the command."""
+        total = np.zeros(len(self.bases))
+        for j, basis in enumerate(self.bases):
+            y = rows.gap[self.use[:, j], j]
+            left = y - basis @ (basis.T @ y)
+            square = float(left @ left) / max(len(y), 1)
+            if square > 0.0:
+                total[j] = 0.5 * len(y) / correlation_time(left) * np.log(max(square, rows.floor[j] ** 2))
+        return total
 
     def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
         """Return the most promising shapes of each effect and joint."""

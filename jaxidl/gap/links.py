@@ -20,6 +20,7 @@ class Links(NamedTuple):
     nominal: np.ndarray  # (J + 1, 10)
     unit: np.ndarray  # (J, 10) of one kilogram more, the inertia going with it
     plausible: np.ndarray  # (J + 1, 10) standard deviations of changes
+    same: bool  # is the last body that moves that of the last joint, rather than one welded to it?
 
 
 def links_of(body: Any) -> Links | None:
@@ -31,14 +32,14 @@ def links_of(body: Any) -> Links | None:
     ids = [*body.bodies, last]
     mass = source.body_mass
     typical = np.mean(mass[mass > 0.0]) if np.any(mass > 0.0) else 1.0
-    reach = [
+    reach: Any = [
         max([0.05, *(np.linalg.norm(source.body_pos[c]) for c in range(source.nbody) if source.body_parentid[c] == b)])
         for b in ids
     ]
     heavy = np.maximum(mass[ids], 0.2 * typical)[:, None]
     length = np.maximum(reach, np.sqrt(np.abs(each[ids, 4:7]).max(1)))[:, None]
     spread = np.concatenate([heavy, np.repeat(heavy * length, 3, 1), np.repeat(heavy * length**2, 6, 1)], 1)
-    return Links(mass[ids][:, None] * each[ids], each[list(body.bodies)], PLAUSIBLE * spread)
+    return Links(mass[ids][:, None] * each[ids], each[list(body.bodies)], PLAUSIBLE * spread, last == body.bodies[-1])
 
 
 class _Recorder:

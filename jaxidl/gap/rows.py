@@ -14,6 +14,7 @@ BLOCKS = 16  # of training; residuals of real machines are correlated from sampl
 ASIDE = 6  # blocks of the rows kept aside
 FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
 STRETCH = 1.5  # see ``kept_rows`` [s]
+NOISE_MARGIN = 1.2  # below this multiple of the noise errors are not told apart: a changed inertia changes it
 LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
 
@@ -29,6 +30,19 @@ class Rows(NamedTuple):
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
+
+    def shifted(self, shift: float | np.ndarray) -> "Rows":
+        """Return the rows as if torques had been logged ``shift`` (J,) [s] later than they were."""
+        s = self.signals
+        t, each = np.arange(len(s.q)) * s.dt, np.broadcast_to(shift, s.q.shape[1:])
+        moved = lambda x: np.concatenate(  # noqa: E731
+            [np.stack([np.interp(t[r] - d, t[r], c) for c, d in zip(x[r].T, each, strict=True)], 1) for r in s.slices]
+        )
+        tau = moved(self.tau)
+        command = s.command(tau)[s.rows]
+        return self._replace(
+            gap=self.gap + command - self.command, command=command, tau=tau, signals=s._replace(tau=moved(s.tau))
+        )
 
     @property
     def training(self) -> np.ndarray:
@@ -59,7 +73,15 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     block[~train] = -1 - np.arange((~train).sum()) * ASIDE // max((~train).sum(), 1)
     spread = np.std(signals.tau[rows], axis=0)
     return Rows(
-        gap, command, used, block, np.maximum(signals.noise_floor, LEAST_FLOOR * spread), spread, tau, signals, tuple(effects)
+        gap,
+        command,
+        used,
+        block,
+        np.maximum(NOISE_MARGIN * signals.noise_floor, LEAST_FLOOR * spread),
+        spread,
+        tau,
+        signals,
+        tuple(effects),
     )
 
 

@@ -1,10 +1,10 @@
 """The score of a set of effects: how well it predicts blocks that it was not fitted to, and how likely it was beforehand.
 
-score(S) = sum over joints of -N/2 log(e + floor) + sum over effects of log(p / (1 - p)):
+score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p)):
 
 * e is the mean squared error of the command on blocks left out, in units of what the envelope leaves. Where effects change what
-  the motor delivers it is taken relative to the share of the command's variance that they let through: a motor that passes
-  nothing on explains nothing.
+  the motor delivers it is taken relative to the share of the command's variance that they let through, and where a little more
+  command would deliver no more the command's own variance takes its place: a motor that passes nothing on explains nothing.
 * N is the effective number of samples, which counts the autocorrelation of what the envelope leaves (Bartlett 1946).
 * p is the effect's prior.
 
@@ -39,7 +39,7 @@ class Item:
     actuates: bool = False  # does it change what the motor delivers?
     common: bool = False  # part of the envelope?
     always: bool = False  # part of every set, and no effect?
-    kept: np.ndarray | None = field(default=None, repr=False)  # (N, J) squares of command that it does not let through
+    push: np.ndarray | None = field(default=None, repr=False)  # (P, N, K) derivatives of the columns by the command [1]
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -72,6 +72,7 @@ class Anchor(NamedTuple):
 
     items: tuple[Item, ...]
     information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
+    pull: Float[np.ndarray, " P"]  # and its right side [1/coefficient]
 
 
 class Score:
@@ -106,7 +107,7 @@ class Score:
         self.gram: list[np.ndarray] = []  # ... (B, p, p)
         self.right: list[np.ndarray] = []  # ... (B, p)
         self.square, self.count = np.zeros((2, len(order), joints))  # of the gap itself, and rows
-        self.spread: list[tuple[np.ndarray, np.ndarray, float]] = []  # covariance of columns, with the command, and of it
+        self.spread: list[Any] = []  # covariance of columns, with the command, and of it; the same of a little more command
         scale = np.zeros(self.total)
         weights = rows.used / np.maximum(noise, 1e-300)
         for i in items:
@@ -130,25 +131,25 @@ class Score:
             c, xc = rows.command[mask, j] / noise[j], x[mask]
             c, xc = c - c.mean() if len(c) else c, xc - xc.mean(0) if len(xc) else xc
             n = max(len(c), 1)
-            self.spread.append((xc.T @ xc / n, xc.T @ c / n, float(c @ c / n)))
+            pushed = [np.zeros_like(i.columns[:, :, k]) if i.push is None else i.push[:, :, k] for i, k in on]
+            p = np.concatenate([np.zeros((0, len(rows.block))), *pushed])[:, mask] / self.scale[which, None]
+            self.spread.append(
+                ((xc.T @ xc / n, xc.T @ c / n, float(c @ c / n)), (p @ p.T / n, p.mean(1) if len(c) else p.sum(1), 1.0))
+            )
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
         ]
         self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
         self.anchor = anchor
-        self.anchored = np.zeros((self.total, self.total))
+        self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:
             at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
             self.anchored[np.ix_(at, at)] = anchor.information / self.scale[at, None] / self.scale[at]
+            self.pull[at] = anchor.pull / self.scale[at]
         self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
         self.local = [np.full(self.total, -1) for _ in range(joints)]
         for local, which in zip(self.local, self.which, strict=True):
             local[which] = np.arange(len(which))
-        self.kept = {
-            id(i): np.stack([np.sum(i.kept[p] * weights[p] ** 2 * rows.used[p], 0) for p in (rows.block == b for b in order)])
-            for i in items
-            if i.kept is not None
-        }
         self.weights = np.ones(int(self.training.sum()))  # of the blocks of training
         self._known: dict[frozenset[int], Solution] = {}
 
@@ -165,6 +166,11 @@ class Score:
         at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
         gram, right, _ = self._normal(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
+
+    def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
+        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
+        return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[at] * self.scale[at]
 
     def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
         blocks = len(self.weights)  # those of training come first
@@ -193,29 +199,32 @@ class Score:
             g, h = self.gram[j][:blocks, there[:, None], there], self.right[j][:blocks, there]
             error[:, j] = self.square[train, j] - 2 * np.sum(part * h, 1) + np.einsum("bp,bpq,bq->b", part, g, part)
             passed[j] = self._passed(j, members, at, x[0])
-        error = np.maximum(error, 0.0) + sum((self.kept[id(m)][train] for m in members if id(m) in self.kept), np.zeros(()))
+        error = np.maximum(error, 0.0)
         value = self.value_of((w * error).sum(0) / np.maximum(self.weights @ self.count[train], 1.0) / passed, members)
         return Solution(members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value)
 
     def value_of(self, error: np.ndarray, members: Iterable[Item]) -> float:
         """Return the score of a mean squared error (J,)."""
-        return float(-0.5 * self.effective @ np.log(error + self.floor) + sum(m.odds for m in members))
+        return float(-0.5 * self.effective @ np.log(np.maximum(error, self.floor)) + sum(m.odds for m in members))
 
     def _passed(self, j: int, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> float:
-        """Share of the variance of joint j's command that its actuator effects let through."""
+        """Share of joint j's command that its actuator effects let through: of its variance, or of a little more of it."""
         acting = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members if m.actuates and j in m.joints)])
         if not len(acting):
             return 1.0
         there, values = self.local[j][acting], x[np.searchsorted(at, acting)]
-        xx, xc, cc = self.spread[j]
-        return float(max((cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300), 1e-9))
+        shares = [
+            (cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300)
+            for xx, xc, cc in self.spread[j]
+        ]
+        return float(max(min(shares), 1e-9))
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by the first."""
         lower, upper = self.bounds[0][at], self.bounds[1][at]
         if not len(at):
             return right
-        own = np.diagonal(gram, axis1=1, axis2=2)
+        own, right = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at]
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
         gram = gram + steady[:, :, None] * np.eye(len(at)) + self.anchored[np.ix_(at, at)]
         x = np.zeros(right.shape)
@@ -255,7 +264,7 @@ class Score:
             there, part = local[at[here]], x[here]
             error[:, j] += -2 * self.right[j][len(self.weights) :, there] @ part
             error[:, j] += np.einsum("bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part)
-        return np.maximum(error, 0.0) + sum((self.kept[id(m)][rest] for m in found.members if id(m) in self.kept), np.zeros(()))
+        return np.maximum(error, 0.0)
 
     def promise(self, members: Iterable[Item]) -> dict[int, float]:
         """Return a quick estimate of what adding each other item is worth to the score, from the fit on all blocks."""
@@ -264,7 +273,7 @@ class Score:
         gram, push = self._whole()
         x = np.zeros(self.total)
         x[at] = now.x * self.scale[at]
-        push = push - (gram + self.anchored) @ x
+        push = push + self.pull - (gram + self.anchored) @ x
         gram = gram + self.anchored
         inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + RIDGE * np.diag(gram)[at] + 1e-9)
         across = np.linalg.solve(inside, gram[at]) if len(at) else np.zeros((0, self.total))

@@ -19,6 +19,8 @@ from jaxidl.gap.score import Item, Score, Solution
 
 EPSILON = 1e-6  # least rise of the score
 TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on
+REPLACED = 4  # of a member's replacements
+ENTANGLED = 0.4  # correlation of two coefficients
 PASSES = 40
 
 
@@ -76,7 +78,7 @@ def replaced(score: Score, now: Solution) -> list[Move]:
     for m in filter(lambda m: not m.always, now.members):
         rest = after(now.members, [m], [])
         fresh = [i for i in promising(score, rest, set(m.joints)) if i is not m and i.group not in {r.group for r in rest}]
-        moves += [(frozenset([m]), frozenset([i])) for i in fresh]
+        moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]
     return moves
 
 
@@ -126,4 +128,4 @@ def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
             x, y = now.folds[:, now.of(a)], now.folds[:, now.of(b)]
             if x.shape[1] == y.shape[1] == 1 and np.std(x) > 0 and np.std(y) > 0:
                 found.append((abs(float(np.corrcoef(x[:, 0], y[:, 0])[0, 1])), a, b))
-    return [(a, b) for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 4 * TRIED] if r > 0.7]
+    return [(a, b) for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 4 * TRIED] if r > ENTANGLED]

@@ -11,11 +11,11 @@ from scipy.optimize import least_squares
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
-from jaxidl.gap.library import Shape, blocked, item
+from jaxidl.gap.library import Shape, columns_of, item, pushed
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Item, Solution
 
-EVALUATIONS = 12
+EVALUATIONS = 20
 SMALL = 1e-4  # of a parameter: the step of a difference
 
 
@@ -31,8 +31,7 @@ def movable(shape: Shape) -> tuple[str, ...]:
     cls = shape.cls
     if cls.linear:
         return ()
-    unused = {n for n in cls.parameters if n not in shape.free and shape.free and not np.any(shape.values[n])}
-    taken = {*shape.free, *cls.fixed, *unused}
+    taken = {*shape.amplitudes, *shape.free, *cls.fixed}
     return tuple(n for n in cls.parameters if n not in taken and np.isfinite(shape.values[n]).all())
 
 
@@ -68,14 +67,12 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: n
         (lower, upper),
         x_scale="jac",
         max_nfev=EVALUATIONS,
-        ftol=1e-4,
-        xtol=1e-4,
+        ftol=1e-6,
+        xtol=1e-6,
     ).x
     prior, shape = 1.0 / (1.0 + np.exp(-m.odds)), at_parameters(shape, best)
-    count = len(m.lower) if shape.free else 0
-    probes = [shape.at(row) for row in np.eye(count)] if count else [shape.effect()]
-    fresh = item(shape, float(prior), additions(probes, rows.signals, rows.tau, predicted)[0])
-    return blocked(fresh, rows, predicted) if m.actuates else fresh
+    fresh = item(shape, float(prior), columns_of(shape, rows, predicted))
+    return pushed(fresh, rows, predicted) if m.actuates else fresh
 
 
 def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) -> Tangent:

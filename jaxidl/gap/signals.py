@@ -253,8 +253,8 @@ def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndar
 def withstood(rests: np.ndarray, resting: np.ndarray, torque: np.ndarray, q: np.ndarray, seen: float, edge: int) -> np.ndarray:
     """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered ``torque`` (T,) of it (E, 2).
 
-    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position ``q`` (T,) has moved by more than
-    ``seen`` [m or rad]; filtered, the peak would be cut off.
+    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position ``q`` (T,) has moved by more
+    than ``seen`` [m or rad]; filtered, the peak would be cut off.
     """
     labelled: Any = ndimage.label(rests)
     found = []

@@ -52,7 +52,7 @@ def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: 
         lower, upper = limits(m.shape)
         tangents.append(
             replace(
-                m, columns=t.columns[:, :, list(m.joints)], lower=lower, upper=upper, precision=np.zeros(len(theta)), kept=None
+                m, columns=t.columns[:, :, list(m.joints)], lower=lower, upper=upper, precision=np.zeros(len(theta)), push=None
             )
         )
     thetas, folds = _fitted(tangents, rows._replace(gap=gap), score)
@@ -98,6 +98,7 @@ def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> tuple[list[np.
     gram, right = fresh.normal(order)
     prior = np.concatenate([np.zeros(0), *(m.precision for m in order)])
     lower, upper = (np.concatenate([np.zeros(0), *(getattr(m, side) for m in order)]) for side in ("lower", "upper"))
+    anchor, pull = fresh.anchoring(order)
     cones = buildable(order, links_of(rows.signals.body), rows.effects, places, count)
     unequal = dissipating(order, rows, places, count)
     best = fresh.solve(members)
@@ -107,8 +108,8 @@ def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> tuple[list[np.
         for k, (g, h) in enumerate(
             [(gram.sum(0), right.sum(0)), *((gram.sum(0) - g, right.sum(0) - h) for g, h in zip(gram, right, strict=True))]
         ):
-            ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12)
-            found = consistent(g + ridge, h, lower, upper, unequal, cones)
+            ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12) + anchor
+            found = consistent(g + ridge, h + pull, lower, upper, unequal, cones)
             x[k] = x[k] if found is None else found
     return [x[0, places[id(m)]] for m in members], [x[1:, places[id(m)]] for m in members]
 
