@@ -120,17 +120,17 @@ def test_beside_its_parts_an_effect_is_what_is_special_about_it():
 # on a log
 
 
-def swung(tau_of, shift=0.0):
+def swung(tau_of, shift=0.0, noise=1e-6):
     """Log of the two links on a smooth path, their torques as a function of the model's torque, speed and time."""
     t = DT * np.arange(STEPS)
     f = np.array([[0.31, 0.83, 1.7], [0.47, 1.1, 2.3]])
     size, phase = np.array([0.5, 0.2, 0.06]), np.array([[0.0, 1.0, 2.0], [0.5, 2.5, 1.0]])
-    angle = 2.0 * np.pi * f * (t[:, None, None] + 0.0) + phase
+    angle = 2.0 * np.pi * f * t[:, None, None] + phase
     q = np.sum(size * np.sin(angle), 2)
     late = 2.0 * np.pi * f * (t[:, None, None] - shift) + phase  # of the torque
     w = 2.0 * np.pi * f
     state = (np.sum(size * w**k * s(late), 2) for k, s in enumerate((np.sin, np.cos, lambda x: -np.sin(x))))
-    noise = 1e-6 * np.random.default_rng(0).normal(size=q.shape)
+    noise = noise * np.random.default_rng(0).normal(size=q.shape)
     return t, q + noise, tau_of(*state)
 
 
@@ -145,11 +145,11 @@ def needed(arm, q, qd, qdd):
 
 def test_where_within_a_sample_a_torque_acts_is_no_finding(arm):
     """Torques logged half a sampling interval late: a convention of the logger's, fitted beside everything and never named."""
-    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)), 0.5 * DT)
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)), 0.5 * DT, 1e-8)
     rows, found = found_in(arm, log, ("viscous_friction", "coulomb_friction", "actuator_delay", "sensor_delay"))
     assert found.named == ()
     left = residual(found.library.rows, found.solution)
-    assert np.all(rms(left, rows.used) < 0.1 * rms(rows.gap, rows.used))
+    assert rms(left, rows.used)[1] < 0.05 * rms(rows.gap, rows.used)[1]
 
 
 class Worm(Effect):

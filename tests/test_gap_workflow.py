@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jaxidl import gap, report
+from jaxidl.effects import Payload
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
@@ -59,7 +60,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path, mechanism):
     assert not found.findings
 
 
-def test_inertia_and_motor_constant_of_a_slider_are_told_to_be_ambiguous(tmp_path):
+def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp_path):
     found = gap.diagnose(*hidden(tmp_path, "slider", ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"})), rollouts=False)
     assert found.verdict == "ambiguous"
     assert {name for a in found.ambiguous for name, _ in a.candidates} >= {"inertia_error", "torque_scale"}
@@ -73,8 +74,12 @@ def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
     found = gap.diagnose(*hidden(tmp_path, "pendulum", bearing, tool, seed=7), rollouts=False)
     assert set(named(found)) == {("stribeck_friction", 0), ("payload", None)}
     told = {f.name: f.parameters for f in found.findings}
-    assert told["payload"]["mass"].value == pytest.approx(0.2, rel=0.03)
     assert told["stribeck_friction"]["excess"].value == pytest.approx(0.25, rel=0.1)
+    (tool,) = (f.effect for f in found.findings if f.name == "payload")
+    assert isinstance(tool, Payload)
+    _, x, _, z, _, yy, *_ = np.asarray(tool.numbers()).tolist()  # all that one hinge shows of a load: no mass by itself
+    assert (x, z) == pytest.approx((0.02, -0.06), abs=0.002)
+    assert yy == pytest.approx(0.02, rel=0.05)
 
 
 def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load(tmp_path):
@@ -124,7 +129,8 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     found = gap.diagnose(log, model, effects=[effect, "viscous_friction"])
     assert named(found) == [(effect, 0)]
     ((parameter, truth),) = parameters.items()
-    assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02)
+    step = np.load(log)["time"][1] if parameter == "delay" else 0.0  # where within it a torque acts is the logger's convention
+    assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02, abs=0.5 * step)
     report.save(found, tmp_path / "report")
     again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"])
     assert (again.verdict, again.findings) == ("nothing_missing", ())
@@ -173,12 +179,13 @@ def emps() -> Path:
     return EMPS
 
 
-def test_measured_drive_has_viscous_and_dry_friction_and_an_offset(emps, tmp_path):
+def test_measured_drive_has_viscous_and_dry_friction_that_differ_by_direction(emps, tmp_path):
     (tmp_path / "slider.xml").write_text(SLIDER.format(mass=95.1089))
     found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)
     names = {name for name, _ in named(found)}
-    assert {"viscous_friction", "coulomb_friction", "constant_offset"} <= names
-    assert names <= {"viscous_friction", "coulomb_friction", "constant_offset", "asymmetric_friction"}
+    assert {"viscous_friction", "coulomb_friction"} <= names
+    assert names & {"constant_offset", "asymmetric_friction"}  # at its one travelling speed an offset is that, too
+    assert names <= {"viscous_friction", "coulomb_friction", "constant_offset", "asymmetric_friction", "sublinear_friction"}
     assert found.gap.after.torque_relative[0] <= 0.045
 
 

@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
+from jaxidl.gap.library import rms
 from jaxidl.gap.rows import Rows
 
 EXCESS = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
@@ -25,7 +26,7 @@ class Place(NamedTuple):
 def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
     """The regimes of each joint that stand out, the most striking first; joints in the order of their relative residual."""
     counted = data.used
-    size = [np.sqrt(np.mean(residual[counted[:, j], j] ** 2)) / max(data.spread[j], 1e-12) for j in range(len(names))]
+    size = rms(residual, counted) / np.maximum(data.spread, 1e-12)
     places = []
     for j in np.argsort(size)[::-1].tolist():
         energy = residual[:, j] ** 2 * counted[:, j]

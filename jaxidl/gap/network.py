@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.gap.find import jackknife
+from jaxidl.gap.library import rms
 from jaxidl.gap.rows import Rows
 from jaxidl.models import ErrorModel, Training
 from jaxidl.models.training import draw_batches, fit, start
@@ -36,7 +37,7 @@ def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
     x = np.concatenate([signals.q[rows], signals.qd[rows], signals.qdd[rows]], axis=1)
     x = (x - x.mean(0)) / np.maximum(x.std(0), 1e-12)
     counted = data.used
-    scale = np.array([np.sqrt(np.mean(residual[counted[:, j], j] ** 2)) for j in range(residual.shape[1])])
+    scale = rms(residual, counted)
     y = np.clip(residual / np.maximum(scale, 1e-12), -5.0, 5.0) * counted
     predicted = np.zeros_like(residual)
     fold = np.where(data.block >= 0, data.block % FOLDS, -1)
