@@ -1,12 +1,17 @@
 """The commands ``jaxidl gap`` and ``jaxidl gap-benchmark``."""
 
+import importlib
+import importlib.util
 import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from tyro.conf import arg
+
+from jaxidl.errors import ConfigurationError, JaxidlError
 
 Names = tuple[str, ...]
 
@@ -19,7 +24,10 @@ def gap(
     out: Annotated[Path, arg(metavar="DIR")] = Path("gap"),
     held_out: float = 0.3,
     min_gain: float = 0.05,
+    reference: Annotated[tuple[Path, ...], arg(metavar="OLD ...")] = (),
     effects: Annotated[Names, arg(metavar="NAME ...")] = (),
+    exclude: Annotated[Names, arg(metavar="NAME ...")] = (),
+    plugin: Annotated[Names, arg(metavar="FILE.py ...")] = (),
     refine: bool = False,
     joints: Annotated[Names, arg(metavar="NAME ...")] = (),
     columns: Annotated[Names, arg(metavar="KEY=TITLE ...")] = (),
@@ -38,7 +46,10 @@ def gap(
         out: folder for report.html, report.json, figures, and the patched model.xml and effects.json.
         held_out: share of the log that takes no part in fitting and ranking.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
-        effects: look for these effects only; all of the catalogue unless told.
+        reference: an earlier log of the same robot: what both logs have in common is no finding, only what changed since.
+        effects: look for these effects only (default: all of the catalogue).
+        exclude: do not look for these effects.
+        plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
         refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is so followed more closely.
         joints: look at these joints of the model only; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, qd, qdd, tau or i.
@@ -51,17 +62,24 @@ def gap(
     from jaxidl.gap.inputs import read_inputs
     from jaxidl.report import check_folder, save, table
 
+    if refine and reference:
+        raise ConfigurationError("--refine or --reference", "both", "find what changed first, then refine the patched model")
+    for name in plugin:
+        _load(name)
     check_folder(out, model)
     motors = {"motor": motor, "torque_constant": torque_constant, "gear_ratio": gear_ratio}
     shown = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*shown, transient=True) as progress:
         bar = progress.add_task("reading", total=1.0)
         log, robot = read_inputs(logs, model, joints=joints, columns=columns, topic=topic, **motors)
+        old = read_inputs(reference, model, joints=joints, columns=columns, topic=topic, **motors).log if reference else None
         found = diagnose(
             log,
             robot,
+            reference=old,
             held_out=held_out,
             effects=effects or None,
+            exclude=exclude,
             min_gain=min_gain,
             watch=lambda what, share: progress.update(bar, description=what, completed=share),
         )
@@ -72,6 +90,26 @@ def gap(
         page = save(found, out)
     print(table(found))
     print(f"report in {page}")
+
+
+def _load(plugin: str) -> None:
+    """Import a Python file or module, whose effects register themselves."""
+    path = Path(plugin)
+    try:
+        if path.suffix == ".py":
+            spec = importlib.util.spec_from_file_location(path.stem, path)
+            assert spec is not None
+            assert spec.loader is not None
+            module = importlib.util.module_from_spec(spec)
+            sys.modules[path.stem] = module
+            spec.loader.exec_module(module)
+        else:
+            importlib.import_module(plugin)
+    except JaxidlError:
+        raise
+    except Exception as error:  # whatever a user's module raises
+        got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
+        raise ConfigurationError(f"a Python file or module in --plugin {plugin}", got, "correct its path or its code") from None
 
 
 _FAMILIES = ("single", "none", "pair", "outside", "robot")

@@ -144,9 +144,9 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         rest = without(now, m)
         promise = score.promise(rest)
         near = [i for i in score.items if id(i) in promise and i.group not in {r.group for r in rest} and i.group != m.group]
-        near = [
-            i for i in near if set(i.joints) & set(m.joints) and promise[id(i)] - i.odds > promise[id(m)] - m.odds - FAR / 2.0
-        ]
+        near = [i for i in near if set(i.joints) & set(m.joints) and size(i) <= size(m) and not part(m, i)]
+        likely = promise[id(m)] - m.odds - FAR / 2.0
+        near = [i for i in near if promise[id(i)] - i.odds > likely and i.odds > m.odds - FARTHER]
         equal = [m.group]
         for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[:RIVALS]:
             at = score.solve([*rest, i])
@@ -160,6 +160,11 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         if len(equal) > 1:
             sets.append(equal)
     return sets
+
+
+def part(m: Item, whole: Item) -> bool:
+    """Has an effect another one as a part?"""
+    return bool({m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free)))
 
 
 def size(i: Item) -> int:

@@ -18,7 +18,7 @@ from scipy import ndimage, signal
 
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.gap.log import Log
-from jaxidl.systems.tables import Tables, inverse_dynamics, tables
+from jaxidl.systems.tables import Tables, tables
 
 NOISE_SHARE = 0.02  # of the command's spread: where the band ends
 BAND = (4.0, 100.0)  # least and largest [Hz]
@@ -105,7 +105,6 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, REST_SPEED * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
-    static = inverse_dynamics(body, q, 0.0 * qd, 0.0 * qdd)
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
     edge = round(TRIM / dt)
     rows = [
@@ -114,7 +113,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
     peaks = tuple(
-        withstood(rests[:, j], resting[:, j], log.tau[:, j] - static[:, j], log.q[:, j], 5.0 * sigma[j], edge)
+        withstood(rests[:, j], resting[:, j], log.tau[:, j] - table.torque[:, j], log.q[:, j], 5.0 * sigma[j], edge)
         for j in range(log.joints)
     )
     kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
