@@ -17,6 +17,9 @@ COMPANIONS: Mapping[str, tuple[str, ...]] = {
 """Effects that may be named beside a hidden one: the catalogue says a friction that bends, and a centre of mass that is off
 with the link's own inertia kept, as a sum of several of its effects."""
 
+SUMS: Mapping[str, tuple[str, ...]] = {"asymmetric_friction": ("coulomb_friction", "constant_offset")}
+"""Effects that are exactly others together: either way of saying it is right."""
+
 CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
 TIED = {
@@ -72,7 +75,8 @@ def single_credit(hidden: Record, report: Record | None) -> float:
     for group in candidates(report):
         if truth in group:
             return 0.5 if set(names) <= group else 0.0
-    return float(names == [truth])
+    sum_of = {(part, truth[1]) for part in SUMS.get(truth[0], ())}
+    return float(names == [truth] or (bool(sum_of) and set(names) == sum_of))
 
 
 def tied(truth: Record) -> bool:

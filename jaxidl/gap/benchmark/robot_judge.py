@@ -27,9 +27,6 @@ CONTAINS: Mapping[str, tuple[str, ...]] = {
 }
 """Effects that have others within them by their formulas: who names the first has found the second on that joint, too."""
 
-SUMS: Mapping[str, tuple[str, ...]] = {"asymmetric_friction": ("coulomb_friction", "constant_offset")}
-"""Effects that are exactly others together: either way of saying it is right."""
-
 TORQUES = {
     *("level", "excess", "positive", "negative", "coefficient", "extra", "offset", "stiffness", "sine", "cosine"),
     *("warm", "damping", "motor_inertia"),
@@ -57,9 +54,9 @@ def right(truth: Record, report: Record, effect: Record) -> bool:
             return bool(abs(value[0 if len(value) == 1 else name[1] or 0] - true) <= SCALE_OFF + 0.2 * abs(true - 1))
         if name in hidden:
             return True
-        if any((whole, name[1]) in hidden and name[0] in parts for whole, parts in SUMS.items()):
+        if any((whole, name[1]) in hidden and name[0] in parts for whole, parts in judge.SUMS.items()):
             return True
-        if name[0] in SUMS and all((part, name[1]) in hidden for part in SUMS[name[0]]):
+        if name[0] in judge.SUMS and all((part, name[1]) in hidden for part in judge.SUMS[name[0]]):
             return True
         if name[0] in INERTIAL:
             links = _links(truth)
@@ -77,7 +74,7 @@ def found(truth: Record, report: Record | None, hidden: Record) -> bool:
     for effect, joint in names_of(hidden):
         if (effect, joint) in names or any((whole, joint) in names for whole, parts in CONTAINS.items() if effect in parts):
             return True
-        if effect in SUMS and all((part, joint) in names for part in SUMS[effect]):
+        if effect in judge.SUMS and all((part, joint) in names for part in judge.SUMS[effect]):
             return True
     if hidden["effect"] in INERTIAL:
         links = _links(truth)
