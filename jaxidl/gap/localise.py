@@ -26,7 +26,7 @@ class Place(NamedTuple):
 def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
     """The regimes of each joint that stand out, the most striking first; joints in the order of their relative residual."""
     counted = data.used
-    size = rms(residual, counted) / np.maximum(data.spread, 1e-12)
+    size = (rms(residual, counted) / np.maximum(data.spread, 1e-12)).tolist()
     places = []
     for j in np.argsort(size)[::-1].tolist():
         energy = residual[:, j] ** 2 * counted[:, j]
