@@ -123,7 +123,7 @@ class Payload(Effect):
     internal: ClassVar[tuple[str, ...]] = ("moment",)
     mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial", "moment": "body/inertial", "inertia": "body/inertial"}
     changes: ClassVar[float] = 0.3
-    prior: ClassVar[float] = 0.25
+    prior: ClassVar[float] = 0.1
     advice: ClassVar[str] = ACCELERATIONS
 
     def numbers(self) -> Float[Array, "10"]:
