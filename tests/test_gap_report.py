@@ -46,7 +46,7 @@ def chain(folder, names):
 def finding(name, joint, effect, parameters, confidence=0.97, share=0.4, gain=0.857, where=0):
     """One of those that a search hands out."""
     return Finding(
-        name, joint, effect, f"{CATALOGUE[name].sentence} (there)", parameters, confidence, confidence, 100.0, share, where,
+        name, joint, effect, f"{CATALOGUE[name].sentence} (there)", parameters, confidence, 100.0, share, where,
         3.5, 0.5, gain, 0.013,
     )  # fmt: skip
 
@@ -164,7 +164,7 @@ def test_the_folder_is_as_the_contract_says(tmp_path):
     assert (effect["effect"], effect["joint"], effect["gain"], effect["gain_stderr"]) == ("coulomb_friction", 0, 0.857, 0.013)
     assert (effect["joint_name"], effect["confidence"], effect["share"]) == ("slide", 0.97, 0.4)
     assert effect["parameters"] == {"level": {"value": 3.25, "unit": "N", "stderr": 0.125}}
-    assert {"sentence", "held_out_before", "held_out_after", "support", "evidence"} <= effect.keys()
+    assert {"sentence", "held_out_before", "held_out_after", "evidence"} <= effect.keys()
     assert {"joint", "regime", "share", "sentence"} <= content["where"][0].keys()
     assert content["gap"]["unit"] == ["N", "Nm"]
     assert content["gap"]["before"].keys() == {"torque_rms", "torque_relative", "rollout_rms"} == content["gap"]["after"].keys()
