@@ -492,7 +492,7 @@ def test_a_measured_log_from_end_to_end(tmp_path):
     assert d.verdict == "named"
     assert {f.name for f in d.findings} == {"viscous_friction", "coulomb_friction"}
     save(d, tmp_path / "out")
-    assert "coulomb friction" in page_of(tmp_path / "out").text
+    assert "coulomb friction" in page_of(tmp_path / "out").text.lower()
     found = read_model(tmp_path / "out" / "model.xml").plant.effects
     assert float(found[0].effect.coefficient[0]) == pytest.approx(3.0, rel=0.05)
     assert float(found[1].effect.level[0]) == pytest.approx(1.5, rel=0.05)
