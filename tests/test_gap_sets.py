@@ -152,7 +152,7 @@ def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     first = there.solve(common)
     gram, _ = there.normal(first.members)
     new = rows._replace(gap=rows.gap - _made(common, first))
-    here = score_of(new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0)))
+    here = score_of(new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0), np.zeros(len(gram[0]))))
     found = here.solve([*common, pool[9]])
     x, y = (np.concatenate(parts) for parts in zip(
         stacked(rows, found.members, rows.training), _nothing(stacked(other, found.members, other.training), 1), strict=True
