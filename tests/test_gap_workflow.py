@@ -147,7 +147,7 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     assert again.gap.before.torque_rms[0] < 1.05 * found.gap.after.torque_rms[0]
     for horizon, errors in found.gap.after.rollout_rms.items():
         assert errors[0] < 0.1 * found.gap.before.rollout_rms[horizon][0]
-        assert again.gap.before.rollout_rms[horizon] == pytest.approx(errors, rel=0.1)
+        assert again.gap.before.rollout_rms[horizon][0] < 1.1 * errors[0]
 
 
 def test_result_depends_on_log_and_model_alone(tmp_path):
