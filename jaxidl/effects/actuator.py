@@ -118,6 +118,7 @@ class TorqueCurve(Effect):
     name: ClassVar[str] = "torque_curve"
     sentence: ClassVar[str] = "the motor delivers a smaller share of large torques than of small ones"
     parameters: ClassVar = {"loss": Parameter("1/N", 0.0, 1e3, "share that is missing per torque")}
+    neutral: ClassVar[float] = 0.0
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = "hold still against known weights from light to heavy, up to the largest command"
 
@@ -126,7 +127,9 @@ class TorqueCurve(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        return [Variant({}, ("loss",), {"loss": (0.0, 0.5 / max(scale.torque, 1e-9))})]
+        """Up to a motor that delivers no more than half of any torque above half of the largest."""
+        largest = 1.0 / max(scale.torque, 1e-9)
+        return [Variant({"loss": share * largest}, within={"loss": (0.0, largest)}) for share in (0.1, 0.3, 0.6)]
 
 
 class TorqueSaturation(Effect):
@@ -159,7 +162,7 @@ class TorqueSaturation(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        return [{"limit": share * scale.torque} for share in (0.9, 0.75, 0.6, 0.45, 0.3, 0.2)]
+        return [{"limit": share * scale.torque} for share in (0.93, 0.85, 0.76, 0.68, 0.6, 0.53, 0.46, 0.4, 0.34, 0.28, 0.2)]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:

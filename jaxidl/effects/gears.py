@@ -25,7 +25,6 @@ class DirectionalLoadFriction(Effect):
         "driving": Parameter("1", 0.0, 0.99, "friction over transmitted torque where the motor drives"),
         "driven": Parameter("1", 0.0, 0.99, "friction over transmitted torque where the motor is driven"),
     }
-    linear: ClassVar[bool] = True
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = POSTURES
 

@@ -12,7 +12,7 @@ from jaxidl.types import Joints
 
 Waves = Float[Array, " J"] | Float[Array, "J H"]
 
-LEAST_WAVES = 2.0  # of a ripple that a search looks for, within the range of positions
+LEAST_WAVES = 1.5  # of a ripple that a search looks for, within the range of positions
 
 HOLDING = (
     "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and load "

@@ -14,9 +14,9 @@ import numpy as np
 from scipy import sparse
 
 from jaxidl.effects import Effect
-from jaxidl.gap.links import Links, change_of, physical, pseudo_inertia
+from jaxidl.gap.links import Links, change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Item
+from jaxidl.gap.score import Item, Score, Solution
 
 PLACES = 80  # of a joint's rows at which its friction must dissipate
 FAST = 3.0  # times the speed of rest: nearer to a reversal the filter blurs the direction
@@ -59,6 +59,36 @@ def consistent(
     if str(found.status) not in ("Solved", "AlmostSolved"):
         return None
     return np.clip(np.asarray(found.x) / size, lower, upper)
+
+
+def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None:
+    """Return coefficients (P,) of a set that are physical, or None if its own are, or none could be found."""
+    fits = physical_fits(score, found, rows, folds=False)
+    return None if fits is None else fits[0]
+
+
+def physical_fits(score: Score, found: Solution, rows: Rows, folds: bool = True) -> np.ndarray | None:
+    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B, or None if its own are."""
+    members, count = found.members, len(found.x)
+    places = {id(m): found.of(m) for m in members}
+    cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
+    unequal = dissipating(members, rows, places, count)
+    physical = all(np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones)
+    if physical and not np.any(unequal @ found.x < -1e-9):
+        return None
+    gram, right = score.normal(members)
+    anchor, pull = score.anchoring(members)
+    prior, lower, upper = (
+        np.concatenate([np.zeros(0), *(getattr(m, name) for m in members)]) for name in ("precision", "lower", "upper")
+    )
+    whole = gram.sum(0), right.sum(0)
+    x = np.concatenate([found.x[None], found.folds]) if folds else found.x[None].copy()
+    for k in range(len(x)):
+        g, h = whole if k == 0 else (whole[0] - gram[k - 1], whole[1] - right[k - 1])
+        ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12) + anchor
+        best = consistent(g + ridge, h + pull, lower, upper, unequal, cones)
+        x[k] = x[k] if best is None else best
+    return x
 
 
 def dissipating(members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int) -> np.ndarray:

@@ -12,13 +12,14 @@ from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
 from jaxidl.gap.find import Found, aside, find, worse_by
-from jaxidl.gap.library import Library, Reference, library, present, residual
+from jaxidl.gap.library import Library, Reference, library, residual
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Item, Score
+from jaxidl.gap.shape import present
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise

@@ -10,11 +10,13 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
+from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search
-from jaxidl.gap.shapes import amplitudes, fitted, limits, movable, vector
+from jaxidl.gap.shape import amplitudes, limits, movable, parameters, vector
+from jaxidl.gap.shapes import fitted
 
 ROUNDS = 5  # of shapes fitted and sets searched
 RIVALS = 2  # of each effect that is not common
@@ -23,6 +25,7 @@ FARTHER = 4.0  # log odds: an explanation that was so much less likely beforehan
 EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
 BOUND = "its value is on a bound"
+UNPHYSICAL = "no link that could be built explains it"
 STRONG = 10.0  # what an effect is worth to the score: without it the set is another one
 ON_BOUND = 1e-3  # of a value: nearer to a bound it is on it
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
@@ -50,27 +53,42 @@ class Found:
 
 def find(library: Library, min_gain: float, watch: Watch = lambda what, share: None, resample: bool = True) -> Found:
     """Return what is missing, beginning with the envelope, or with nothing where another log is the reference."""
-    rows, score = library.rows, library.score
-    basic = [i for i in score.items if i.always or (i.common and score.anchor is None)]
+    rows = library.rows
+    score, predicted, banned = library.score, library.predicted, dict[Group, str]()
     watch("searching", 0.0)
-    now, predicted = search(score, basic), library.predicted
-    for number in range(ROUNDS):
-        watch("fitting shapes", (number + 1) / (ROUNDS + 1))
+    now = search(score, [i for i in score.items if i.always or (i.common and score.anchor is None)])
+    number = 0
+    while True:
+        watch("fitting shapes", number / ROUNDS)
+        score, now, predicted = settled(score, now, library, predicted)
+        fit, number = set(now.members), number + 1
+        now, narrow, strong, weak = nameable(score, now, rows, min_gain)
+        banned |= strong
+        if number == ROUNDS or all(m in fit or m.shape is None or not movable(m.shape) for m in now.members):
+            break
+        score = score.narrowed([i for i in score.items if i.group not in strong])
+    watch("resampling", 0.0)
+    said = support(narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
+    watch("looking for other explanations", 0.0)
+    ties = tied(narrow, now, library, predicted) if resample else []
+    return Found(library, narrow, now, predicted, said, ties, banned | weak)
+
+
+def settled(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> tuple[Score, Solution, np.ndarray]:
+    """Return the set with its shapes fitted, with the score made for them and the command (T, J) that it predicts."""
+    rows = library.rows
+    for _ in range(ROUNDS):
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted)
         fresh = refitted(now, library, predicted)
         score, after = renewed(score, now, fresh, rows)
-        settled = {m.group for m in after.members} == {m.group for m in now.members}
+        same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
-        if settled and (better := contested(score, now, library, predicted)) is not None:
+        if same and (better := contested(score, now, library, predicted)) is not None:
             score, now = renewed(score, now, better, rows)
-        elif settled:
+        elif same:
             break
-    now, score, dropped = nameable(score, now, min_gain, rows.signals.dt)
-    watch("resampling", 0.0)
-    said = support(score, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
-    watch("looking for other explanations", 0.0)
-    return Found(library, score, now, predicted, said, tied(score, now, library, predicted) if resample else [], dropped)
+    return score, now, predicted
 
 
 def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Score:
@@ -102,8 +120,7 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
         if movable(m.shape):
             fresh.append(fitted(m, now, library.rows, predicted, library.score.noise))
         elif m.shape.effect().reads_torque(len(library.score.noise)):
-            prior = float(1.0 / (1.0 + np.exp(-m.odds)))
-            fresh += items_of([(m.shape, prior)], library.rows, predicted, library.score.items)
+            fresh += items_of([m.shape], library.rows, predicted, library.score.items)
     return fresh
 
 
@@ -169,31 +186,47 @@ def part(m: Item, whole: Item) -> bool:
 
 def size(i: Item) -> int:
     """Return the number of an effect's parameters that a fit moves."""
-    return len(i.lower) * bool(i.shape.free) + sum(np.size(i.shape.values[n]) for n in movable(i.shape))
+    return len(i.lower) * bool(i.shape.free) + parameters(i.shape)
 
 
-def nameable(score: Score, now: Solution, min_gain: float, interval: float) -> tuple[Solution, Score, dict[Group, str]]:
-    """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time."""
+def nameable(
+    score: Score, now: Solution, rows: Rows, min_gain: float
+) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
+    """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time.
+
+    Also the score of what is left, and what was taken out, and why: what the rest was judged beside, and what it was not.
+    """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
         objections = [
             (now.value - score.solve(without(now, m)).value, m, why)
             for m in now.members
-            if (why := objection(score, now, m, min_gain, interval))
+            if (why := objection(score, now, m, min_gain, rows.signals.dt))
         ]
+        objections = objections or unbuildable(score, now, rows)
         if not objections:
             again = search(score, now.members) if strong or weak else now
             if again.value <= now.value + EPSILON:
-                return now, score, strong | weak
+                return now, score, strong, weak
             now = again
             continue
         worth, worst, why = min(objections, key=lambda o: o[0])
-        if worth > STRONG or why == BOUND:  # the others were judged beside it
+        if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged beside it
             strong[worst.group], weak = why, {}
         else:
             weak[worst.group] = why
         score = every.narrowed([i for i in every.items if i.group not in strong and i.group not in weak])
         now = search(score, without(now, worst), swap=worth > STRONG)
+
+
+def unbuildable(score: Score, now: Solution, rows: Rows) -> list[tuple[float, Item, str]]:
+    """Return members that change links, and are worth less than what it costs to keep all links such as could be built."""
+    changing = [m for m in now.members if m.shape is not None and m.shape.cls.alter is not Effect.alter]
+    if not changing or (x := physical_fit(score, now, rows)) is None:
+        return []
+    cost = score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
+    worth = [(now.value - score.solve(without(now, m)).value, m, UNPHYSICAL) for m in changing]
+    return [w for w in worth if w[0] < cost]
 
 
 def without(now: Solution, m: Item) -> list[Item]:
@@ -210,7 +243,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if not np.any(np.abs(x) > EXCLUDED * stderr):
         return "its standard error does not exclude zero"
     at_bound = (x <= m.lower) | (x >= m.upper)
-    if np.all(at_bound | (x == 0.0)) or bounded(m, x):
+    if np.all(at_bound | (x == 0.0)) or bounded(m, x) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
     if late(m, x) <= interval:
@@ -229,6 +262,15 @@ def bounded(m: Item, x: np.ndarray) -> bool:
     theta, shape = vector(m.shape, x), np.arange(len(low)) >= amplitudes(m.shape)
     near = ON_BOUND * np.abs(theta)
     return bool(np.any(shape & ((theta <= low + near) | (theta >= high - near))))
+
+
+def beyond(m: Item, x: np.ndarray) -> bool:
+    """Are the values that a member is reported with out of the catalogue's bounds, such as a load's centre far away?"""
+    if not m.shape.cls.internal:
+        return False
+    effect = m.shape.at(x).settled()
+    values = {n: np.asarray(getattr(effect, n), float) for n in m.shape.cls.parameters}
+    return any(np.any((v < p.lower) | (v > p.upper)) for v, p in ((values[n], m.shape.cls.parameters[n]) for n in values))
 
 
 def late(m: Item, x: np.ndarray) -> float:

@@ -13,6 +13,7 @@ Gram matrices per block and joint are made once; a set then costs one small solv
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -163,30 +164,31 @@ class Score:
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block of training."""
-        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
+        at = self._places(members)
         gram, right, _ = self._normal(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
 
     def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
-        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
+        at = self._places(members)
         return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[at] * self.scale[at]
 
-    def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
+    def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
         blocks = len(self.weights)  # those of training come first
         gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
         own = []
         for local, g, h in zip(self.local, self.gram, self.right, strict=True):
             here = np.flatnonzero(local[at] >= 0)
             there = local[at[here]]
-            own.append((here, there))
-            gram[:, here[:, None], here] += g[:blocks, there[:, None], there]
-            right[:, here] += h[:blocks, there]
+            g, h = g[:blocks, there[:, None], there], h[:blocks, there]
+            own.append((here, g, h))
+            gram[:, here[:, None], here] += g
+            right[:, here] += h
         return gram, right, own
 
     def _solve(self, members: tuple[Item, ...]) -> Solution:
-        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
-        train, blocks = self.training, len(self.weights)
+        at = self._places(members)
+        blocks = len(self.weights)
         gram, right, own = self._normal(at)
         w = self.weights[:, None]
         whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
@@ -194,13 +196,12 @@ class Score:
         x = self._bounded(*left, at)
         error = np.zeros((len(gram), len(self.which)))
         passed = np.ones(len(self.which))
-        for j, (here, there) in enumerate(own):
+        for j, (here, g, h) in enumerate(own):
             part = x[1:, here]
-            g, h = self.gram[j][:blocks, there[:, None], there], self.right[j][:blocks, there]
-            error[:, j] = self.square[train, j] - 2 * np.sum(part * h, 1) + np.einsum("bp,bpq,bq->b", part, g, part)
+            error[:, j] = self.square[:blocks, j] + np.sum(((g @ part[..., None])[..., 0] - 2 * h) * part, 1)
             passed[j] = self._passed(j, members, at, x[0])
         error = np.maximum(error, 0.0)
-        value = self.value_of((w * error).sum(0) / np.maximum(self.weights @ self.count[train], 1.0) / passed, members)
+        value = self.value_of((w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0) / passed, members)
         return Solution(members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value)
 
     def value_of(self, error: np.ndarray, members: Iterable[Item]) -> float:
@@ -226,37 +227,57 @@ class Score:
             return right
         own, right = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at]
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
-        gram = gram + steady[:, :, None] * np.eye(len(at)) + self.anchored[np.ix_(at, at)]
-        x = np.zeros(right.shape)
-        free, fixed = ~self.dead[at], np.clip(np.zeros(len(at)), lower, upper)
+        gram[:, np.arange(len(at)), np.arange(len(at))] += steady
+        if self.anchor is not None:
+            gram = gram + self.anchored[np.ix_(at, at)]
+        x, free = np.zeros(right.shape), ~self.dead[at]
+        held = np.clip(x[0], lower, upper)
         for _ in range(12):
-            x[0] = fixed
-            x[0][free] = np.linalg.solve(
-                gram[0][np.ix_(free, free)], right[0][free] - gram[0][np.ix_(free, ~free)] @ fixed[~free]
-            )
+            x[0] = held
+            if free.all():
+                x[0] = np.linalg.solve(gram[0], right[0])
+            elif free.any():
+                inner, side = gram[0][np.ix_(free, free)], gram[0][np.ix_(free, ~free)]
+                x[0, free] = np.linalg.solve(inner, right[0, free] - side @ held[~free])
             wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
             if not wrong.any():
+                if free.all():
+                    break
                 push = right[0] - gram[0] @ x[0]
                 back = ~free & ~self.dead[at] & (lower < upper)
-                back &= ((fixed <= lower) & (push > 1e-9)) | ((fixed >= upper) & (push < -1e-9))
+                back &= ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
                 if not back.any():
                     break
                 free |= back & (np.abs(push) == np.max(np.abs(push[back])))
                 continue
-            fixed = np.where(wrong, np.clip(x[0], lower, upper), fixed)
+            held = np.where(wrong, np.clip(x[0], lower, upper), held)
             free &= ~wrong
-        x[:] = np.clip(fixed, lower, upper)
-        if free.any():
-            rest = right[1:, free] - gram[1:][:, free][:, :, ~free] @ fixed[~free]
-            x[1:, free] = np.linalg.solve(gram[1:][:, free][:, :, free], rest[..., None])[..., 0]
-            x[0, free] = np.linalg.solve(
-                gram[0][np.ix_(free, free)], right[0][free] - gram[0][np.ix_(free, ~free)] @ fixed[~free]
-            )
+        if free.all():
+            x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
+        elif free.any():
+            rows = gram[1:, free]
+            x[1:] = held
+            x[1:, free] = np.linalg.solve(rows[:, :, free], (right[1:, free] - rows[:, :, ~free] @ held[~free])[..., None])[
+                ..., 0
+            ]
+        else:
+            x[1:] = held
         return np.clip(x, lower, upper)
+
+    def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
+        """Return the score of coefficients ``x`` (P,) of a set on the blocks of training themselves."""
+        at, blocks = self._places(members), len(self.weights)
+        _, _, own = self._normal(at)
+        scaled, error = x * self.scale[at], np.zeros(len(own))
+        for j, (here, g, h) in enumerate(own):
+            part = scaled[here]
+            error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
+        passed = [self._passed(j, members, at, scaled) for j in range(len(own))]
+        return self.value_of(np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed, members)
 
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A blocks kept aside [noise^2]."""
-        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in found.members)])
+        at = self._places(found.members)
         x, rest = found.x * self.scale[at], ~self.training
         error = self.square[rest].copy()
         for j, local in enumerate(self.local):
@@ -269,52 +290,78 @@ class Score:
     def promise(self, members: Iterable[Item]) -> dict[int, float]:
         """Return a quick estimate of what adding each other item is worth to the score, from the fit on all blocks."""
         now = self.solve(members)
-        at = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in now.members)])
-        gram, push = self._whole()
-        x = np.zeros(self.total)
-        x[at] = now.x * self.scale[at]
-        push = push + self.pull - (gram + self.anchored) @ x
-        gram = gram + self.anchored
-        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + RIDGE * np.diag(gram)[at] + 1e-9)
-        across = np.linalg.solve(inside, gram[at]) if len(at) else np.zeros((0, self.total))
+        at = self._places(now.members)
+        gram, push, widths = self._whole
+        push = push - gram[:, at] @ (now.x * self.scale[at])
+        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9)
+        over = gram[at]
+        across = np.linalg.solve(inside, over) if len(at) else over
         left = np.maximum(now.error.sum(0), 1e-9)
-        taken, out = set(map(id, now.members)), {}
-        for i in self.items:
-            own = self.place[id(i)]
-            if id(i) in taken or not len(own):
-                continue
-            schur = gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ across[:, own]
-            schur = schur + np.diag(self.prior[own] + 1e-6 * np.diag(gram)[own] + 1e-9)
-            step = np.linalg.solve(schur, push[own])
-            if len(own) == 1:
-                step = np.clip(step, self.bounds[0][own], self.bounds[1][own])
-            gain = float(2 * step @ push[own] - step @ schur @ step)
-            pick = list(i.joints)
-            rate = min(max(gain, 0.0) / left[pick].sum(), 1.0 - 1e-6)
-            out[id(i)] = -0.5 * self.effective[pick].sum() * np.log(1.0 - rate) - 0.5 * len(own) + i.odds
+        out: dict[int, float] = {}
+        for items, where, own, on in widths:  # all items of one number of columns at once
+            schur = own - np.einsum("anp,anq->npq", over[:, where], across[:, where])
+            right = push[where]
+            step = np.linalg.solve(schur, right[..., None])[..., 0]
+            if where.shape[1] == 1:
+                step = np.clip(step, self.bounds[0][where], self.bounds[1][where])
+            gain = 2 * np.sum(step * right, 1) - np.einsum("np,npq,nq->n", step, schur, step)
+            rate = np.clip(gain / (on @ left), 0.0, 1.0 - 1e-6)
+            odds = np.array([i.odds for i in items])
+            worth = -0.5 * (on @ self.effective) * np.log(1.0 - rate) - 0.5 * where.shape[1] + odds
+            out |= zip(map(id, items), worth.tolist(), strict=True)
+        for m in now.members:
+            out.pop(id(m), None)
         return out
 
-    def _whole(self) -> tuple[np.ndarray, np.ndarray]:
-        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training."""
-        gram, push = np.zeros((self.total, self.total)), np.zeros(self.total)
-        train = self.training
+    def lost(self, now: Solution) -> dict[int, float]:
+        """Return a quick estimate of what dropping each member would cost the score."""
+        at, (gram, _, _) = self._places(now.members), self._whole
+        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9)
+        inverse, x = np.linalg.inv(inside), now.x * self.scale[at]
+        left, out = np.maximum(now.error.sum(0), 1e-9), {}
+        for m in now.members:
+            own, on = now.of(m), list(m.joints)
+            cost = float(x[own] @ np.linalg.solve(inverse[own, own], x[own]))
+            out[id(m)] = 0.5 * self.effective[on].sum() * np.log1p(cost / left[on].sum()) + m.odds
+        return out
+
+    @cached_property
+    def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the items by their width: places
+        (n, p), their own part of the matrix (n, p, p) and on which joints (n, J) they are.
+        """
+        gram, push = self.anchored.copy(), self.pull.copy()
         for which, g, h in zip(self.which, self.gram, self.right, strict=True):
-            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[train], 1)
-            push[which] += self.weights @ h[train]
-        return gram, push
+            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[self.training], 1)
+            push[which] += self.weights @ h[self.training]
+        widths = []
+        for width in sorted({len(i.lower) for i in self.items} - {0}):
+            items = [i for i in self.items if len(i.lower) == width]
+            where = np.stack([self.place[id(i)] for i in items])
+            own = gram[where[:, :, None], where[:, None, :]].copy()
+            own[:, np.arange(width), np.arange(width)] += self.prior[where] + 1e-6 * np.diagonal(gram)[where] + 1e-9
+            on = np.zeros((len(items), len(self.which)))
+            for n, i in enumerate(items):
+                on[n, list(i.joints)] = 1.0
+            widths.append((items, where, own, on))
+        return gram, push, widths
+
+    def _places(self, members: Iterable[Item]) -> np.ndarray:
+        """Places of the columns of some items."""
+        return np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        other = object.__new__(Score)
-        other.__dict__.update(self.__dict__)
-        other.items, other._known = list(items), {}
-        return other
+        return self._with(items=list(items))
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each was drawn."""
+        return self._with(weights=weights)
+
+    def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
-        other.__dict__.update(self.__dict__)
-        other.weights, other._known = weights, {}
+        other.__dict__.update({**self.__dict__, **changes, "_known": {}})
+        other.__dict__.pop("_whole", None)
         return other
 
 

@@ -20,6 +20,7 @@ from jaxidl.gap.score import Item, Score, Solution
 EPSILON = 1e-6  # least rise of the score
 TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on
 REPLACED = 4  # of a member's replacements
+NEAR = 5.0  # of the score: by how much a promise may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients
 PASSES = 40
 
@@ -65,9 +66,10 @@ def after(members: tuple[Item, ...], out: Iterable[Item], new: Iterable[Item]) -
 
 def single(score: Score, now: Solution) -> list[Move]:
     """Return the moves: drop one, add one, another shape of one."""
-    drops = [(frozenset([m]), frozenset()) for m in now.members if not m.always]
+    lost = score.lost(now)
+    drops = [(frozenset([m]), frozenset()) for m in now.members if not m.always and lost[id(m)] < NEAR]
     taken = {m.group: m for m in now.members}
-    fresh = promising(score, now.members)
+    fresh = promising(score, now.members, now.value)
     adds = [(frozenset([taken[i.group]]) if i.group in taken else frozenset(), frozenset([i])) for i in fresh]
     return [*drops, *adds]
 
@@ -77,7 +79,7 @@ def replaced(score: Score, now: Solution) -> list[Move]:
     moves = []
     for m in filter(lambda m: not m.always, now.members):
         rest = after(now.members, [m], [])
-        fresh = [i for i in promising(score, rest, set(m.joints)) if i is not m and i.group not in {r.group for r in rest}]
+        fresh = promising(score, rest, now.value, set(m.joints), [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]
     return moves
 
@@ -86,25 +88,34 @@ def pairs(score: Score, now: Solution) -> list[Move]:
     """Return the moves: two members of one joint for one or two others, of those that hang together most."""
     moves = []
     for a, b in entangled(score, now):
-        rest = after(now.members, [a, b], [])
-        groups = {r.group for r in rest}
-        fresh = [i for i in promising(score, rest, set(a.joints) & set(b.joints)) if i not in (a, b) and i.group not in groups]
-        moves += [(frozenset([a, b]), frozenset([i])) for i in fresh[:TRIED]]
+        rest, both = after(now.members, [a, b], []), set(a.joints) & set(b.joints)
+        fresh = promising(score, rest, -np.inf, both, [a, b])
+        good = set(promising(score, rest, now.value, both, [a, b]))
+        moves += [(frozenset([a, b]), frozenset([i])) for i in fresh[:TRIED] if i in good]
         for first in fresh[:2]:
-            further = promising(score, after(rest, [], [first]), set(a.joints) & set(b.joints))
-            second = [i for i in further if i not in (a, b) and i.group not in groups | {first.group}][:2]
-            moves += [(frozenset([a, b]), frozenset([first, i])) for i in second]
+            second = promising(score, after(rest, [], [first]), now.value, both, [a, b])
+            moves += [(frozenset([a, b]), frozenset([first, i])) for i in second[:2]]
     return moves
 
 
-def promising(score: Score, members: Iterable[Item], joints: set[int] | None = None) -> list[Item]:
-    """Return the items that promise most beside ``members``, best first: a few for each joint."""
-    promise = score.promise(members)
-    ranked = sorted((i for i in score.items if id(i) in promise), key=lambda i: promise[id(i)], reverse=True)
+def promising(
+    score: Score, members: Iterable[Item], value: float, joints: set[int] | None = None, out: Iterable[Item] = ()
+) -> list[Item]:
+    """Return the items that promise most beside ``members``, best first: a few for each joint.
+
+    Args:
+        value: of the score, that they are to come near.
+        joints: of which they are to touch one.
+        out: what is not to come back. With ``joints``, neither are other shapes of the members.
+    """
+    members = tuple(members)
+    promise, least = score.promise(members), value - score.solve(members).value - NEAR
+    taken = {m.group for m in members} if joints is not None else set()
+    ranked = sorted((i for i in score.items if promise.get(id(i), -np.inf) > least), key=lambda i: -promise[id(i)])
     count: dict[tuple[int, ...], int] = {}
     found = []
     for i in ranked:
-        if promise[id(i)] < -5.0 or (joints is not None and not joints & set(i.joints)):
+        if i in out or i.group in taken or (joints is not None and not joints & set(i.joints)):
             continue
         place = i.joints if len(i.joints) == 1 else (-1,)
         count[place] = count.get(place, 0) + 1

@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import least_squares
 
-from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
-from jaxidl.gap.library import Shape, columns_of, item, pushed
+from jaxidl.gap.library import columns_of, item, pushed
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Item, Solution
+from jaxidl.gap.shape import Shape, at_parameters, effect_at, limits, vector
 
 EVALUATIONS = 20
 SMALL = 1e-4  # of a parameter: the step of a difference
@@ -24,15 +24,6 @@ class Tangent(NamedTuple):
 
     value: np.ndarray  # (N, J) [N or Nm]
     columns: np.ndarray  # (P, N, J)
-
-
-def movable(shape: Shape) -> tuple[str, ...]:
-    """Return names of the parameters beside the amplitudes that a fit may move."""
-    cls = shape.cls
-    if cls.linear:
-        return ()
-    taken = {*shape.amplitudes, *shape.free, *cls.fixed}
-    return tuple(n for n in cls.parameters if n not in taken and np.isfinite(shape.values[n]).all())
 
 
 def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: np.ndarray) -> Item:
@@ -70,8 +61,8 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: n
         ftol=1e-6,
         xtol=1e-6,
     ).x
-    prior, shape = 1.0 / (1.0 + np.exp(-m.odds)), at_parameters(shape, best)
-    fresh = item(shape, float(prior), columns_of(shape, rows, predicted))
+    shape = at_parameters(shape, best)
+    fresh = item(shape, columns_of(shape, rows, predicted))
     return pushed(fresh, rows, predicted) if m.actuates else fresh
 
 
@@ -83,41 +74,6 @@ def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) 
     every = [effect_at(shape, row) for row in (theta, *(theta + s for s in np.diag(step)))]
     added, _ = additions(every, rows.signals, rows.tau, predicted)
     return Tangent(added[0], (added[1:] - added[0]) / step[:, None, None])
-
-
-def effect_at(shape: Shape, theta: np.ndarray) -> Effect:
-    """Return the effect at parameters theta (P,), amplitudes first."""
-    moved = at_parameters(shape, theta)
-    return moved.at(theta[: amplitudes(shape)]) if shape.free else moved.effect()
-
-
-def amplitudes(shape: Shape) -> int:
-    """Return the number of amplitudes."""
-    if not shape.free:
-        return 0
-    return sum(np.size(shape.values[n]) for n in shape.free) if shape.basis is None else shape.basis.shape[1]
-
-
-def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
-    """Return the shape with the parameters beside its amplitudes set from theta (P,)."""
-    names, rest = movable(shape), np.asarray(theta, float)[amplitudes(shape) :]
-    parts = np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
-    changed = {n: p.reshape(np.shape(shape.values[n])) for n, p in zip(names, parts, strict=True)}
-    return shape._replace(values={**shape.values, **changed})
-
-
-def vector(shape: Shape, x: np.ndarray) -> np.ndarray:
-    """Return parameters theta (P,) of a shape whose coefficients are ``x``: its amplitudes, or how much of it is there."""
-    values = shape.values if shape.free else {**shape.values, **shape.scaled(float(x[0]))}
-    own = x if shape.free else np.zeros(0)
-    return np.concatenate([own, *(np.ravel(np.asarray(values[n], float)) for n in movable(shape))])
-
-
-def limits(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower and upper bounds (P,) of theta."""
-    pairs = [shape.bounds(n) for n in movable(shape) for _ in range(np.size(shape.values[n]))]
-    own = shape.limits() if shape.free else (np.zeros(0), np.zeros(0))
-    return np.append(own[0], [p[0] for p in pairs]), np.append(own[1], [p[1] for p in pairs])
 
 
 def basis(x: np.ndarray) -> np.ndarray:

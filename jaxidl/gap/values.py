@@ -11,13 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxidl.effects import Effect
-from jaxidl.gap.consistent import buildable, consistent, dissipating
+from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.find import jackknife
-from jaxidl.gap.library import Shape, build
-from jaxidl.gap.links import links_of
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Item, Score
-from jaxidl.gap.shapes import effect_at, limits, movable, tangent, vector
+from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, vector
+from jaxidl.gap.shapes import tangent
 
 Key = tuple[str, int | None]
 
@@ -92,26 +91,10 @@ def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
 def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Coefficients (P,) of each member, and (B, P) without one block each."""
     fresh = Score(rows, members, score.noise, score.effective, score.anchor)
-    order = fresh.solve(members).members
-    places = {id(m): fresh.solve(members).of(m) for m in members}
-    count = sum(len(m.lower) for m in members)
-    gram, right = fresh.normal(order)
-    prior = np.concatenate([np.zeros(0), *(m.precision for m in order)])
-    lower, upper = (np.concatenate([np.zeros(0), *(getattr(m, side) for m in order)]) for side in ("lower", "upper"))
-    anchor, pull = fresh.anchoring(order)
-    cones = buildable(order, links_of(rows.signals.body), rows.effects, places, count)
-    unequal = dissipating(order, rows, places, count)
     best = fresh.solve(members)
-    x = np.concatenate([best.x[None], best.folds])
-    physical = all(np.linalg.eigvalsh(base + np.tensordot(best.x, s, 1))[0] >= 0.0 for base, s in cones)
-    if not physical or np.any(unequal @ best.x < -1e-9):
-        for k, (g, h) in enumerate(
-            [(gram.sum(0), right.sum(0)), *((gram.sum(0) - g, right.sum(0) - h) for g, h in zip(gram, right, strict=True))]
-        ):
-            ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12) + anchor
-            found = consistent(g + ridge, h + pull, lower, upper, unequal, cones)
-            x[k] = x[k] if found is None else found
-    return [x[0, places[id(m)]] for m in members], [x[1:, places[id(m)]] for m in members]
+    x = physical_fits(fresh, best, rows)
+    x = np.concatenate([best.x[None], best.folds]) if x is None else x
+    return [x[0, best.of(m)] for m in members], [x[1:, best.of(m)] for m in members]
 
 
 def _value(

@@ -1,0 +1,83 @@
+"""What everything common leaves: to see which shapes promise most beside it, and when the logged torque acts."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxidl.gap.rows import Rows
+from jaxidl.gap.score import Item, correlation_time
+
+SHAPES = 3  # kept of each effect on a joint
+ALIGNMENT = "alignment"
+CLEAR = 2.0  # rise of the log likelihood
+
+
+class Projection:
+    """What everything common cannot imitate of a column, to see which shapes promise most."""
+
+    def __init__(self, rows: Rows, common: Sequence[Item], noise: np.ndarray):
+        self.use, self.noise, self.bases = rows.used & rows.training[:, None], noise, []
+        for j in range(len(noise)):
+            on = [i.columns[:, :, i.joints.index(j)][:, self.use[:, j]] for i in common if j in i.joints]
+            x = np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T
+            x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+            u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
+            self.bases.append(u[:, s > 1e-5 * s.max(initial=1e-300)])
+
+    def left_of(self, rows: Rows) -> np.ndarray:
+        """Return minus the log likelihood (J,) of what everything common leaves of the command."""
+        total = np.zeros(len(self.bases))
+        for j, basis in enumerate(self.bases):
+            y = rows.gap[self.use[:, j], j]
+            left = y - basis @ (basis.T @ y)
+            square = float(left @ left) / max(len(y), 1)
+            if square > 0.0:
+                total[j] = 0.5 * len(y) / correlation_time(left) * np.log(max(square, rows.floor[j] ** 2))
+        return total
+
+    def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
+        """Return the most promising shapes of each effect and joint."""
+        groups: dict[Any, list[tuple[float, int, Item]]] = {}
+        for number, i in enumerate(items):
+            groups.setdefault(i.group, []).append((self._promise(i, left, effective), -number, i))
+        return [i for group in groups.values() for _, _, i in sorted(group, key=lambda g: g[:2], reverse=True)[:SHAPES]]
+
+    def _promise(self, i: Item, left: np.ndarray, effective: np.ndarray) -> float:
+        parts, wanted = [], []
+        for k, j in enumerate(i.joints):
+            x = i.columns[:, self.use[:, j], k].T / self.noise[j]
+            parts.append(x - self.bases[j] @ (self.bases[j].T @ x))
+            wanted.append(left[self.use[:, j], j] / self.noise[j])
+        x, y = np.concatenate(parts), np.concatenate(wanted)
+        gram = x.T @ x
+        step = np.linalg.solve(gram + (1e-6 * np.trace(gram) / len(gram) + 1e-300) * np.eye(len(gram)), x.T @ y)
+        if len(step) == 1:
+            step = np.clip(step, i.lower, i.upper)
+        gain = float(2 * step @ (x.T @ y) - step @ gram @ step)
+        rate = float(np.clip(gain / max(y @ y, 1e-300), 0.0, 1.0 - 1e-9))
+        return -0.5 * effective[list(i.joints)].sum() * np.log(1.0 - rate) - len(step) + i.odds
+
+
+def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
+    """Return the rows with the torque of each joint shifted in time as everything common fits it best.
+
+    Whether a logged torque acts at its instant, over the interval that follows or over the one before is the logger's convention,
+    and no effect. A torque that comes before its motion by more than that is a delay, and left for the search.
+    """
+    joints = rows.gap.shape[1]
+    projected = Projection(rows, common, np.ones(joints))
+    steps = np.arange(-6, 3) * rows.signals.dt / 4
+    values = np.stack([projected.left_of(rows.shifted(s)) for s in steps])  # (S, J)
+    zero, best = int(np.argmin(np.abs(steps))), values.argmin(0)
+    return rows.shifted(steps[np.where(values[zero] - values.min(0) < CLEAR, zero, best)])
+
+
+def alignments(rows: Rows, predicted: np.ndarray) -> list[Item]:
+    """Return for each joint what is left of that shift, which every set has: a quarter of a sample either way."""
+    s, found = rows.signals, []
+    slope = s.smooth(s.differentiate(predicted))[s.rows]
+    for j in np.flatnonzero(np.any(slope != 0.0, 0)).tolist():
+        column, reach = slope[None, :, j : j + 1], np.array([s.dt / 4])
+        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, -reach, reach, 0.0, np.zeros(1), always=True))
+    return found
