@@ -171,6 +171,7 @@ class BaseTilt(Effect):
     linear: ClassVar[bool] = True
     whole: ClassVar[bool] = True
     mjcf: ClassVar = {"angles": "option/gravity"}
+    prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
         "put a level on the base, or hold still in many postures with the first joint turned all the way round: a tilt goes with "
         "the base, a wrong link or encoder with its joint"

@@ -18,7 +18,7 @@ from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
-from jaxidl.gap.score import Item, Score
+from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
@@ -81,8 +81,7 @@ def diagnose(
         after, gap = residual(rows, found.solution), rows.gap
         watch("checking what is left", 0.0)
         network = check(rows, after)
-        whole = rows_of(rows.signals, (*known.plant.effects, *common), 0.0)
-        findings = _findings(found, _values(found, whole), known)
+        findings = _findings(found, _values(found, rows.whole()), known)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = tuple(
@@ -173,17 +172,8 @@ def _reference(before: Found) -> Reference:
 
 def _values(found: Found, rows: Rows) -> list[Value]:
     """The effects found with parameters fitted to ``rows``."""
-    members = found.solution.members
-    if rows is not found.library.rows:
-        members = _on(members, rows, found)
     x = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
-    return values(members, x, rows, found.score, found.predicted)
-
-
-def _on(members: Sequence[Item], rows: Rows, found: Found) -> Sequence[Item]:
-    """The members on other rows of the same log: the same instants, of which others are fitted."""
-    assert len(rows.gap) == len(found.library.rows.gap)
-    return members
+    return values(found.solution.members, x, rows, found.score, found.predicted)
 
 
 def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Finding, ...]:

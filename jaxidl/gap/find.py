@@ -15,7 +15,7 @@ from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, 
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search
-from jaxidl.gap.shape import amplitudes, limits, movable, parameters, vector
+from jaxidl.gap.shape import movable, on_bound, parameters, vector
 from jaxidl.gap.shapes import fitted
 
 ROUNDS = 5  # of shapes fitted and sets searched
@@ -24,10 +24,10 @@ ALIKE = 0.005  # of the error: explanations that differ by less are equally good
 FARTHER = 4.0  # log odds: an explanation that was so much less likely beforehand is no equal one
 EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
+UNFIT = 0.03  # of a promise: a shape that is not fitted may promise so much less
 BOUND = "its value is on a bound"
 UNPHYSICAL = "no link that could be built explains it"
 STRONG = 10.0  # what an effect is worth to the score: without it the set is another one
-ON_BOUND = 1e-3  # of a value: nearer to a bound it is on it
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 
 Watch = Callable[[str, float], None]
@@ -118,7 +118,7 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
         if m.shape is None or m.always:
             continue
         if movable(m.shape):
-            fresh.append(fitted(m, now, library.rows, predicted, library.score.noise))
+            fresh.append(fitted(m, now, library.rows, predicted, library.score))
         elif m.shape.effect().reads_torque(len(library.score.noise)):
             fresh += items_of([m.shape], library.rows, predicted, library.score.items)
     return fresh
@@ -145,7 +145,7 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
         for trial in trials:
             at = score.solve(trial)
             new = trial[-1]
-            fresh = fitted(new, at, rows, predicted, score.noise) if movable(new.shape) else new
+            fresh = fitted(new, at, rows, predicted, score) if movable(new.shape) else new
             small = Score(rows, [*now.members, fresh], score.noise, score.effective, score.anchor)
             after = search(small, [*trial[:-1], fresh], swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
@@ -162,13 +162,13 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         promise = score.promise(rest)
         near = [i for i in score.items if id(i) in promise and i.group not in {r.group for r in rest} and i.group != m.group]
         near = [i for i in near if set(i.joints) & set(m.joints) and size(i) <= size(m) and not part(m, i)]
-        likely = promise[id(m)] - m.odds - FAR / 2.0
+        likely = promise[id(m)] - m.odds - max(FAR / 2.0, UNFIT * (promise[id(m)] - m.odds))
         near = [i for i in near if promise[id(i)] - i.odds > likely and i.odds > m.odds - FARTHER]
         equal = [m.group]
-        for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[:RIVALS]:
+        for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[: 2 * RIVALS]:
             at = score.solve([*rest, i])
             if movable(i.shape):
-                fresh = fitted(i, at, library.rows, predicted, score.noise)
+                fresh = fitted(i, at, library.rows, predicted, score)
                 small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
                 at = small.solve([*rest, fresh])
             close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
@@ -243,7 +243,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if not np.any(np.abs(x) > EXCLUDED * stderr):
         return "its standard error does not exclude zero"
     at_bound = (x <= m.lower) | (x >= m.upper)
-    if np.all(at_bound | (x == 0.0)) or bounded(m, x) or beyond(m, x):
+    if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
     if late(m, x) <= interval:
@@ -254,14 +254,6 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""
-
-
-def bounded(m: Item, x: np.ndarray) -> bool:
-    """Is a fitted shape on a bound of what is plausible, or as good as?"""
-    low, high = limits(m.shape)
-    theta, shape = vector(m.shape, x), np.arange(len(low)) >= amplitudes(m.shape)
-    near = ON_BOUND * np.abs(theta)
-    return bool(np.any(shape & ((theta <= low + near) | (theta >= high - near))))
 
 
 def beyond(m: Item, x: np.ndarray) -> bool:

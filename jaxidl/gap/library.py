@@ -181,6 +181,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     first = Score(rows, common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
+    rows = rows.evened(left)
     noise, effective = noise_of(rows, left)
     predicted = upsampled(rows, rows.command - left)
     alike = float(np.median((rows.used & rows.training[:, None]).sum(0) / np.maximum(effective, 1.0)))

@@ -44,6 +44,22 @@ class Rows(NamedTuple):
             gap=self.gap + command - self.command, command=command, tau=tau, signals=s._replace(tau=moved(s.tau))
         )
 
+    def evened(self, left: np.ndarray) -> "Rows":
+        """Return the rows with blocks of training that hold like shares of time and of the squares of what is ``left`` (N, J).
+
+        What happens in one moment of a log, a limit that is reached once, is so in several blocks and can be predicted.
+        """
+        square = left**2 * self.used * self.training[:, None]
+        share = square / np.maximum(square.sum(0), 1e-300)
+        density = 1.0 / self.training.sum() + share.max(1) / max(share.max(1).sum(), 1e-300)
+        at = np.cumsum(np.where(self.training, density, 0.0))
+        number = np.minimum(BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1).astype(int)
+        return self._replace(block=np.where(self.training, number, self.block))
+
+    def whole(self) -> "Rows":
+        """Return the rows with none kept aside."""
+        return self._replace(block=np.where(self.training, self.block, BLOCKS - 1 - self.block))
+
     @property
     def training(self) -> np.ndarray:
         """Which rows (N,) are fitted."""

@@ -13,6 +13,7 @@ import numpy as np
 
 from jaxidl.effects import Effect, OnJoint, Scale
 
+ON_BOUND = 1e-3  # of a value: nearer to a bound it is on it
 MOST_SCALED = 2.0  # what an effect adds may be scaled by so much before its shape is fitted
 
 Present = Mapping[tuple[str, int | None], Mapping[str, np.ndarray]]
@@ -119,7 +120,7 @@ def shapes_of(cls: type[Effect], scale: Scale, own: Present = MappingProxyType({
     found = []
     variants = cls.variants(scale)
     amplitudes = frozenset(name for v in variants for name in v.free)
-    rivals = {v.free: sum(o.free == v.free for o in variants) if cls.linear else len(variants) for v in variants}
+    rivals = len({v.free for v in variants}) if not cls.linear else 1  # where each begins is no choice: fits move it
     for variant in variants:
         values = {name: np.asarray(variant.values.get(name, 0.0), float) for name in cls.parameters}
         bounds = {n: variant.within[n] for n in variant.within if n not in variant.free}
@@ -134,7 +135,7 @@ def shapes_of(cls: type[Effect], scale: Scale, own: Present = MappingProxyType({
             within[n] = (low - max(value, 0.0), high)
         if changed:  # it may be less, too: a load that is gone
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
-        prior = (cls.changes if changed else cls.prior if variant.prior is None else variant.prior) / rivals[variant.free]
+        prior = (cls.changes if changed else cls.prior if variant.prior is None else variant.prior) / rivals
         odds = float(np.log(prior / (1.0 - prior)))
         found.append(Shape(cls, joint, scale.joints, variant.free, values, variant.options, within, odds, amplitudes))
     return found
@@ -187,3 +188,10 @@ def limits(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     pairs = [shape.bounds(n) for n in movable(shape) for _ in range(np.size(shape.values[n]))]
     own = shape.limits() if shape.free else (np.zeros(0), np.zeros(0))
     return np.append(own[0], [p[0] for p in pairs]), np.append(own[1], [p[1] for p in pairs])
+
+
+def on_bound(shape: Shape, theta: np.ndarray) -> bool:
+    """Is a parameter beside the amplitudes on a bound of what is plausible, or as good as?"""
+    low, high = limits(shape)
+    rest, near = np.arange(len(low)) >= amplitudes(shape), ON_BOUND * np.abs(theta)
+    return bool(np.any(rest & ((theta <= low + near) | (theta >= high - near))))

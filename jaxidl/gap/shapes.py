@@ -12,10 +12,12 @@ from scipy.optimize import least_squares
 from jaxidl.gap.additions import additions
 from jaxidl.gap.library import columns_of, item, pushed
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Item, Solution
-from jaxidl.gap.shape import Shape, at_parameters, effect_at, limits, vector
+from jaxidl.gap.score import Item, Score, Solution
+from jaxidl.gap.shape import Shape, amplitudes, at_parameters, effect_at, limits, on_bound, vector
 
 EVALUATIONS = 20
+CLEAR = 2.0  # rise of the log likelihood
+PULLS = (30.0, 3.0)  # back to where a fit began, relative to what one effective sample says
 SMALL = 1e-4  # of a parameter: the step of a difference
 
 
@@ -26,8 +28,9 @@ class Tangent(NamedTuple):
     columns: np.ndarray  # (P, N, J)
 
 
-def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: np.ndarray) -> Item:
+def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: Score) -> Item:
     """Return a member with its shape fitted beside the other members of a set."""
+    noise = score.noise
     use = [rows.used[:, j] & rows.training for j in range(len(noise))]
     bases, left = {}, {}
     for j in m.joints:
@@ -51,16 +54,31 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, noise: n
     lower, upper = limits(shape)
     start = np.clip(vector(shape, found.x[found.of(m)]), lower, upper)
     inside = 1e-6 * np.maximum(np.abs(start), 1e-6)
-    best = least_squares(
-        lambda theta: wanted - projected(at(theta).value[None])[:, 0],
-        np.clip(start, lower + inside, upper - inside),
-        lambda theta: -projected(at(theta).columns),  # pyright: ignore[reportArgumentType]
-        (lower, upper),
-        x_scale="jac",
-        max_nfev=EVALUATIONS,
-        ftol=1e-6,
-        xtol=1e-6,
-    ).x
+    begin = np.clip(start, lower + inside, upper - inside)
+
+    def minimum(pull: np.ndarray) -> np.ndarray:
+        """The best parameters with a ``pull`` (Q, P) back to where they began."""
+        return least_squares(
+            lambda theta: np.append(wanted - projected(at(theta).value[None])[:, 0], pull @ (theta - begin)),
+            begin,
+            lambda theta: np.concatenate([-projected(at(theta).columns), pull]),  # pyright: ignore[reportArgumentType]
+            (lower, upper),
+            x_scale="jac",
+            max_nfev=EVALUATIONS,
+            ftol=1e-6,
+            xtol=1e-6,
+        ).x
+
+    best = minimum(np.zeros((0, len(begin))))
+    if on_bound(shape, best):  # what the log does not say stays near where it began
+        square = lambda theta: float(np.sum((wanted - projected(at(theta).value[None])[:, 0]) ** 2))  # noqa: E731
+        least = sum(use[j].sum() * score.floor[j] for j in m.joints)
+        alike = max(score.effective[list(m.joints)].sum(), 1.0)
+        good = max(square(best) * (1.0 + 2.0 * CLEAR / alike), least)
+        free = np.arange(len(begin)) >= amplitudes(shape)
+        unit = np.sqrt(good / alike) * np.diag(free / np.maximum(np.abs(begin), 1e-300))[free]
+        pulled = (minimum(pull * unit) for pull in PULLS)
+        best = next((theta for theta in pulled if square(theta) <= good), best)
     shape = at_parameters(shape, best)
     fresh = item(shape, columns_of(shape, rows, predicted))
     return pushed(fresh, rows, predicted) if m.actuates else fresh
