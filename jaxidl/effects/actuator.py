@@ -127,8 +127,8 @@ class TorqueCurve(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Up to a motor that delivers no more than half of any torque above half of the largest."""
-        largest = 1.0 / max(scale.torque, 1e-9)
+        """Up to a motor that loses a fifth of the root mean square torque, what it can deliver for long."""
+        largest = 0.2 / max(scale.effort or scale.torque / 3.0, 1e-9)
         return [Variant({"loss": share * largest}, within={"loss": (0.0, largest)}) for share in (0.1, 0.3, 0.6)]
 
 

@@ -43,6 +43,7 @@ class Scale(NamedTuple):
     lows: Sequence[float] = ()  # (J,) least positions of all joints [m or rad]; empty: of this one only
     highs: Sequence[float] = ()  # (J,) largest positions
     rest_speed: float = 0.0  # speed below which a joint looks as if it rested [m/s or rad/s]
+    effort: float = 0.0  # root mean square of the command [N or Nm]; 0: not known
 
     @property
     def width(self) -> float:

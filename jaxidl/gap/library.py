@@ -50,11 +50,12 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
     lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    torque, count = np.abs(signals.tau).max(0), len(lows)
+    torque, effort, count = np.abs(signals.tau).max(0), np.sqrt(np.mean(signals.tau**2, 0)), len(lows)
     return [
         Scale(
             float(torque[j]), float(speed[j]), float(lows[j]), float(highs[j]), float(inertia[j]), float(residual[j]),
             signals.band, signals.dt, j, count, tuple(lows.tolist()), tuple(highs.tolist()), float(signals.rest_speed[j]),
+            float(effort[j]),
         )
         for j in range(count)
     ]  # fmt: skip
@@ -187,7 +188,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     alike = float(np.median((rows.used & rows.training[:, None]).sum(0) / np.maximum(effective, 1.0)))
     common = [plausible(i, links, alike) for i in common]
     shared = tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
-    items = [*common, *shared, *alignments(rows, predicted)]
+    items = [*common, *shared, *alignments(rows, predicted, alike)]
     projected = Projection(rows, items, noise)
     for cls in sorted(classes, key=lambda cls: len(cls.contains())):  # parts before what contains them
         if not cls.common:

@@ -10,6 +10,7 @@ from jaxidl.gap.score import Item, correlation_time
 
 SHAPES = 3  # kept of each effect on a joint
 ALIGNMENT = "alignment"
+CONVENTION = (-1.5, 0.5)  # samples by which a logged torque may be late without being an effect
 CLEAR = 2.0  # rise of the log likelihood
 
 
@@ -67,17 +68,24 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
     """
     joints = rows.gap.shape[1]
     projected = Projection(rows, common, np.ones(joints))
-    steps = np.arange(-6, 3) * rows.signals.dt / 4
+    steps = np.linspace(*CONVENTION, 9) * rows.signals.dt
     values = np.stack([projected.left_of(rows.shifted(s)) for s in steps])  # (S, J)
     zero, best = int(np.argmin(np.abs(steps))), values.argmin(0)
-    return rows.shifted(steps[np.where(values[zero] - values.min(0) < CLEAR, zero, best)])
+    unclear = (values[zero] - values.min(0) < CLEAR) | (best == 0) | (best == len(steps) - 1)
+    return rows.shifted(steps[np.where(unclear, zero, best)])
 
 
-def alignments(rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return for each joint what is left of that shift, which every set has: a quarter of a sample either way."""
+def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[Item]:
+    """Return for each joint a further shift within that convention, which every set has; a standard deviation of half a sample.
+
+    Neighbouring samples are alike, ``alike`` of them say as much as one.
+    """
     s, found = rows.signals, []
     slope = s.smooth(s.differentiate(predicted))[s.rows]
+    already = np.broadcast_to(rows.shift, rows.gap.shape[1])
     for j in np.flatnonzero(np.any(slope != 0.0, 0)).tolist():
-        column, reach = slope[None, :, j : j + 1], np.array([s.dt / 4])
-        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, -reach, reach, 0.0, np.zeros(1), always=True))
+        lower, upper = (np.array([edge * s.dt - already[j]]) for edge in CONVENTION)
+        precision = np.array([alike / (s.dt / 2.0) ** 2])
+        column = slope[None, :, j : j + 1]
+        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, lower, upper, 0.0, precision, always=True))
     return found

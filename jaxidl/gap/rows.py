@@ -30,6 +30,7 @@ class Rows(NamedTuple):
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
+    shift: float | np.ndarray = 0.0  # (J,) by how much torques are taken as logged later than they were [s]
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later than they were."""
@@ -40,9 +41,9 @@ class Rows(NamedTuple):
         )
         tau = moved(self.tau)
         command = s.command(tau)[s.rows]
-        return self._replace(
-            gap=self.gap + command - self.command, command=command, tau=tau, signals=s._replace(tau=moved(s.tau))
-        )
+        late = s._replace(tau=moved(s.tau))
+        gap = self.gap + command - self.command
+        return self._replace(gap=gap, command=command, tau=tau, signals=late, shift=self.shift + each)
 
     def evened(self, left: np.ndarray) -> "Rows":
         """Return the rows with blocks of training that hold like shares of time and of the squares of what is ``left`` (N, J).
