@@ -71,7 +71,7 @@ class PositionBias(Effect):
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
         """A small one to each side; one of more than a quarter of a turn would have been seen."""
-        return [Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)}) for bias in (0.01, -0.01)]
+        return [Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)}) for bias in (0.01, -0.01, 0.1, -0.1)]
 
 
 class SensorDelay(Effect):

@@ -192,25 +192,30 @@ def size(i: Item) -> int:
 def nameable(
     score: Score, now: Solution, rows: Rows, min_gain: float
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
-    """Return the set without what may not be named, the weakest first; the rest is fitted and searched anew each time.
+    """Return the set without what may not be named, the score of what is left, and what was taken out, and why: what the rest was
+    judged beside, and what it was not.
 
-    Also the score of what is left, and what was taken out, and why: what the rest was judged beside, and what it was not.
+    What makes less than the least improvement goes at the end, and nothing comes in its place.
     """
+    now, score, strong, weak = supported(score, now, rows)
+    while found := objections(score, now, min_gain, rows):
+        _, worst, why = min(found, key=lambda o: o[0])
+        weak[worst.group], now = why, score.solve(without(now, worst))
+    return now, score, strong, weak
+
+
+def supported(score: Score, now: Solution, rows: Rows) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
+    """Return the set without what the log does not support, the weakest first; the rest is fitted and searched anew each time."""
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
-        objections = [
-            (now.value - score.solve(without(now, m)).value, m, why)
-            for m in now.members
-            if (why := objection(score, now, m, min_gain, rows.signals.dt))
-        ]
-        objections = objections or unbuildable(score, now, rows)
-        if not objections:
+        found = objections(score, now, 0.0, rows) or unbuildable(score, now, rows)
+        if not found:
             again = search(score, now.members) if strong or weak else now
             if again.value <= now.value + EPSILON:
                 return now, score, strong, weak
             now = again
             continue
-        worth, worst, why = min(objections, key=lambda o: o[0])
+        worth, worst, why = min(found, key=lambda o: o[0])
         if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged beside it
             strong[worst.group], weak = why, {}
         else:
@@ -219,7 +224,16 @@ def nameable(
         now = search(score, without(now, worst), swap=worth > STRONG)
 
 
-def unbuildable(score: Score, now: Solution, rows: Rows) -> list[tuple[float, Item, str]]:
+Objection = tuple[float, Item, str]  # what the member is worth to the score, and why it may not be named
+
+
+def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list[Objection]:
+    """Return the members that may not be named."""
+    found = [(m, why) for m in now.members if (why := objection(score, now, m, min_gain, rows.signals.dt))]
+    return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
+
+
+def unbuildable(score: Score, now: Solution, rows: Rows) -> list[Objection]:
     """Return members that change links, and are worth less than what it costs to keep all links such as could be built."""
     changing = [m for m in now.members if m.shape is not None and m.shape.cls.alter is not Effect.alter]
     if not changing or (x := physical_fit(score, now, rows)) is None:

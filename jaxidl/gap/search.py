@@ -125,13 +125,13 @@ def promising(
 
 
 def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
-    """Return pairs of members on a common joint that may be two wrong ones: of what is not common any two, others if a log
-    determines one beside the other badly.
+    """Return pairs of members on one joint that may be two wrong ones: of what is not common any two, others if a log determines
+    one beside the other badly.
     """
     found = []
     for n, a in enumerate(now.members):
         for b in now.members[n + 1 :]:
-            if not set(a.joints) & set(b.joints) or (a.common and b.common) or a.always or b.always:
+            if not set(a.joints) & set(b.joints) or a.always or b.always:
                 continue
             if not (a.common or b.common):
                 found.append((2.0, a, b))
