@@ -3,7 +3,7 @@
 The algorithm is at the top of :mod:`jaxidl.gap.search`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -125,23 +125,24 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
 
 
 def contested(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item] | None:
-    """Return better members, or None: others with fitted shapes in the place of what is not common, or it without its parts.
+    """Return better members, or None: others with fitted shapes in the place of one, or one without its parts.
 
     A shape that has not been fitted loses against one that has; here both are.
     """
     rows, changed = library.rows, False
-    for m in [m for m in now.members if not m.always and not m.common]:
+    for m in [m for m in now.members if not m.always]:
         if m not in now.members:
             continue
         rest = without(now, m)
         promise = score.promise(rest)
         others = [i for i in score.items if id(i) in promise and i is not m and set(i.joints) & set(m.joints)]
         best = sorted((i for i in others if i.group not in {r.group for r in rest}), key=lambda i: -promise[id(i)])[:RIVALS]
-        trials = [[*rest, i] for i in best if promise[id(i)] > promise[id(m)] - FAR]
-        inner = m.shape.cls.contains(m.shape.free)
-        parts = [r for r in rest if r.key in {(name, m.key[1]) for name in inner}]
-        starts = [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
-        trials += [[*(r for r in rest if r not in parts), i] for i in starts] if parts and movable(m.shape) else []
+        worth = promise[id(m)] - m.odds
+        far = UNFIT * worth if m.common else FAR
+        best = [i for i in best if promise[id(i)] - i.odds > worth - far]
+        trials = [[*rest, i] for i in best]
+        starts = [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1] if not m.common else []
+        trials += [[*bare, i] for i in (*starts, *best) if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)]
         for trial in trials:
             at = score.solve(trial)
             new = trial[-1]
@@ -152,6 +153,12 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
                 score, now, changed = small, after, True
                 break
     return list(now.members) if changed else None
+
+
+def outside(members: Iterable[Item], whole: Item) -> list[Item]:
+    """Return the members that are no parts of an effect."""
+    names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
+    return [m for m in members if m.key not in names]
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[list[Group]]:
@@ -254,7 +261,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
         return ""
     at = now.of(m)
     x, stderr = now.x[at], jackknife(now.folds[:, at])
-    if not np.any(np.abs(x) > EXCLUDED * stderr):
+    if not (np.any(np.abs(x) > EXCLUDED * stderr) or together(x, now.folds[:, at]) > EXCLUDED):
         return "its standard error does not exclude zero"
     at_bound = (x <= m.lower) | (x >= m.upper)
     if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
@@ -313,6 +320,15 @@ def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
     count = np.maximum(score.count[score.training].sum(0), 1.0)
     a, b = (np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before))
     return 1.0 - a / b
+
+
+def together(x: np.ndarray, folds: np.ndarray) -> float:
+    """Return the root mean square of coefficients (P,) in standard errors, all together (Wald), by what comes without a block."""
+    if len(x) < 2:
+        return 0.0
+    apart = folds - folds.mean(0)
+    covariance = (len(folds) - 1) / len(folds) * apart.T @ apart
+    return float(np.sqrt(max(x @ np.linalg.pinv(covariance, hermitian=True) @ x, 0.0) / len(x)))
 
 
 def jackknife(samples: np.ndarray) -> np.ndarray:
