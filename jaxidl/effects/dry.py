@@ -15,6 +15,7 @@ from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
+FADED = 0.3  # of the top speed: by there a Stribeck curve has mostly faded
 SPEEDS = (
     "move at several constant speeds from creeping to fast, in both directions, with reversals and rests in between, and measure "
     "the torque that just starts the joint"
@@ -124,9 +125,9 @@ class StribeckFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """An excess where nothing is seen to move would be stiction; one that never fades, plain dry friction."""
-        within = {"speed": (3.0 * scale.rest_speed, max(scale.speed, 6.0 * scale.rest_speed))}
-        speeds = [v for share in (0.02, 0.05, 0.1, 0.2, 0.4) if (v := share * scale.speed) >= within["speed"][0]]
+        """An excess where nothing is seen to move would be stiction; one that fades over most speeds bends the whole curve."""
+        within = {"speed": (3.0 * scale.rest_speed, max(FADED * scale.speed, 6.0 * scale.rest_speed))}
+        speeds = [v for share in (0.02, 0.05, 0.1, 0.2) if (v := share * scale.speed) >= within["speed"][0]]
         return [Variant({"speed": v}, ("level", "excess"), within) for v in speeds or [within["speed"][0]]]
 
     @classmethod

@@ -15,7 +15,7 @@ from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, 
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search
-from jaxidl.gap.shape import movable, on_bound, parameters, vector
+from jaxidl.gap.shape import movable, on_bound, vector
 from jaxidl.gap.shapes import fitted
 
 ROUNDS = 5  # of shapes fitted and sets searched
@@ -162,38 +162,36 @@ def outside(members: Iterable[Item], whole: Item) -> list[Item]:
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[list[Group]]:
-    """Return sets of effects that predict the log as well in each other's place, whatever their prior; the one found first."""
-    sets = []
+    """Return sets of effects that predict the log as well in each other's place, whatever their prior; the one found first.
+
+    An effect may take the place of several: what is not needed beside it goes.
+    """
+    sets: dict[tuple[Group, ...], list[Group]] = {}
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
         promise = score.promise(rest)
-        near = [i for i in score.items if id(i) in promise and i.group not in {r.group for r in rest} and i.group != m.group]
-        near = [i for i in near if set(i.joints) & set(m.joints) and size(i) <= size(m) and not part(m, i)]
         likely = promise[id(m)] - m.odds - max(FAR / 2.0, UNFIT * (promise[id(m)] - m.odds))
-        near = [i for i in near if promise[id(i)] - i.odds > likely and i.odds > m.odds - FARTHER]
-        equal = [m.group]
+        near = [i for i in score.items if promise.get(id(i), -np.inf) - i.odds > likely and not part(m, i)]
+        near = [i for i in near if set(i.joints) & set(m.joints) and i.key not in {n.key for n in now.members}]
+        close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
+        seen = set[Group]()
         for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[: 2 * RIVALS]:
-            at = score.solve([*rest, i])
-            if movable(i.shape):
-                fresh = fitted(i, at, library.rows, predicted, score)
-                small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
-                at = small.solve([*rest, fresh])
-            close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
-            if at.value - i.odds > now.value - m.odds - close and i.group not in equal:
-                equal.append(i.group)
-        if len(equal) > 1:
-            sets.append(equal)
-    return sets
+            if i.group in seen:
+                continue
+            fresh = fitted(i, score.solve([*rest, i]), library.rows, predicted, score) if movable(i.shape) else i
+            small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
+            at = search(small, [*rest, fresh], swap=False)
+            odds, least = (sum(o.odds for o in s.members) for s in (at, now))
+            if fresh in at.members and odds > least - FARTHER and at.value - odds > now.value - least - close:
+                seen.add(i.group)
+                gone = sets.setdefault(tuple(n.group for n in now.members if n not in at.members), [])
+                gone += [i.group] if i.group not in gone else []
+    return [[*gone, *instead] for gone, instead in sets.items()]
 
 
 def part(m: Item, whole: Item) -> bool:
     """Has an effect another one as a part?"""
     return bool({m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free)))
-
-
-def size(i: Item) -> int:
-    """Return the number of an effect's parameters that a fit moves."""
-    return len(i.lower) * bool(i.shape.free) + parameters(i.shape)
 
 
 def nameable(
@@ -267,8 +265,8 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
-    if late(m, x) <= interval:
-        return "it is less than a sampling interval"
+    if late(m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
+        return "it is hardly more than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "data kept aside are predicted better without it"

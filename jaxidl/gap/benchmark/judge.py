@@ -13,9 +13,10 @@ Key = tuple[str, int | None]
 COMPANIONS: Mapping[str, tuple[str, ...]] = {
     "sublinear_friction": ("coulomb_friction", "viscous_friction"),
     "com_error": ("inertia_error", "inertia_tensor_error"),
+    "directional_load_friction": ("load_dependent_friction",),
 }
-"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, and a centre of mass that is off
-with the link's own inertia kept, as a sum of several of its effects."""
+"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, a centre of mass that is off with the
+link's own inertia kept, and friction under load that differs by direction, as a sum of several of its effects."""
 
 SUMS: Mapping[str, tuple[str, ...]] = {"asymmetric_friction": ("coulomb_friction", "constant_offset")}
 """Effects that are exactly others together: either way of saying it is right."""
@@ -24,11 +25,12 @@ CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
 TIED = {
     "slider": {"inertia_error", "torque_scale", "actuator_delay", "sensor_delay"},
-    "pendulum": {"actuator_delay", "sensor_delay"},
-    "two_link": set[str](),
+    "pendulum": {"actuator_delay", "sensor_delay", "payload"},
+    "two_link": {"payload"},
 }
 """Effects with a double that no log of the mechanism tells apart: a torque m·a/s is that of another mass or of another motor
-constant, and with a single joint nobody knows on which side the time was lost. To say so is all one can do."""
+constant, with a single joint nobody knows on which side the time was lost, and a load on the last link is an error of that
+link. To say so is all one can do."""
 
 
 def key(record: Record) -> Key:
