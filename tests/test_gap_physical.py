@@ -12,9 +12,10 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find
-from jaxidl.gap.library import beside, library, residual, rms, shapes_of
+from jaxidl.gap.library import beside, library, residual, rms
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import shapes_of
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import values
 from jaxidl.systems.mjcf import read_model
@@ -100,7 +101,7 @@ def test_beside_its_parts_an_effect_is_what_is_special_about_it():
     rng = np.random.default_rng(0)
     qd = rng.normal(size=(400, 1))
     up, down = np.where(qd > 0.0, qd, 0.0), np.where(qd < 0.0, qd, 0.0)
-    shapes = {s.free: s for s, _ in shapes_of(AsymmetricFriction, SCALE)}
+    shapes = {s.free: s for s in shapes_of(AsymmetricFriction, SCALE)}
     shape, columns = beside(shapes["viscous_positive", "viscous_negative"], np.stack([up, down]), [("viscous_friction", qd)])
     assert columns.shape == (1, 400, 1)
     np.testing.assert_allclose(shape.basis, [[np.sqrt(0.5)], [-np.sqrt(0.5)]] * np.sign(shape.basis[0]), atol=1e-12)

@@ -18,7 +18,7 @@ from jaxidl.errors import ConfigurationError, EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
-from jaxidl.gap.library import ALIGNMENT
+from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.registry import restored

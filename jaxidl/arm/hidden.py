@@ -16,9 +16,10 @@ from jaxidl.files import write_bytes
 from jaxidl.gap.additions import additions
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.library import build, rms
+from jaxidl.gap.library import rms
 from jaxidl.gap.log import read
 from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import build
 from jaxidl.gap.signals import prepare
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import execute

@@ -158,7 +158,7 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
     """Return the members that are no parts of an effect."""
     names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
-    return [m for m in members if m.key not in names]
+    return [m for m in members if m.always or m.key not in names]
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[list[Group]]:
@@ -240,7 +240,7 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
 
 def unbuildable(score: Score, now: Solution, rows: Rows) -> list[Objection]:
     """Return members that change links, and are worth less than what it costs to keep all links such as could be built."""
-    changing = [m for m in now.members if m.shape is not None and m.shape.cls.alter is not Effect.alter]
+    changing = [m for m in now.members if not m.always and m.shape.cls.alter is not Effect.alter]
     if not changing or (x := physical_fit(score, now, rows)) is None:
         return []
     cost = score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
