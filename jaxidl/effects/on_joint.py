@@ -43,7 +43,7 @@ class OnJoint(Effect):
     joints: int = struct.field(pytree_node=False)
 
     def _of(self, values: Joints) -> Own:
-        return values[self.joint : self.joint + 1]
+        return values[self.joint][None]
 
     def _put(self, values: Array, own: Array) -> Array:
         return values.at[self.joint].set(own[0])
@@ -75,12 +75,11 @@ class OnJoint(Effect):
         return self._put(q, self.effect.sense(memory, self._of(q), self._of(noise)))
 
     def true_position(self, q: History, dt: float) -> History:
-        column = slice(self.joint, self.joint + 1)
-        return q.at[:, column].set(self.effect.true_position(q[:, column], dt))
+        return q.at[:, self.joint].set(self.effect.true_position(q[:, self.joint, None], dt)[:, 0])
 
     def seen(self, logged: History, predicted: History) -> History:
-        column = slice(self.joint, self.joint + 1)
-        return predicted.at[:, column].set(self.effect.seen(logged[:, column], predicted[:, column]))
+        seen = self.effect.seen(logged[:, self.joint, None], predicted[:, self.joint, None])
+        return predicted.at[:, self.joint].set(seen[:, 0])
 
     def settled(self) -> "OnJoint":
         return self.replace(effect=self.effect.settled())

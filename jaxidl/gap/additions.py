@@ -58,35 +58,41 @@ def additions(
         undone: are the signals' positions already without what the effects do to the encoders? It is not to count again.
     """
     joints = signals.q.shape[1]
-    columns, inner = _narrowed(effects)
+    columns, inner, places = _narrowed(effects)
     drive, starts = driven(signals, tau, predicted, columns)
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(inner), SIDE_BY_SIDE):
         part = inner[first : first + SIDE_BY_SIDE]
         filled = part + [part[-1]] * (SIDE_BY_SIDE - len(part))
-        leaves = [jnp.stack([jnp.asarray(x, float) for x in each]) for each in zip(*map(jax.tree.leaves, filled), strict=True)]
-        terms = jax.tree.map(np.asarray, _many(jax.tree.structure(part[0]), leaves, drive, starts, signals.dt))
-        for k in range(len(part)):
-            one = Terms(*(x[k] for x in terms))
-            # a simulation that runs away adds nothing
-            out[first + k][:, columns] = np.nan_to_num(_rows(one, signals, columns, drive, undone), posinf=0.0, neginf=0.0)
-            if np.any(one.change):
-                delivered = tau.copy()
-                delivered[:, columns] += one.change
+        leaves = [np.stack([np.asarray(x, float) for x in each]) for each in zip(*map(jax.tree.leaves, filled), strict=True)]
+        where = np.resize(np.asarray(places[first : first + SIDE_BY_SIDE]), SIDE_BY_SIDE)
+        terms = _many(jax.tree.structure(part[0]), leaves, where, drive, starts, signals.dt)
+        terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
+        # a simulation that runs away adds nothing
+        out[first : first + len(part)][:, :, columns] = np.nan_to_num(
+            _rows(terms, signals, columns, drive, undone), posinf=0.0, neginf=0.0
+        )
+        if np.any(terms.change[-1]):
+            delivered = tau.copy()
+            delivered[:, columns] += terms.change[-1]
     return out, delivered
 
 
 Columns = slice | list[int]  # joints
 
 
-def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect]]:
-    """The joints that effects concern, and the effects as if the mechanism had no others: one program serves all joints."""
-    first = effects[0]
+def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
+    """The joints that effects concern, the effects as if the mechanism had no others, so that one program serves all joints, and
+    on which joint those are that reach to others.
+    """
+    first, nowhere = effects[0], [0] * len(effects)
     if isinstance(first, OnJoint) and not reaches(first.effect):
-        return slice(first.joint, first.joint + 1), [e.effect for e in effects]  # type: ignore[attr-defined]
+        return slice(first.joint, first.joint + 1), [e.effect for e in effects], nowhere  # type: ignore[attr-defined]
+    if isinstance(first, OnJoint):
+        return slice(None), [e.replace(joint=0) for e in effects], [e.joint for e in effects]  # type: ignore[attr-defined]
     if hasattr(first, "other"):
-        return [first.joint, first.other], [e.replace(joint=0, other=1) for e in effects]  # type: ignore[attr-defined]
-    return slice(None), list(effects)
+        return [first.joint, first.other], [e.replace(joint=0, other=1) for e in effects], nowhere  # type: ignore[attr-defined]
+    return slice(None), list(effects), nowhere
 
 
 def reaches(effect: Effect) -> bool:
@@ -126,9 +132,14 @@ def driven(signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Co
 
 
 @partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)
-def _many(structure: Any, leaves: Any, drive: Drive, starts: Any, dt: float) -> Terms:
-    """Terms (G, T, J) of G effects of one structure."""
-    return jax.vmap(lambda values: _along(jax.tree.unflatten(structure, values), drive, starts, dt))(leaves)
+def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    """Terms (G, T, J) of G effects of one structure; where they reach to other joints, each on joint ``where`` (G,)."""
+
+    def one(values: Any, joint: Any) -> Terms:
+        effect = jax.tree.unflatten(structure, values)
+        return _along(effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect, drive, starts, dt)
+
+    return jax.vmap(one)(leaves, where)
 
 
 def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
@@ -161,20 +172,21 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
 
 
 def _rows(terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool) -> np.ndarray:
-    """Filter and thin out: what the command must be more (N, J)."""
+    """Filter and thin out: what the command must be more (G, N, J)."""
     rows = signals.rows
 
     def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray | float:
-        return through(x)[rows] if np.any(x) else 0.0
+        return np.moveaxis(through(np.moveaxis(x, 0, 1))[rows], 1, 0) if np.any(x) else 0.0
 
-    moving = np.sign(signals.qd[:, columns]) * ~signals.resting[:, columns]
-    slide = kept(terms.level * moving, signals.smooth)
+    resting = signals.resting[:, columns]
+    slide = terms.level * (np.sign(signals.qd[:, columns]) * ~resting)
     pushed = signals.balance[:, columns] > 0.0
-    held = np.where(pushed, terms.up[rows], -terms.down[rows]) * signals.resting[:, columns][rows]
-    net = kept(terms.change, signals.command) + kept(terms.torque, signals.smooth) - kept(terms.inertia)
-    if not undone and np.any(shift := terms.q - drive.q):
-        net = net - _moved(shift, signals)[:, columns]
-    return slide + held - net
+    held = np.where(pushed, terms.up[:, rows], -terms.down[:, rows]) * resting[rows]
+    net = kept(slide - terms.torque, signals.smooth) - kept(terms.change, signals.command) + kept(terms.inertia) + held
+    if not undone:
+        for k in np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
+            net[k] += _moved(terms.q[k] - drive.q, signals)[:, columns]
+    return net
 
 
 def _moved(shift: np.ndarray, signals: Signals) -> np.ndarray:
