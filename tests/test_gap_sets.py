@@ -1,6 +1,7 @@
 """Sets of effects on made-up rows: their score against refits by brute force, the search, what may be named, how sure it is."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -247,12 +248,75 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     rows, pool, truth, _ = planted
     bound = replace(pool[0], upper=np.array([0.4]))
     score = score_of(rows, [bound, *truth[1:]])
-    now, narrowed, dropped = nameable(score, score.solve(score.items), 0.05, DT)
-    assert dropped == {bound.group: "its value is on a bound"}
+    rows = rows._replace(signals=SimpleNamespace(dt=DT))
+    now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05)
+    assert strong == {bound.group: "its value is on a bound"}
+    assert weak == {}
     assert set(now.members) == set(truth[1:])
     assert bound not in narrowed.items
     assert aside(narrowed, now)[0] > aside(score, score.solve(score.items))[0]
     assert gain(score, score.solve(truth[1:]), score.solve(score.items))[0] > 0.05
+
+
+def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
+    rows, pool, truth, _ = planted
+    rows = rows._replace(signals=SimpleNamespace(dt=DT))
+    score = score_of(rows, pool)
+    now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8)
+    assert strong == {}
+    assert set(weak.values()) == {"it removes less than 80% of the error"}
+    assert set(now.members) < set(truth)
+
+
+# quick estimates
+
+
+def test_a_promise_is_what_an_item_is_worth_on_the_blocks_themselves(planted):
+    rows, pool, truth, score = planted
+    now = score.solve(truth[:2])
+    promise = score.promise(now.members)
+    assert not {id(m) for m in now.members} & promise.keys()
+    held_out = now.error.sum(0)
+    for i in (truth[2], pool[3], pool[9]):
+        with_it, without = (
+            np.array([_left(rows, members, j) for j in range(JOINTS)]) for members in ([*truth[:2], i], truth[:2])
+        )
+        on = list(i.joints)
+        gain = (without - with_it)[on].sum() / 0.5**2
+        worth = -25.0 * len(on) * np.log(1.0 - gain / held_out[on].sum()) - 0.5 * len(i.lower) + i.odds
+        assert promise[id(i)] == pytest.approx(worth, abs=0.05)
+    assert max(promise, key=lambda k: promise[k]) == id(truth[2])
+
+
+def _left(rows, members, joint):
+    """Sum of squares on a joint of what a fit to all blocks of training leaves."""
+    x, *_ = np.linalg.lstsq(*stacked(rows, members, rows.training), rcond=None)
+    only = rows._replace(used=rows.used & (np.arange(JOINTS) == joint))
+    design, gap = stacked(only, members, rows.training)
+    return float(np.sum((gap - design @ x) ** 2))
+
+
+def test_what_a_member_is_worth_is_estimated_without_a_fit(planted):
+    _, pool, truth, score = planted
+    now = score.solve([*truth, pool[3]])
+    lost = score.lost(now)
+    for m in now.members:
+        exact = now.value - score.solve([o for o in now.members if o is not m]).value
+        assert lost[id(m)] == pytest.approx(exact, abs=max(0.1 * abs(exact), 1.5))
+
+
+def test_what_happens_once_is_so_in_several_blocks(planted):
+    rows, *_ = planted
+    left = np.full((N, JOINTS), 0.1)
+    left[200:230, 0] = 5.0
+    evened = rows.evened(left)
+    assert len(set(rows.block[200:230])) <= 2 < len(set(evened.block[200:230]))
+    assert np.array_equal(evened.training, rows.training)
+    assert np.array_equal(evened.block[~rows.training], rows.block[~rows.training])
+    assert np.all(np.diff(evened.block[rows.training]) >= 0)
+    flat = rows.evened(np.full((N, JOINTS), 0.1))
+    assert np.all(np.abs(np.bincount(flat.block[flat.training]) - flat.training.sum() / 16) < 2)
+    assert (rows.whole().block >= 0).all()
 
 
 # how sure it is

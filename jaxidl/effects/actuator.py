@@ -88,7 +88,7 @@ class TorqueScale(Effect):
     parameters: ClassVar = {"scale": Parameter("1", 0.05, 20.0, "delivered over commanded torque")}
     neutral: ClassVar[float] = 1.0
     mjcf: ClassVar = {"scale": "general/gear"}
-    prior: ClassVar[float] = 0.03
+    prior: ClassVar[float] = 0.05
     advice: ClassVar[str] = (
         "repeat the motion with a known mass attached, or hold the joint still against gravity or a force gauge: a wrong torque "
         "scale shows at rest, a wrong inertia only under acceleration"

@@ -97,6 +97,11 @@ class InertiaTensorError(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         return [Variant({"tensor": np.zeros((1, 6))}, ("tensor",))]
 
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """About the joint's own axis it is a rotor's inertia, unless other joints move the body, too."""
+        return ("inertia_error",)
+
 
 class Payload(Effect):
     """A load on the last body that moves, in that body's frame; negative where the model has a load that is gone.

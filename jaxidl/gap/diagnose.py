@@ -7,12 +7,13 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxidl.effects import CATALOGUE, Effect, searchable, searched
+from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
-from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
-from jaxidl.gap.find import Found, aside, find, worse_by
-from jaxidl.gap.library import Library, Reference, library, residual
+from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Finding, Gap, Key, Row, Side, Traces
+from jaxidl.gap.find import Found, aside, find
+from jaxidl.gap.findings import findings
+from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
@@ -24,7 +25,6 @@ from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise
 from jaxidl.systems import Plant
-from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
@@ -81,21 +81,20 @@ def diagnose(
         after, gap = residual(rows, found.solution), rows.gap
         watch("checking what is left", 0.0)
         network = check(rows, after)
-        findings = _findings(found, _values(found, rows.whole()), known)
+        sets = [tuple(dict.fromkeys(g[:2] for g in groups)) for groups in (*found.ties, *ambiguous(found.named, found.support))]
+        tied = {key for keys in sets for key in keys if len(keys) > 1}
+        named = findings(found, _values(found, rows.whole()), known, [n.value for n in network], tied)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
-    doubts = tuple(
-        _ambiguity(groups, found.library.rows.signals.q.shape[1])
-        for groups in (*found.ties, *ambiguous(found.named, found.support))
-    )
+    doubts = _doubts(sets, named)
     unexplained = _unexplained(found, compared, still)
-    verdict = _verdict(findings, doubts, unexplained)
+    verdict = _verdict(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
     notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(verdict, findings, doubts, compared, unexplained, remaining, known, reference is not None),
-        findings=findings,
+        summary=summarise(verdict, named, doubts, compared, unexplained, remaining, known, reference is not None),
+        findings=named,
         ambiguous=doubts,
         where=where,
         remaining=remaining,
@@ -176,75 +175,21 @@ def _values(found: Found, rows: Rows) -> list[Value]:
     return values(found.solution.members, x, rows, found.score, found.predicted)
 
 
-def _findings(found: Found, fitted: Sequence[Value], known: Model) -> tuple[Finding, ...]:
-    """What was found, ordered by the share of the command that it explains."""
-    rows, out = found.library.rows, []
-    command = _rms(rows.command, rows.used)
-    for value in fitted:
-        name, joint = value.key
-        if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
-            continue  # the whole log says nothing of what the part that was searched seemed to say
-        others = [m for m in found.solution.members if m not in value.items]
-        bare = found.score.solve(others)
-        adds = np.zeros_like(rows.gap)
-        for m in value.items:
-            adds[:, list(m.joints)] += np.tensordot(found.solution.x[found.solution.of(m)], m.columns, 1)
-        shares = _rms(adds, rows.used) / np.maximum(command, 1e-300)
-        j = int(np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0)))
-        a, b = (np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare))
-        support = min(found.support.share[m.group] for m in value.items)
-        evidence, share = found.solution.value - bare.value, float(shares[j])
-        kind = known.kinds[joint if joint is not None else j]
-        cls = CATALOGUE[name]
-        parameters = {
-            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e)) for n, (v, e) in value.parameters.items()
-        }
-        bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
-        gain, stderr = worse_by(found.score, bare, found.solution, j)
-        out.append(
-            Finding(
-                name,
-                joint,
-                value.effect,
-                cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
-                parameters,
-                support,
-                float(evidence),
-                share,
-                j,
-                float(b),
-                float(a),
-                gain,
-                stderr,
-                bounds,
-            )
-        )
-    return tuple(sorted(out, key=lambda f: -f.share))
-
-
-def _number(value: np.ndarray) -> float | list[float]:
-    return float(value[0]) if len(value) == 1 else value.tolist()
-
-
-def _rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
-    return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))
-
-
 def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common: Any, rollouts: bool, watch: Watch) -> Gap:
     """Both sides on the rows kept aside, and in the same windows of them, with parameters that were fitted without them."""
     rows, signals = found.library.rows, found.library.rows.signals
     members = [v.effect for v in _values(found, rows)]
     behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
-    command = _rms(rows.command, there)
+    command = rms(rows.command, there)
     kept_aside = instants_of(signals, ~rows.training)
 
     def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
         watch("replaying the log", 0.5)
-        rms = _rms(left, there)
+        size = rms(left, there)
         errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
-        relative = np.where(command > 0.0, rms / np.maximum(command, 1e-300), np.nan)
-        return Side(rms.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
+        relative = np.where(command > 0.0, size / np.maximum(command, 1e-300), np.nan)
+        return Side(size.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
 
     model = Plant(known.plant.body, (*known.plant.effects, *common))
     before = side(gap, model, signals._replace(late=behind.late))
@@ -253,11 +198,9 @@ def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common:
 
 
 def _envelope(made: Library, compared: Gap) -> Envelope:
-    rms = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
-    relative = rms / np.maximum(
-        np.array(compared.before.torque_rms) / np.maximum(compared.before.torque_relative, 1e-300), 1e-300
-    )
-    return Envelope(rms.tolist(), relative.tolist())
+    left = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
+    command = np.array(compared.before.torque_rms) / np.maximum(compared.before.torque_relative, 1e-300)
+    return Envelope(left.tolist(), (left / np.maximum(command, 1e-300)).tolist())
 
 
 def _unexplained(found: Found, compared: Gap, network: Sequence[tuple[float, float]]) -> tuple[int, ...]:
@@ -283,9 +226,10 @@ def _verdict(findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplain
     return "named" if sure else "ambiguous" if findings else "nothing_missing"
 
 
-def _ambiguity(groups: Sequence[tuple[str, int | None, str]], joints: int) -> Ambiguity:
-    keys = tuple(dict.fromkeys(g[:2] for g in groups))
-    return Ambiguity(keys, experiment(keys))
+def _doubts(sets: Sequence[tuple[Key, ...]], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
+    """Sets of effects that the log cannot tell apart, of which the first was found."""
+    there = {(f.name, f.joint) for f in named}
+    return tuple(Ambiguity(keys, experiment(keys)) for keys in dict.fromkeys(sets) if len(keys) > 1 and keys[0] in there)
 
 
 def _rivals(found: Found) -> tuple[Row, ...]:

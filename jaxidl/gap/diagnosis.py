@@ -34,7 +34,7 @@ class Finding:
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    confidence: float  # share of resamples in which it is found again; see :mod:`jaxidl.gap.confidence`
+    confidence: float  # how likely it is right; see :mod:`jaxidl.gap.calibration`
     evidence: float  # fall of the score without it
     share: float  # root mean square of what it adds over that of the command, on the joint where it is largest
     where: int  # that joint
@@ -43,6 +43,7 @@ class Finding:
     gain: float  # 1 − after/before
     gain_stderr: float
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # of the parameters that were fitted
+    signs: dict[str, float] = field(default_factory=dict)  # what its confidence was computed from
 
     @property
     def sure(self) -> bool:
@@ -160,6 +161,7 @@ class Diagnosis:
                         "held_out_after": f.held_out_after,
                         "gain": f.gain,
                         "gain_stderr": f.gain_stderr,
+                        "signs": f.signs,
                     }
                     for f in self.findings
                 ],

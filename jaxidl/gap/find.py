@@ -21,7 +21,7 @@ from jaxidl.gap.shapes import fitted
 ROUNDS = 5  # of shapes fitted and sets searched
 RIVALS = 2  # of each effect that is not common
 ALIKE = 0.005  # of the error: explanations that differ by less are equally good,
-FARTHER = 4.0  # log odds: an explanation that was so much less likely beforehand is no equal one
+FARTHER = 3.0  # log odds: an explanation that was twenty times less likely beforehand is no equal one
 EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
 UNFIT = 0.03  # of a promise: a shape that is not fitted may promise so much less

@@ -176,7 +176,11 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
         for cls in classes
     }
     links = links_of(signals.body)
-    common = [plausible(i, links, ALIKE) for cls in classes if cls.common for i in items_of(offered[cls], rows, predicted)]
+    classes = sorted(classes, key=lambda cls: len(cls.contains()))  # parts before what contains them
+    common: list[Item] = []
+    for cls in classes:
+        if cls.common:
+            common += [plausible(i, links, ALIKE) for i in items_of(offered[cls], rows, predicted, common)]
     rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
     first = Score(rows, common, spread, np.ones(len(spread)))
@@ -190,7 +194,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     shared = tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
     items = [*common, *shared, *alignments(rows, predicted, alike)]
     projected = Projection(rows, items, noise)
-    for cls in sorted(classes, key=lambda cls: len(cls.contains())):  # parts before what contains them
+    for cls in classes:
         if not cls.common:
             best = projected.best(items_of(offered[cls], rows, predicted, items), left, effective)
             items += [pushed(i, rows, predicted) if i.actuates else plausible(i, links, alike) for i in best]

@@ -12,13 +12,12 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
+from jaxidl.gap.diagnosis import Key
 from jaxidl.gap.find import jackknife
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Item, Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, vector
 from jaxidl.gap.shapes import tangent
-
-Key = tuple[str, int | None]
 
 
 class Value(NamedTuple):
@@ -128,4 +127,5 @@ def _value(
         stderr = jackknife(np.stack([read(e, n) for e in others]))
         least = dt / np.sqrt(12.0) if shape.cls.parameters[n].unit == "s" else 0.0
         parameters[n] = (read(effect, n), np.hypot(stderr, least))
+    parameters = {n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)} or parameters
     return Value(key, items, effect, parameters)

@@ -1,13 +1,20 @@
 """How often the effects of reports are right, by the confidence that they are reported with."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+from scipy.optimize import minimize
+
 from jaxidl.gap.benchmark import judge, robot_judge
 from jaxidl.gap.benchmark.judge import Record
+from jaxidl.gap.calibration import SIGNS
 
 BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Of confidence; each without its upper end but the last."""
+
+STRENGTH = 1.0  # of the ridge on the weights
 
 
 def is_right(truth: Record, report: Record, effect: Record) -> bool:
@@ -40,6 +47,29 @@ def training_rows(truth: Mapping[str, Record], reports: Mapping[str, Record | No
             head = {"case": name, "family": record["family"], "effect": effect["effect"], "joint": effect["joint"]}
             kept = {"joints": record.get("joints", len(report["gap"]["noise_floor"]) if report else None)}
             yield head | kept | numbers | {"right": int(is_right(record, report or {}, effect))}
+
+
+def fitted(rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: float = STRENGTH) -> dict[str, float]:
+    """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
+
+    Args:
+        rows: family, signs and whether it is right, of each finding. Families weigh alike.
+        strength: of the ridge on the weights.
+    """
+    every = list(rows)
+    x = np.array([[signs[name] for name in SIGNS] + [1.0] for _, signs, _ in every])
+    y = np.array([right for _, _, right in every], float)
+    counts = Counter(family for family, _, _ in every)
+    weight = np.array([len(every) / len(counts) / counts[family] for family, _, _ in every])
+
+    def loss(w: np.ndarray) -> tuple[float, np.ndarray]:
+        z = x @ w
+        slope = x.T @ (weight * (1.0 / (1.0 + np.exp(-z)) - y))
+        ridge = strength * np.append(w[:-1], 0.0)
+        return float(weight @ (np.logaddexp(0.0, z) - y * z) + 0.5 * ridge @ w), slope + ridge
+
+    best = minimize(loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B").x
+    return dict(zip((*SIGNS, "constant"), best.tolist(), strict=True))
 
 
 def _numbers(entry: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, float]]:

@@ -1,0 +1,84 @@
+"""The findings of a diagnosis: effects with their values, what each explains, and how likely it is right."""
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from jaxidl.effects import CATALOGUE
+from jaxidl.gap.calibration import probability, signs
+from jaxidl.gap.diagnosis import Estimate, Finding, Key
+from jaxidl.gap.find import Found, aside, worse_by
+from jaxidl.gap.library import rms
+from jaxidl.gap.values import Value
+from jaxidl.systems.free import unit_of
+from jaxidl.systems.mjcf import Model
+
+
+def findings(
+    found: Found, fitted: Sequence[Value], known: Model, network: Sequence[float], tied: Collection[Key]
+) -> tuple[Finding, ...]:
+    """Return the findings, ordered by the share of the command that they explain.
+
+    Args:
+        found: what the search found.
+        fitted: its effects with their values.
+        known: the model of J joints.
+        network: (J,) share of what is left that a network predicts.
+        tied: effects that others explain the log as well as.
+    """
+    rows, out = found.library.rows, []
+    command, whole = rms(rows.command, rows.used), rms(rows.gap, rows.used & ~rows.training[:, None])
+    for value in fitted:
+        name, joint = value.key
+        if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
+            continue  # the whole log says nothing of what the part that was searched seemed to say
+        others = [m for m in found.solution.members if m not in value.items]
+        bare = found.score.solve(others)
+        adds = np.zeros_like(rows.gap)
+        for m in value.items:
+            adds[:, list(m.joints)] += np.tensordot(found.solution.x[found.solution.of(m)], m.columns, 1)
+        shares = rms(adds, rows.used) / np.maximum(command, 1e-300)
+        j = int(np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0)))
+        a, b = (np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare))
+        support = min(found.support.share[m.group] for m in value.items)
+        evidence, share = found.solution.value - bare.value, float(shares[j])
+        kind = known.kinds[joint if joint is not None else j]
+        cls = CATALOGUE[name]
+        parameters = {
+            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e)) for n, (v, e) in value.parameters.items()
+        }
+        bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
+        gain, stderr = worse_by(found.score, bare, found.solution, j)
+        promise = found.score.promise(others)
+        rivals = [promise[id(i)] for i in found.score.items if id(i) in promise and i.key != value.key and j in i.joints]
+        margin = max(promise[id(m)] for m in value.items) - max(rivals, default=0.0)
+        left = float(a) / max(rows.floor[j], 1e-300)
+        shape = value.items[0].shape
+        open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
+        speaks = signs(
+            support, evidence, margin, gain, share, left, float(open_), network[j], shape.odds, cls.common, value.key in tied
+        )
+        out.append(
+            Finding(
+                name,
+                joint,
+                value.effect,
+                cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
+                parameters,
+                probability(speaks),
+                float(evidence),
+                share,
+                j,
+                float(b),
+                float(a),
+                gain,
+                stderr,
+                bounds,
+                speaks,
+            )
+        )
+    return tuple(sorted(out, key=lambda f: -f.share))
+
+
+def _number(value: np.ndarray) -> float | list[float]:
+    return float(value[0]) if len(value) == 1 else value.tolist()
