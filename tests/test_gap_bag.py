@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxidl.gap.log import read
+from jaxidl.logs.log import read
 from tests.test_gap_columns import ARM, THREE, same
 from tests.test_gap_log import SAMPLES, refuse
 

@@ -7,8 +7,8 @@ import pytest
 
 from jaxidl.errors import JaxidlError, LogError
 from jaxidl.gap.inputs import read_inputs
-from jaxidl.gap.log import read
-from jaxidl.gap.motor_side import motor_side
+from jaxidl.logs.log import read
+from jaxidl.logs.motor_side import motor_side
 from tests.test_gap_log import DT, SAMPLES, check, good, refuse, text, write
 
 ARM = ("shoulder_pan_joint", "elbow_joint", "wrist_1_joint")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import LogError
-from jaxidl.gap.log import Log, from_arrays, read
+from jaxidl.logs.log import Log, from_arrays, read
 
 SAMPLES, DT = 300, 0.005
 HAS_PYARROW = importlib.util.find_spec("pyarrow") is not None

@@ -14,12 +14,12 @@ from jaxidl.cli import main
 from jaxidl.effects import ActuatorDelay, AsymmetricFriction, CoulombFriction, OnJoint, PositionBias, Spring, ViscousFriction
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.log import from_arrays
 from jaxidl.gap.refine import _starts, _tied, refine
 from jaxidl.gap.rollout import windows_at
 from jaxidl.gap.rows import instants_of, kept_rows
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.trajectory import Problem, window_errors, window_slopes
+from jaxidl.logs.log import from_arrays
 from jaxidl.report import table
 from jaxidl.systems import Plant
 from jaxidl.systems.free import Free

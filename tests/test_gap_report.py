@@ -19,8 +19,8 @@ from jaxidl.errors import StoreError
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
 from jaxidl.gap.localise import Place
-from jaxidl.gap.log import from_arrays
 from jaxidl.gap.words import number, percent, plus_minus, summarise
+from jaxidl.logs.log import from_arrays
 from jaxidl.report import FIGURES, draw, folder, page, save, table
 from jaxidl.report.common import broken
 from jaxidl.report.table import COLUMNS

@@ -17,12 +17,12 @@ from jaxidl.gap.additions import additions
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.library import rms
-from jaxidl.gap.log import read
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import build
 from jaxidl.gap.signals import prepare
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import execute
+from jaxidl.logs.log import read
 from jaxidl.systems.arm import JOINTS, compiled
 from jaxidl.systems.mjcf import read_model
 

@@ -3,8 +3,8 @@
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.inputs import read_inputs
-from jaxidl.gap.log import Log, from_arrays, read
 from jaxidl.gap.refine import Refinement
+from jaxidl.logs.log import Log, from_arrays, read
 from jaxidl.systems.mjcf import Model, read_model
 
 __all__ = ["Diagnosis", "Log", "Model", "Refinement", "diagnose", "from_arrays", "read", "read_inputs", "read_model"]

@@ -15,7 +15,6 @@ from jaxidl.gap.find import Found, aside, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
-from jaxidl.gap.log import Log, read
 from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
@@ -24,6 +23,7 @@ from jaxidl.gap.shape import present
 from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise
+from jaxidl.logs.log import Log, read
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
@@ -50,7 +50,7 @@ def diagnose(
     """Say where a log and a model disagree, which effects are missing, and by how much the gap shrinks with them.
 
     Args:
-        log: a :class:`jaxidl.gap.log.Log`, or files as :func:`jaxidl.gap.log.read` takes them.
+        log: a :class:`jaxidl.logs.log.Log`, or files as :func:`jaxidl.logs.log.read` takes them.
         model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
         reference: an earlier log of the same machine. What both have in common is no finding, only what changed.
         held_out: share of the log, at the end of each run, that takes no part in fitting and searching.

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import jax
 
 from jaxidl.errors import ModelError
-from jaxidl.gap.header import joint_called
-from jaxidl.gap.log import Log, read
-from jaxidl.gap.motor_side import motor_side
+from jaxidl.logs.header import joint_called
+from jaxidl.logs.log import Log, read
+from jaxidl.logs.motor_side import motor_side
 from jaxidl.systems.mjcf import Model, names_of, read_model
 
 
@@ -39,7 +39,7 @@ def read_inputs(
         joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked where the log has them on
             average, or else as the model's file draws them. Default: all.
         columns: which column is which, as ``"q0=actual_q_0"`` or ``"q=actual_q_*"``.
-        motor: YAML file that says how joints follow from motors, as :func:`jaxidl.gap.motor_side.motor_side` reads it.
+        motor: YAML file that says how joints follow from motors, as :func:`jaxidl.logs.motor_side.motor_side` reads it.
         torque_constant: [Nm/A] of motors whose currents the log has; one for all or one for each joint.
         gear_ratio: of motors whose currents or torques the log has; one for all or one for each joint.
         topic: of a ROS bag.

@@ -17,7 +17,7 @@ from jaxtyping import Bool, Float
 from scipy import ndimage, signal
 
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.gap.log import Log
+from jaxidl.logs.log import Log
 from jaxidl.systems.tables import Tables, tables
 
 NOISE_SHARE = 0.02  # of the command's spread: where the band ends

@@ -13,8 +13,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from jaxidl.errors import LogError
-from jaxidl.gap.families import shortened
-from jaxidl.gap.header import CURRENT, joint_called
+from jaxidl.logs.families import shortened
+from jaxidl.logs.header import CURRENT, joint_called
 
 KEYS = ("torque_constant", "gear_ratio", "coupling", "offset", "motor_positions", "joints")
 LARGEST_FILE = 2**20  # bytes of a description

@@ -4,9 +4,9 @@ import difflib
 import re
 
 from jaxidl.errors import LogError
-from jaxidl.gap.families import INSTANTS
-from jaxidl.gap.header import CURRENT, KINDS, read_title
-from jaxidl.gap.tables import Table, listed, shown
+from jaxidl.logs.families import INSTANTS
+from jaxidl.logs.header import CURRENT, KINDS, read_title
+from jaxidl.logs.tables import Table, listed, shown
 
 
 def meant(name: str) -> str | None:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.gap.columns import choose
-from jaxidl.gap.families import Wanted, shortened
-from jaxidl.gap.tables import Table, listed, name_of, reason
+from jaxidl.logs.columns import choose
+from jaxidl.logs.families import Wanted, shortened
+from jaxidl.logs.tables import Table, listed, name_of, reason
 
 ENDINGS = (".mcap", ".db3", ".bag")
 TYPE = "sensor_msgs/msg/JointState"

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from jaxidl.errors import LogError
-from jaxidl.gap.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
-from jaxidl.gap.header import CURRENT, KINDS, Title, factor, read_title
-from jaxidl.gap.mapping import mapped
+from jaxidl.logs.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
+from jaxidl.logs.header import CURRENT, KINDS, Title, factor, read_title
+from jaxidl.logs.mapping import mapped
 
 MOST = 10_000  # columns; a header with more is damage, not a log
 KNOWN = re.compile(r"(time|run)|(q|tau|qd|qdd|i)(0|[1-9][0-9]{0,3})", re.ASCII)

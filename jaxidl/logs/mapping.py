@@ -5,8 +5,8 @@ import re
 from collections.abc import Sequence
 
 from jaxidl.errors import LogError
-from jaxidl.gap.families import Family, Member, Wanted, shortened
-from jaxidl.gap.header import CURRENT, KINDS, Title, joint_called, read_title
+from jaxidl.logs.families import Family, Member, Wanted, shortened
+from jaxidl.logs.header import CURRENT, KINDS, Title, joint_called, read_title
 
 KEY = re.compile(r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII)
 

@@ -14,14 +14,14 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from jaxidl.errors import LogError
-from jaxidl.gap import checks
-from jaxidl.gap.checks import Samples
-from jaxidl.gap.families import Wanted
-from jaxidl.gap.header import KINDS
-from jaxidl.gap.motor_side import MotorSide
-from jaxidl.gap.ros_bag import is_bag, load_bag
-from jaxidl.gap.sampling import LEAST_RUN, interval, pieces, resample
-from jaxidl.gap.tables import Table, expanded, listed, load, name_of, reason
+from jaxidl.logs import checks
+from jaxidl.logs.checks import Samples
+from jaxidl.logs.families import Wanted
+from jaxidl.logs.header import KINDS
+from jaxidl.logs.motor_side import MotorSide
+from jaxidl.logs.ros_bag import is_bag, load_bag
+from jaxidl.logs.sampling import LEAST_RUN, interval, pieces, resample
+from jaxidl.logs.tables import Table, expanded, listed, load, name_of, reason
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.gap.columns import MOST, choose
-from jaxidl.gap.families import INSTANTS, Chosen, Wanted
-from jaxidl.gap.header import UNITS
+from jaxidl.logs.columns import MOST, choose
+from jaxidl.logs.families import INSTANTS, Chosen, Wanted
+from jaxidl.logs.header import UNITS
 
 LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; text takes ten times as much while it is read
 MAGIC = {

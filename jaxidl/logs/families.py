@@ -3,7 +3,7 @@
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from jaxidl.gap.header import Title
+from jaxidl.logs.header import Title
 
 INSTANTS = ("time", "sec", "nanosec", "run")  # one column of each
 

@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.gap.families import INSTANTS
-from jaxidl.gap.header import CURRENT, KINDS
-from jaxidl.gap.missing import count_joints
-from jaxidl.gap.motor_side import MotorSide
-from jaxidl.gap.tables import Table, listed, shown
+from jaxidl.logs.families import INSTANTS
+from jaxidl.logs.header import CURRENT, KINDS
+from jaxidl.logs.missing import count_joints
+from jaxidl.logs.motor_side import MotorSide
+from jaxidl.logs.tables import Table, listed, shown
 
 LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log; [s]
 MOVES = 0.02  # [m or rad] of a joint that is taken to stand still: worth telling
