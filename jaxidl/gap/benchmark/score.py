@@ -162,8 +162,9 @@ def _parameters(pairs: list[Pair]) -> dict[str, Any]:
     for truth, report in pairs:
         hidden = truth["hidden"][0]
         if report is not None and judge.single_credit(hidden, report) == 1:
-            effect = next(e for e in report["effects"] if judge.key(e) == judge.key(hidden))
-            errors.append((hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"])))
+            effect = next((e for e in report["effects"] if judge.key(e) == judge.key(hidden)), None)
+            if effect is not None:  # named by itself, not by what it is the sum of
+                errors.append((hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"])))
     return _summary(errors)
 
 
