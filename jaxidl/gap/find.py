@@ -174,16 +174,15 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         near = [i for i in score.items if promise.get(id(i), -np.inf) - i.odds > likely and not part(m, i)]
         near = [i for i in near if set(i.joints) & set(m.joints) and i.key not in {n.key for n in now.members}]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
-        seen = set[Group]()
-        for i in sorted(near, key=lambda i: i.odds - promise[id(i)])[: 2 * RIVALS]:
-            if i.group in seen:
-                continue
+        best: dict[Group, Item] = {}  # shape of each effect
+        for i in sorted(near, key=lambda i: i.odds - promise[id(i)]):
+            best.setdefault(i.group, i)
+        for i in list(best.values())[: 2 * RIVALS]:
             fresh = fitted(i, score.solve([*rest, i]), library.rows, predicted, score) if movable(i.shape) else i
             small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
             if fresh in at.members and odds > least - FARTHER and at.value - odds > now.value - least - close:
-                seen.add(i.group)
                 gone = sets.setdefault(tuple(n.group for n in now.members if n not in at.members), [])
                 gone += [i.group] if i.group not in gone else []
     return [[*gone, *instead] for gone, instead in sets.items()]
