@@ -107,7 +107,7 @@ class TorqueScale(Effect):
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
         """A motor constant may be off by a factor of two and a half; beyond that the motor is another one."""
-        return [Variant({"scale": 1.3}, within={"scale": (0.4, 2.5)})]
+        return [Variant({"scale": 1.25}, within={"scale": (0.4, 2.5)})]
 
 
 class TorqueCurve(Effect):

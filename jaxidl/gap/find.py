@@ -12,6 +12,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
+from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search
@@ -26,7 +27,7 @@ EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
 UNFIT = 0.03  # of a promise: a shape that is not fitted may promise so much less
 BOUND = "its value is on a bound"
-UNPHYSICAL = "no link that could be built explains it"
+UNPHYSICAL = "it would take a link that cannot be built, or friction that drives"
 STRONG = 10.0  # what an effect is worth to the score: without it the set is another one
 EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 
@@ -212,7 +213,7 @@ def supported(score: Score, now: Solution, rows: Rows) -> tuple[Solution, Score,
     """Return the set without what the log does not support, the weakest first; the rest is fitted and searched anew each time."""
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
-        found = objections(score, now, 0.0, rows) or unbuildable(score, now, rows)
+        found = objections(score, now, 0.0, rows) or unphysical(score, now, rows)
         if not found:
             again = search(score, now.members) if strong or weak else now
             if again.value <= now.value + EPSILON:
@@ -237,14 +238,24 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
 
 
-def unbuildable(score: Score, now: Solution, rows: Rows) -> list[Objection]:
-    """Return members that change links, and are worth less than what it costs to keep all links such as could be built."""
-    changing = [m for m in now.members if not m.always and m.shape.cls.alter is not Effect.alter]
-    if not changing or (x := physical_fit(score, now, rows)) is None:
-        return []
-    cost = score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
-    worth = [(now.value - score.solve(without(now, m)).value, m, UNPHYSICAL) for m in changing]
-    return [w for w in worth if w[0] < cost]
+def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
+    """Return the member without which the log is explained better, if all links are to be such as could be built, and all
+    friction is to dissipate; none if there is no such member.
+    """
+    cost = price(score, now, rows)
+    best, found = now.value - cost, list[Objection]()
+    for m in now.members if cost > EPSILON else ():
+        if not m.always and (m.shape.cls.friction or m.shape.cls.alter is not Effect.alter):
+            then = score.solve(without(now, m))
+            if (value := then.value - price(score, then, rows)) > best:
+                best, found = value, [(now.value - then.value, m, UNPHYSICAL)]
+    return found
+
+
+def price(score: Score, now: Solution, rows: Rows) -> float:
+    """Return what it costs the score to keep a set physical."""
+    x = physical_fit(score, now, rows)
+    return 0.0 if x is None else score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
 
 
 def without(now: Solution, m: Item) -> list[Item]:
@@ -264,7 +275,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
-    if late(m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
+    if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return "it is hardly more than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
@@ -283,13 +294,17 @@ def beyond(m: Item, x: np.ndarray) -> bool:
     return any(np.any((v < p.lower) | (v > p.upper)) for v, p in ((values[n], m.shape.cls.parameters[n]) for n in values))
 
 
-def late(m: Item, x: np.ndarray) -> float:
-    """Return the longest time [s] among the parameters of an effect that is nothing but late; infinite of others."""
+def late(now: Solution, m: Item, x: np.ndarray) -> float:
+    """Return the longest time [s] among the parameters of an effect that is nothing but late; infinite of others.
+
+    What the alignment of the joint's torque takes back does not count.
+    """
     if m.shape.free:
         return np.inf
     names = [n for n in movable(m.shape) for _ in range(np.size(m.shape.values[n]))]
     times = [v for n, v in zip(names, vector(m.shape, x), strict=True) if m.shape.cls.parameters[n].unit == "s"]
-    return max(times, default=np.inf)
+    back = [float(now.x[now.of(o)][0]) for o in now.members if o.key == (ALIGNMENT, m.shape.joint)]
+    return max(times) + min([0.0, *back]) if times else np.inf
 
 
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
