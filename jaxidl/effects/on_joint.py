@@ -5,7 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Motor, Variant
@@ -18,7 +18,7 @@ Own = Float[Array, "1"]  # of the one joint
 class _Part:
     """The body as one joint sees it: inertia that it is given goes to that joint."""
 
-    def __init__(self, body: Any, joint: int, like: Joints):
+    def __init__(self, body: Any, joint: int | Int[Array, ""], like: Joints):
         self.body, self.joint, self.like = body, joint, like
 
     def _spread(self, extra: Own | Scalar) -> Joints:
@@ -39,7 +39,7 @@ class OnJoint(Effect):
     """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of ``joints``; nothing on others."""
 
     effect: Effect
-    joint: int = struct.field(pytree_node=False)
+    joint: int | Int[Array, ""] = struct.field(pytree_node=False)  # traced where one program serves all joints
     joints: int = struct.field(pytree_node=False)
 
     def _of(self, values: Joints) -> Own:
