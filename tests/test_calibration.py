@@ -10,39 +10,30 @@ from jaxidl.gap.benchmark.calibration import fitted
 from jaxidl.gap.calibration import SIGNS, probability, signs
 
 GOOD = {
-    "support": 1.0, "evidence": 300.0, "margin": 100.0, "gain": 0.6, "share": 0.3, "remainder": 1.2,
-    "unexplained": 0.01, "systematic": 0.0, "odds": 0.0, "common": True, "tied": False,
+    "margin": 100.0, "gain": 0.6, "share": 0.3, "left": 1.2, "unexplained": 0.01, "systematic": 0.0, "odds": 0.0,
+    "common": True, "tied": False,
 }  # fmt: skip
-BAD = GOOD | {
-    "support": 0.6,
-    "evidence": 4.0,
-    "margin": 0.1,
-    "gain": 0.06,
-    "share": 0.01,
-    "remainder": 8.0,
-    "unexplained": 0.8,
-    "common": False,
-}
+BAD = GOOD | {"margin": 0.1, "gain": 0.06, "share": 0.01, "left": 8.0, "unexplained": 0.8, "odds": -4.0, "common": False}
 
 
 def test_the_packaged_weights_tell_a_dry_friction_from_a_crumb():
     kept = json.loads(calibration.WEIGHTS.read_text())
     assert set(kept["weights"]) == {*SIGNS, "constant"}
     assert probability(signs(**GOOD)) > 0.9
-    assert probability(signs(**(BAD | {"odds": -4.0}))) < 0.5
+    assert probability(signs(**BAD)) < 0.5
 
 
-@pytest.mark.parametrize("name", ["evidence", "margin", "remainder", "share", "unexplained"])
+@pytest.mark.parametrize("name", ["margin", "left", "share", "unexplained"])
 def test_signs_are_finite_however_extreme(name):
     for value in (0.0, 1e-300, 1e300, np.inf):
         assert all(np.isfinite(v) for v in signs(**(GOOD | {name: value})).values())
 
 
-def test_without_weights_the_share_of_draws_is_reported(monkeypatch, tmp_path):
+def test_without_weights_only_the_draws_count(monkeypatch, tmp_path):
     monkeypatch.setattr(calibration, "WEIGHTS", tmp_path / "none.json")
     calibration._weights.cache_clear()
     try:
-        assert probability(signs(**(GOOD | {"support": 0.625}))) == 0.625
+        assert probability(signs(**BAD)) == 1.0
     finally:
         calibration._weights.cache_clear()
 
@@ -51,14 +42,17 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     rng = np.random.default_rng(0)
     x = rng.normal(size=(6000, len(SIGNS)))
     true = np.zeros(len(SIGNS))
-    true[[0, 1, 5]] = 2.0, 1.0, -1.5
+    true[[0, 1, 5]] = 2.0, 1.0, -1.5  # margin, gain, open
     right = rng.random(6000) < 1.0 / (1.0 + np.exp(-0.7 - x @ true))
     rows = [("robot", dict(zip(SIGNS, row, strict=True)), bool(ok)) for row, ok in zip(x, right, strict=True)]
     weights = fitted(rows)
     np.testing.assert_allclose([weights[name] for name in SIGNS], true, atol=0.25)
     assert weights["constant"] == pytest.approx(0.7, abs=0.15)
     assert fitted(rows) == weights
+    # a sign that seems to speak the wrong way does not speak
+    turned = fitted([(family, found | {"gain": -found["gain"]}, ok) for family, found, ok in rows])
+    assert turned["gain"] == 0.0
     # a family of a hundred findings counts as much as one of thousands
     wrong = [("single", signs_of, not ok) for _, signs_of, ok in rows[:100]]
     both = fitted([*rows, *wrong], strength=10.0)
-    assert abs(both[SIGNS[0]]) < 0.6 * weights[SIGNS[0]]
+    assert abs(both["margin"]) < 0.6 * weights["margin"]

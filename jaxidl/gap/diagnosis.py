@@ -34,7 +34,7 @@ class Finding:
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    confidence: float  # how likely it is right; see :mod:`jaxidl.gap.calibration`
+    confidence: float  # share of draws that find it times how likely it is right; see :mod:`jaxidl.gap.calibration`
     evidence: float  # fall of the score without it
     share: float  # root mean square of what it adds over that of the command, on the joint where it is largest
     where: int  # that joint

@@ -55,9 +55,8 @@ def findings(
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
-        speaks = signs(
-            support, evidence, margin, gain, share, left, float(open_), network[j], shape.odds, cls.common, value.key in tied
-        )
+        kind_of = shape.odds, cls.common, value.key in tied
+        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of)
         out.append(
             Finding(
                 name,
@@ -65,7 +64,7 @@ def findings(
                 value.effect,
                 cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                probability(speaks),
+                support * probability(speaks),
                 float(evidence),
                 share,
                 j,
@@ -74,7 +73,7 @@ def findings(
                 gain,
                 stderr,
                 bounds,
-                speaks,
+                {"support": support, **speaks},
             )
         )
     return tuple(sorted(out, key=lambda f: -f.share))

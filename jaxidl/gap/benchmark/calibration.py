@@ -14,7 +14,8 @@ from jaxidl.gap.calibration import SIGNS
 BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Of confidence; each without its upper end but the last."""
 
-STRENGTH = 1.0  # of the ridge on the weights
+STRENGTH = 0.3  # of the ridge on the weights
+SELDOM = {"outside": 0.1}  # logs with one effect, which the catalogue has not, are so much less frequent than others
 
 
 def is_right(truth: Record, report: Record, effect: Record) -> bool:
@@ -53,14 +54,14 @@ def fitted(rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: floa
     """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
 
     Args:
-        rows: family, signs and whether it is right, of each finding. Families weigh alike.
+        rows: family, signs and whether it is right, of each finding. Families weigh alike, but for ``SELDOM``.
         strength: of the ridge on the weights.
     """
     every = list(rows)
     x = np.array([[signs[name] for name in SIGNS] + [1.0] for _, signs, _ in every])
     y = np.array([right for _, _, right in every], float)
     counts = Counter(family for family, _, _ in every)
-    weight = np.array([len(every) / len(counts) / counts[family] for family, _, _ in every])
+    weight = np.array([SELDOM.get(family, 1.0) * len(every) / len(counts) / counts[family] for family, _, _ in every])
 
     def loss(w: np.ndarray) -> tuple[float, np.ndarray]:
         z = x @ w
@@ -68,7 +69,8 @@ def fitted(rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: floa
         ridge = strength * np.append(w[:-1], 0.0)
         return float(weight @ (np.logaddexp(0.0, z) - y * z) + 0.5 * ridge @ w), slope + ridge
 
-    best = minimize(loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B").x
+    ways = [{1: (0.0, None), -1: (None, 0.0), 0: (None, None)}[way] for way in SIGNS.values()]
+    best = minimize(loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B", bounds=[*ways, (None, None)]).x
     return dict(zip((*SIGNS, "constant"), best.tolist(), strict=True))
 
 
