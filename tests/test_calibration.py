@@ -11,7 +11,7 @@ from jaxidl.gap.calibration import SIGNS, probability, signs
 
 GOOD = {
     "margin": 100.0, "gain": 0.6, "share": 0.3, "left": 1.2, "unexplained": 0.01, "systematic": 0.0, "odds": 0.0,
-    "common": True, "tied": False,
+    "common": True, "tied": 0.0,
 }  # fmt: skip
 BAD = GOOD | {"margin": 0.1, "gain": 0.06, "share": 0.01, "left": 8.0, "unexplained": 0.8, "odds": -4.0, "common": False}
 

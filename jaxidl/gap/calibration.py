@@ -32,7 +32,7 @@ def signs(
     systematic: float,
     odds: float,
     common: bool,
-    tied: bool,
+    tied: float,
 ) -> dict[str, float]:
     """Return the signs of a finding.
 
@@ -45,7 +45,7 @@ def signs(
         systematic: share of what is left there that a network predicts.
         odds: the effect's log prior odds.
         common: does conventional identification fit it on every joint?
-        tied: does another effect explain the log as well?
+        tied: how likely another effect was beforehand, relative to it, that explains the log as well; 0 if there is none.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))  # noqa: E731
     rare, explained = float(not common), log(share, 1e-3, 1.0)
@@ -56,7 +56,7 @@ def signs(
         "open": log(unexplained, 0.1, 1.0) + 1.0,
         "systematic": float(np.clip(systematic, 0.0, 1.0)),
         "odds": odds / 4.0,
-        "tied": float(tied),
+        "tied": tied,
         "rare": rare,
         "rare_share": rare * explained,
         "rare_left": rare * log(left, 1.0, 30.0),

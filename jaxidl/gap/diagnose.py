@@ -10,8 +10,8 @@ import numpy as np
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
-from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Finding, Gap, Key, Row, Side, Traces
-from jaxidl.gap.find import Found, aside, find
+from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Finding, Gap, Row, Side, Traces
+from jaxidl.gap.find import Found, Tie, aside, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
@@ -81,12 +81,13 @@ def diagnose(
         after, gap = residual(rows, found.solution), rows.gap
         watch("checking what is left", 0.0)
         network = check(rows, after)
-        sets = [tuple(dict.fromkeys(g[:2] for g in groups)) for groups in (*found.ties, *ambiguous(found.named, found.support))]
-        tied = {key for keys in sets for key in keys if len(keys) > 1}
+        swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
+        ties = [*found.ties, *swapping]
+        tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
         named = findings(found, _values(found, rows.whole()), known, [n.value for n in network], tied)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
-    doubts = _doubts(sets, named)
+    doubts = _doubts(ties, named)
     unexplained = _unexplained(found, compared, still)
     verdict = _verdict(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -226,9 +227,10 @@ def _verdict(findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplain
     return "named" if sure else "ambiguous" if findings else "nothing_missing"
 
 
-def _doubts(sets: Sequence[tuple[Key, ...]], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
+def _doubts(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
     """Sets of effects that the log cannot tell apart, of which the first was found."""
     there = {(f.name, f.joint) for f in named}
+    sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
     return tuple(Ambiguity(keys, experiment(keys)) for keys in dict.fromkeys(sets) if len(keys) > 1 and keys[0] in there)
 
 

@@ -5,6 +5,7 @@ The algorithm is at the top of :mod:`jaxidl.gap.search`.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,14 @@ EXCLUDED = 2.0  # standard errors by which a value must exclude zero
 Watch = Callable[[str, float], None]
 
 
+class Tie(NamedTuple):
+    """Effects that explain a log equally well."""
+
+    found: tuple[Group, ...]
+    instead: tuple[Group, ...]  # each in the place of all that was found
+    likely: float  # how likely the likeliest of them was beforehand, relative to what was found; at most 1
+
+
 @dataclass(frozen=True)
 class Found:
     """What a search found. J joints."""
@@ -43,7 +52,7 @@ class Found:
     solution: Solution  # of what may be named
     predicted: np.ndarray  # (T, J) command as the members predict it [N or Nm]
     support: Support
-    ties: list[list[Group]]  # effects that explain the log as well as one that was found, which stands first
+    ties: list[Tie]  # effects that explain the log as well as what was found
     dropped: dict[Group, str]  # what the search took and may not be named, and why
 
     @property
@@ -162,12 +171,12 @@ def outside(members: Iterable[Item], whole: Item) -> list[Item]:
     return [m for m in members if m.always or m.key not in names]
 
 
-def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[list[Group]]:
+def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
     """Return sets of effects that predict the log as well in each other's place, whatever their prior; the one found first.
 
     An effect may take the place of several: what is not needed beside it goes.
     """
-    sets: dict[tuple[Group, ...], list[Group]] = {}
+    sets: dict[tuple[Group, ...], dict[Group, float]] = {}
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
         promise = score.promise(rest)
@@ -184,9 +193,9 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
             if fresh in at.members and odds > least - FARTHER and at.value - odds > now.value - least - close:
-                gone = sets.setdefault(tuple(n.group for n in now.members if n not in at.members), [])
-                gone += [i.group] if i.group not in gone else []
-    return [[*gone, *instead] for gone, instead in sets.items()]
+                gone = tuple(n.group for n in now.members if n not in at.members)
+                sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0)))
+    return [Tie(gone, tuple(instead), max(instead.values())) for gone, instead in sets.items()]
 
 
 def part(m: Item, whole: Item) -> bool:

@@ -1,6 +1,6 @@
 """The findings of a diagnosis: effects with their values, what each explains, and how likely it is right."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from jaxidl.systems.mjcf import Model
 
 
 def findings(
-    found: Found, fitted: Sequence[Value], known: Model, network: Sequence[float], tied: Collection[Key]
+    found: Found, fitted: Sequence[Value], known: Model, network: Sequence[float], tied: Mapping[Key, float]
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
@@ -24,7 +24,7 @@ def findings(
         fitted: its effects with their values.
         known: the model of J joints.
         network: (J,) share of what is left that a network predicts.
-        tied: effects that others explain the log as well as.
+        tied: how likely others are, relative to it, that explain the log as well as an effect.
     """
     rows, out = found.library.rows, []
     command, whole = rms(rows.command, rows.used), rms(rows.gap, rows.used & ~rows.training[:, None])
@@ -55,7 +55,7 @@ def findings(
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
-        kind_of = shape.odds, cls.common, value.key in tied
+        kind_of = shape.odds, cls.common, tied.get(value.key, 0.0)
         speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of)
         out.append(
             Finding(
