@@ -1,14 +1,16 @@
 """The search: which effects are missing. One model, one score, one neighbourhood.
 
 1. Every effect offers columns of the command that it would add along this log (:mod:`jaxidl.gap.library`).
-2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`).
+2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`); each effect
+   costs its prior, and each of its parameters a factor of ten.
 3. Begin with the envelope: everything common, on every joint. It is what conventional identification reaches.
 4. Improve the set while the score rises: drop one, add one, another shape of one, one for another, two for one or two.
 5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
    and go to 4 until the set stays as it is.
-6. Take out what is on a bound, what its standard error does not tell from zero, what kept-aside blocks do better without, and
-   what makes less than the least improvement.
-7. Repeat 4 on resampled blocks: how often is an effect still there, and what stands in its place if it is not?
+6. Take out what is on a bound, what its standard error does not tell from zero, what is not physical and what kept-aside blocks do
+   better without, and go to 4; what makes less than the least improvement goes last, and nothing takes its place.
+7. Repeat 4 on resampled blocks. How often an effect is still there, times how likely such a finding is right
+   (:mod:`jaxidl.gap.calibration`), is its confidence. What explains the log as well in its place is said beside it.
 """
 
 from collections.abc import Callable, Iterable
