@@ -7,8 +7,8 @@
 4. Improve the set while the score rises: drop one, add one, another shape of one, one for another, two for one or two.
 5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
    and go to 4 until the set stays as it is.
-6. Take out what is on a bound, what its standard error does not tell from zero, what is not physical and what kept-aside blocks do
-   better without, and go to 4; what makes less than the least improvement goes last, and nothing takes its place.
+6. Take out what is on a bound, what its standard error does not tell from zero, what is not physical and what kept-aside blocks
+   do better without, and go to 4; what makes less than the least improvement goes last, and nothing takes its place.
 7. Repeat 4 on resampled blocks. How often an effect is still there, times how likely such a finding is right
    (:mod:`jaxidl.gap.calibration`), is its confidence. What explains the log as well in its place is said beside it.
 """
