@@ -128,7 +128,7 @@ def gap_benchmark(
     """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue an interrupted run.
 
     Args:
-        out: folder for the cases, their reports, benchmark.json and the confusion matrix.
+        out: folder for the cases, their reports, benchmark.json, the confusion matrix and how often names are right.
         families: which cases.
         severities: of single effects.
         every: take only each n-th case of each kind.
@@ -138,7 +138,8 @@ def gap_benchmark(
     """
     from jaxidl.gap.benchmark.run import run_benchmark
     from jaxidl.plot.confusion import write_confusion
+    from jaxidl.plot.reliability import write_reliability
 
     score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, overwrite, root)
-    for path in write_confusion(score, out):
+    for path in (*write_confusion(score, out), *write_reliability(score, out)):
         print(f"wrote {path}")

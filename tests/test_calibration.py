@@ -56,3 +56,17 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     wrong = [("single", signs_of, not ok) for _, signs_of, ok in rows[:100]]
     both = fitted([*rows, *wrong], strength=10.0)
     assert abs(both["margin"]) < 0.6 * weights["margin"]
+
+
+def test_the_figure_has_each_family_with_findings_and_their_numbers():
+    from jaxidl.plot.reliability import plot_reliability
+
+    empty = {"share": np.nan, "n": 0, "low": 0.0, "high": 1.0}
+    some = {"share": 0.9, "n": 17, "low": 0.7, "high": 0.97}
+    bins = {"0.0-0.5": empty, "0.5-0.8": empty, "0.8-0.9": some, "0.9-1.0": some | {"n": 40}}
+    figure = plot_reliability({"calibration": {"single": bins, "robot": bins, "none": dict.fromkeys(bins, empty)}})
+    (axes,) = figure.axes
+    assert {text.get_text() for text in axes.texts} == {"17", "40"}
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["as reported", "single effects", "whole robots"]
+    assert axes.get_xlabel() == "reported confidence"
