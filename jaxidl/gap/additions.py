@@ -18,6 +18,7 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.gap.signals import Signals, on_encoders
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
+WILD = 1e6  # times the largest command: what adds more has run away
 SIDE_BY_SIDE = 4  # effects of one class in one program
 QUICK = {"xla_backend_optimization_level": 0}  # compiling costs more than running
 
@@ -68,10 +69,10 @@ def additions(
         where = np.resize(np.asarray(places[first : first + SIDE_BY_SIDE]), SIDE_BY_SIDE)
         terms = _many(jax.tree.structure(part[0]), leaves, where, drive, starts, signals.dt)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
-        # a simulation that runs away adds nothing
-        out[first : first + len(part)][:, :, columns] = np.nan_to_num(
-            _rows(terms, signals, columns, drive, undone), posinf=0.0, neginf=0.0
-        )
+        with np.errstate(over="ignore", invalid="ignore"):
+            added = _rows(terms, signals, columns, drive, undone)
+        wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))  # a simulation that runs away adds nothing
+        out[first : first + len(part)][:, :, columns] = np.where(wild, 0.0, added)
         if np.any(terms.change[-1]):
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
