@@ -152,6 +152,7 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
         best = [i for i in best if promise[id(i)] - i.odds > worth - far]
         trials = [[*rest, i] for i in best]
         starts = [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1] if not m.common else []
+        trials += [[*rest, i] for i in starts if len(i.lower) < len(m.lower) and movable(i.shape)]  # a simpler one
         trials += [[*bare, i] for i in (*starts, *best) if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)]
         for trial in trials:
             at = score.solve(trial)
