@@ -18,7 +18,7 @@ MARKS = {
 def plot_reliability(score: dict[str, Any]) -> Figure:
     """Share of right names with 95 % intervals, over bins of confidence, for each family of cases; numbers are those of names."""
     with house_style():
-        figure = Figure(figsize=(6.0, 3.6), layout="constrained")
+        figure = Figure(figsize=(7.2, 3.6), layout="constrained")
         axes = figure.add_subplot()
         bins = list(next(iter(score["calibration"].values())))
         edges = [tuple(float(x) for x in name.split("-")) for name in bins]
@@ -39,7 +39,7 @@ def plot_reliability(score: dict[str, Any]) -> Figure:
         axes.set_ylim(-0.02, 1.05)
         axes.set_xlabel("reported confidence")
         axes.set_ylabel("share that is right")
-        axes.legend(fontsize=7.5, loc="center left")
+        axes.legend(fontsize=7.5, loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
     return figure
 
 
