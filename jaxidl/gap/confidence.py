@@ -14,6 +14,7 @@ from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import search
 
 DRAWS = 24
+FARTHER = 3.0  # log odds: an explanation that was twenty times less likely beforehand is no equal one
 SURE = 0.8  # a member that is there on fewer draws may be another effect
 
 
@@ -49,7 +50,9 @@ def support(
 
 
 def _rivals(score: Score, found: Solution) -> Score:
-    """The score with those items only that could take a member's place: what promises most, with it and without."""
+    """The score with those items only that could take a member's place: what promises most, with it and without, unless it was
+    much less likely beforehand than all that is on its joints.
+    """
     promise = score.promise(found.members)
     near = {id(i) for i in score.items if promise.get(id(i), -np.inf) > -4.0}
     for m in found.members:
@@ -58,8 +61,9 @@ def _rivals(score: Score, found: Solution) -> Score:
             (i for i in score.items if id(i) in without and set(i.joints) & set(m.joints)), key=lambda i: -without[id(i)]
         )
         near |= {id(i) for i in ranked[:3]}
-    keep = [i for i in score.items if id(i) in near or i in found.members]
-    return score.narrowed(keep)
+    least = {j: min((m.odds for m in found.members if j in m.joints), default=0.0) - FARTHER for j in range(len(score.noise))}
+    likely = [i for i in score.items if id(i) in near and i.odds > min(least[j] for j in i.joints)]
+    return score.narrowed([*likely, *(m for m in found.members if m not in likely)])
 
 
 def ambiguous(found: Sequence[Item], said: Support) -> list[list[Group]]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.effects import Effect
-from jaxidl.gap.confidence import DRAWS, Support, support
+from jaxidl.gap.confidence import DRAWS, FARTHER, Support, support
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
 from jaxidl.gap.projection import ALIGNMENT
@@ -23,7 +23,6 @@ from jaxidl.gap.shapes import fitted
 ROUNDS = 5  # of shapes fitted and sets searched
 RIVALS = 2  # of each effect that is not common
 ALIKE = 0.005  # of the error: explanations that differ by less are equally good,
-FARTHER = 3.0  # log odds: an explanation that was twenty times less likely beforehand is no equal one
 EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
 FAR = 40.0  # a rival that promises so much less is not tried
 UNFIT = 0.03  # of a promise: a shape that is not fitted may promise so much less
