@@ -47,7 +47,7 @@ def consistent(
     i, j = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
     weight = np.where(i == j, 1.0, np.sqrt(2.0))
     for base, slopes in cones:
-        scale = 1.0 / max(np.abs(base).max(), (np.abs(slopes).max((1, 2)) / size).max(), 1e-300)
+        scale = 1.0 / max(np.abs(base).max(), 1e-9)
         rows.append(-scale * (slopes[:, i, j] * weight).T)
         sides.append(scale * base[i, j] * weight)
         kinds.append(clarabel.PSDTriangleConeT(4))
@@ -71,9 +71,9 @@ def physical_fits(score: Score, found: Solution, rows: Rows, folds: bool = True)
     """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B, or None if its own are."""
     members, count = found.members, len(found.x)
     places = {id(m): found.of(m) for m in members}
-    cones = buildable(members, links_of(rows.signals.body), rows.effects, places, found.x)
+    cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
     unequal = dissipating(members, rows, places, count)
-    physical = all(np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= -1e-9 for base, s in cones)
+    physical = all(np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones)
     if physical and not np.any(unequal @ found.x < -1e-9):
         return None
     gram, right = score.normal(members)
@@ -109,26 +109,22 @@ def dissipating(members: Sequence[Item], rows: Rows, places: dict[int, slice], c
 
 
 def buildable(
-    members: Sequence[Item], links: Links | None, own: Sequence[Effect], places: dict[int, slice], x: np.ndarray
+    members: Sequence[Item], links: Links | None, own: Sequence[Effect], places: dict[int, slice], count: int
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the pseudo-inertia of each link that the members change, with the model's ``own`` effects, and its derivatives.
-
-    A load is a body of its own, or one that is gone if its mass comes out negative with coefficients ``x`` (P,).
-    """
+    """Return the pseudo-inertia of each link that the members change, with the model's ``own`` effects, and its derivatives."""
     if links is None:
         return []
-    slopes = np.zeros((len(x), *links.nominal.shape))
+    slopes = np.zeros((count, *links.nominal.shape))
     for m in members:
         if m.shape is not None and m.shape.free and m.shape.cls.alter is not Effect.alter:
             for k, row in enumerate(np.eye(len(m.lower))):
                 slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
-    load = slopes[:, -1].copy()
     nominal = links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
     if links.same:  # a load there is a part of the last link
         slopes[:, -2] += slopes[:, -1]
         nominal[-2] += nominal[-1] - links.nominal[-1]
         slopes, nominal = slopes[:, :-1], nominal[:-1]
-    found = [(np.zeros((4, 4)), np.copysign(1.0, x @ load[:, 0]) * pseudo_inertia(load))] if np.any(load) else []
+    found = []
     for link, numbers in enumerate(nominal):
         if not np.any(slopes[:, link]) or not physical(numbers):
             continue
