@@ -11,6 +11,7 @@ from jaxidl.gap.score import Item, correlation_time
 SHAPES = 3  # kept of each effect on a joint
 ALIGNMENT = "alignment"
 CONVENTION = (-1.5, 0.5)  # samples by which a logged torque may be late without being an effect
+FAINT = 1e-4  # of a prior of one sample's width
 CLEAR = 2.0  # rise of the log likelihood
 
 
@@ -76,16 +77,17 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
 
 
 def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[Item]:
-    """Return for each joint a further shift within that convention, which every set has; a standard deviation of half a sample.
+    """Return for each joint a further shift within that convention, which every set has.
 
-    Neighbouring samples are alike, ``alike`` of them say as much as one.
+    A faint prior keeps it where it is if a delay would do as well. Neighbouring samples are alike, ``alike`` of them say as much
+    as one.
     """
     s, found = rows.signals, []
     slope = s.smooth(s.differentiate(predicted))[s.rows]
     already = np.broadcast_to(rows.shift, rows.gap.shape[1])
     for j in np.flatnonzero(np.any(slope != 0.0, 0)).tolist():
         lower, upper = (np.array([edge * s.dt - already[j]]) for edge in CONVENTION)
-        precision = np.array([alike / (s.dt / 2.0) ** 2])
+        precision = np.array([FAINT * alike / s.dt**2])
         column = slope[None, :, j : j + 1]
         found.append(Item((ALIGNMENT, j, ""), None, (j,), column, lower, upper, 0.0, precision, always=True))
     return found
