@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Parameter, Scale, Variant
-from jaxidl.effects.ten import about, ten
+from jaxidl.effects.ten import about, elements, matrix, ten
 from jaxidl.types import Joints, Scalar
 
 LINK = 0.2  # probability of an error in a link's mass, centre or inertia
@@ -138,12 +138,17 @@ class Payload(Effect):
         return ten(self.mass, moment, about(self.mass, com) + self.inertia)
 
     def settled(self) -> "Payload":
-        """Return the same load with its first moment in ``com``, as it is if it has no mass or a centre out of bounds."""
+        """Return the same load with its first moment in ``com``, as it is if it has no mass or a centre out of bounds.
+
+        Its inertia about that point has no principal moment of another sign than its mass: no such body could be simulated.
+        """
         numbers = self.numbers()
         heavy = jnp.abs(numbers[0]) > 1e-9
         com = numbers[1:4] / jnp.where(heavy, numbers[0], 1.0)
         there = heavy & jnp.all(jnp.abs(com) < self.parameters["com"].upper)
-        settled = Payload(self.mass, com, jnp.zeros(3), numbers[4:] - about(numbers[0], com))
+        moments, axes = jnp.linalg.eigh(matrix(numbers[4:] - about(numbers[0], com)))
+        kept = jnp.where(moments * numbers[0] > 0.0, moments, 0.0)
+        settled = Payload(self.mass, com, jnp.zeros(3), elements((axes * kept[None, :]) @ axes.T))
         mine = self.replace(com=jnp.asarray(self.com), moment=jnp.zeros(3) + self.moment, inertia=jnp.zeros(6) + self.inertia)
         return jax.tree.map(lambda new, old: jnp.where(there, new, old), settled, mine)
 
