@@ -248,7 +248,9 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     rows, pool, truth, _ = planted
     bound = replace(pool[0], upper=np.array([0.4]))
     score = score_of(rows, [bound, *truth[1:]])
-    rows = rows._replace(signals=SimpleNamespace(dt=DT))
+    rows = rows._replace(
+        signals=SimpleNamespace(dt=DT, body=None, qd=np.zeros((N, JOINTS)), rows=np.arange(N), rest_speed=np.ones(JOINTS))
+    )
     now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05)
     assert strong == {bound.group: "its value is on a bound"}
     assert weak == {}
@@ -260,7 +262,9 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
 
 def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
     rows, pool, truth, _ = planted
-    rows = rows._replace(signals=SimpleNamespace(dt=DT))
+    rows = rows._replace(
+        signals=SimpleNamespace(dt=DT, body=None, qd=np.zeros((N, JOINTS)), rows=np.arange(N), rest_speed=np.ones(JOINTS))
+    )
     score = score_of(rows, pool)
     now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8)
     assert strong == {}
