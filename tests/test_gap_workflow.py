@@ -138,8 +138,9 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     report.save(found, tmp_path / "report")
     again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"])
     assert (again.verdict, again.findings) == ("nothing_missing", ())
-    # what is reported was fitted without the data kept aside, the model that is handed out to all of the log
-    assert again.gap.before.torque_rms[0] < 1.05 * found.gap.after.torque_rms[0]
+    # what is reported was fitted without the data kept aside, the model that is handed out to all of the log; and when within a
+    # sample torques act is fitted in the one and not in the other
+    assert again.gap.before.torque_rms[0] < 1.1 * found.gap.after.torque_rms[0]
     for horizon, errors in found.gap.after.rollout_rms.items():
         assert errors[0] < 0.1 * found.gap.before.rollout_rms[horizon][0]
         assert again.gap.before.rollout_rms[horizon][0] < 1.1 * errors[0]
