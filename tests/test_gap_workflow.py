@@ -46,12 +46,12 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("mechanism", "effect", "parameters", "told"), CASES, ids=[f"case{n}" for n in range(len(CASES))])
-def test_hidden_effect_is_named_with_its_parameter(tmp_path, mechanism, effect, parameters, told):
+@pytest.mark.parametrize(("mechanism", "effect", "parameters", "shown"), CASES, ids=[f"case{n}" for n in range(len(CASES))])
+def test_hidden_effect_is_named_with_its_parameter(tmp_path, mechanism, effect, parameters, shown):
     found = gap.diagnose(*hidden(tmp_path, mechanism, (effect, 0, parameters)), rollouts=False)
     assert [(f.name, f.joint) for f in found.findings] == [(effect, 0)]
     assert found.findings[0].confidence > 0.5  # a rare effect is rarely certain
-    assert found.findings[0].parameters[told].value == pytest.approx(parameters[told], rel=0.1)
+    assert found.findings[0].parameters[shown].value == pytest.approx(parameters[shown], rel=0.1)
     (before,), (after,) = found.gap.before.torque_rms, found.gap.after.torque_rms
     assert after < 0.35 * before
 

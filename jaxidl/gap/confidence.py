@@ -1,8 +1,8 @@
 """How sure a finding is: blocks of the log are drawn again with replacement, and the search improves what it found on each draw.
 
-An effect's *confidence* is the share of draws in which it is still there. Resampling does not see imitation: an effect that
-stands for something the catalogue has not is there on every draw. Which effects stand for each other shows in what comes in a
-member's place when it is gone.
+The share of draws in which an effect is still there is one factor of its confidence (:mod:`jaxidl.gap.calibration`). Resampling
+does not see imitation: an effect that stands for something the catalogue has not is there on every draw. Which effects stand for
+each other shows in what comes in a member's place when it is gone.
 """
 
 from collections.abc import Callable, Sequence

@@ -11,11 +11,12 @@ from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Finding, Gap, Row, Side, Traces
-from jaxidl.gap.find import Found, Tie, aside, find
+from jaxidl.gap.find import Found, aside, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import SYSTEMATIC, check
+from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score

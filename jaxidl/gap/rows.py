@@ -14,7 +14,7 @@ BLOCKS = 16  # of training; residuals of real machines are correlated from sampl
 ASIDE = 6  # blocks of the rows kept aside
 FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
 STRETCH = 1.5  # see ``kept_rows`` [s]
-NOISE_MARGIN = 1.2  # below this multiple of the noise errors are not told apart: a changed inertia changes it
+NOISE_MARGIN = 1.2  # below this multiple of the noise errors count as equal: a changed inertia changes it
 LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
 

@@ -66,6 +66,11 @@ def after(members: tuple[Item, ...], out: Iterable[Item], new: Iterable[Item]) -
     return (*(m for m in members if m not in out), *new)
 
 
+def without(now: Solution, m: Item) -> list[Item]:
+    """Return the other members."""
+    return [o for o in now.members if o is not m]
+
+
 def single(score: Score, now: Solution) -> list[Move]:
     """Return the moves: drop one, add one, another shape of one."""
     lost = score.lost(now)

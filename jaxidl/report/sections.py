@@ -251,7 +251,7 @@ def method(d: Diagnosis) -> Html:
         f"Positions were smoothed and differentiated without phase shift; both sides of the comparison end at {d.band:.3g} Hz.",
         "An effect is named if the data kept aside are predicted better with it, its standard error excludes zero, it is not at "
         f"a bound, and it removes at least {percent(d.options.get('min_gain', 0.05))} of the remaining error. Its confidence "
-        "rests on how often it is found again when the log's blocks are drawn anew.",
+        "rests on how often it is found again when the log's blocks are drawn anew, and on how often such findings are right.",
         f"Looked for: {', '.join(readable(str(name)) for name in d.options.get('effects', ())) or 'the whole catalogue'}.",
         *(["What both logs have in common was fitted to the reference log and is no finding."] if compared(d) else []),
         *(f"{note[:1].upper()}{note[1:]}." for note in d.notes),
