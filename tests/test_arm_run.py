@@ -4,7 +4,6 @@ import json
 from dataclasses import replace
 from importlib.resources import files
 
-import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -176,8 +175,7 @@ def test_figures_of_made_up_results_can_be_drawn():
 def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
     logged = Logged(goals=2)
     log, model = tmp_path / "log.npz", tmp_path / "model.xml"
-    with jax.enable_x64(True):
-        columns = record(logged)
+    columns = record(logged)
     np.savez(log, allow_pickle=False, **columns)
     model.write_bytes((files("jaxidl.systems") / "arm.xml").read_bytes())
     rows = truth(Hidden())

@@ -7,12 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.effects import AsymmetricFriction, CoulombFriction, Effect, Parameter, Payload, Scale, register
+from jaxidl.effects import CATALOGUE, AsymmetricFriction, CoulombFriction, Effect, Parameter, Payload, Scale, register
 from jaxidl.gap import from_arrays
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.consistent import consistent
-from jaxidl.gap.find import find
-from jaxidl.gap.library import beside, library, residual, rms
+from jaxidl.gap.find import find, seen_anew
+from jaxidl.gap.library import beside, items_of, library, residual, rms, scales
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
@@ -151,6 +151,34 @@ def test_where_within_a_sample_a_torque_acts_is_no_finding(arm):
     assert found.named == ()
     left = residual(found.library.rows, found.solution)
     assert rms(left, rows.used)[1] < 0.05 * rms(rows.gap, rows.used)[1]
+
+
+def test_columns_of_shapes_side_by_side_are_those_of_each_alone(arm):
+    """A rotor is felt on its own joint, a heavier link below it, too: one program for both must not cut the one to the other."""
+    signals = prepare(from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))), arm.plant.body)
+    rows = rows_of(signals)
+    for name in ("inertia_error", "com_error", "position_bias", "stribeck_friction"):
+        shapes = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[1])
+        together = items_of(shapes, rows, rows.tau)
+        for one in together:
+            (alone,) = items_of([one.shape], rows, rows.tau)
+            assert alone.joints == one.joints, one.group
+            np.testing.assert_allclose(one.columns, alone.columns, rtol=1e-9, atol=1e-12 * np.abs(alone.columns).max())
+        if name == "inertia_error":
+            assert {i.group[2]: i.joints for i in together} == {"extra": (1,), "mass": (0, 1)}
+
+
+def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now(arm):
+    """An effect that is no member yet, too, or it competes with columns of an envelope that is no more."""
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
+    lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
+    before = lib.score
+    after = seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted)
+    for old, new in zip(*(sorted(s.items, key=lambda i: str(i.group)) for s in (before, after)), strict=True):
+        factor = 3.0 if old.key[0] == "load_dependent_friction" else 1.0
+        moving = rows.used[:, list(old.joints)]
+        np.testing.assert_allclose(new.columns[0][moving], factor * old.columns[0][moving], rtol=1e-6)
 
 
 class Worm(Effect):

@@ -14,6 +14,9 @@ import numpy as np
 from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
 from jaxidl.gap.additions import additions
+from jaxidl.gap.benchmark.arm_engine import Sensors, run_arm
+from jaxidl.gap.benchmark.catalogue import make
+from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.library import rms
@@ -21,7 +24,7 @@ from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import build
 from jaxidl.gap.signals import prepare
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
-from jaxidl.learning.execute import execute
+from jaxidl.learning.execute import desired_trajectory
 from jaxidl.logs.log import read
 from jaxidl.systems.arm import JOINTS, compiled
 from jaxidl.systems.mjcf import read_model
@@ -35,7 +38,6 @@ class Logged:
     seconds_each: float = 0.9
     spread: float = 0.8  # of the goals [rad]
     noise: float = 1e-5  # of the encoders [rad]
-    rate: float = 60.0  # of DOOMED [1/s]
     seed: int = 1
 
     def study(self) -> ArmStudy:
@@ -45,16 +47,39 @@ class Logged:
         middle = np.mean(GOALS, axis=0)
         drawn = np.clip(middle + self.spread * rng.uniform(-1.0, 1.0, (self.goals, JOINTS)), low, high)
         goals = tuple(tuple(float(x) for x in goal) for goal in drawn)
-        return ArmStudy(goals=goals, home=tuple(middle.tolist()), seconds_each=self.seconds_each, rate=self.rate)
+        return ArmStudy(goals=goals, home=tuple(middle.tolist()), seconds_each=self.seconds_each)
 
 
 def record(logged: Logged) -> dict[str, np.ndarray]:
-    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands ``tau`` (T, 7) [Nm]."""
+    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands ``tau`` (T, 7) [Nm].
+
+    The true arm moves in MuJoCo's C engine at half the log's interval, with the benchmark's effects: nothing of what is to find
+    them. It follows the study's desired motion under stiff controllers.
+    """
     study = logged.study()
-    setting = study.setting(logged.noise)
-    draws = jax.random.normal(jax.random.key(logged.seed), (study.steps, JOINTS))
-    run: Any = jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
-    return {"time": np.arange(study.steps) * study.dt, "q": np.asarray(run.q_sensing), "tau": np.asarray(run.tau)}
+    with jax.enable_x64(True):
+        wanted = desired_trajectory(study.task())
+    q, qd = np.asarray(wanted.q), np.asarray(wanted.qd)
+    sensors = Sensors(np.full(JOINTS, logged.noise), np.zeros(JOINTS), logged.seed)
+    xml = (files("jaxidl.systems") / "arm.xml").read_text()
+    run = run_arm(xml, injected(study), (q, qd, np.gradient(qd, study.dt, axis=0)), 1.0 / study.dt, sensors)
+    return {"time": run.time, "q": run.q, "tau": run.tau}
+
+
+def injected(study: ArmStudy) -> list[Injected]:
+    """The arm's hidden effects as the benchmark has them."""
+    h, made = study.hidden, list[Injected]()
+    for j in range(JOINTS):
+        ripple = {"amplitude": h.ripple[j], "period": h.ripple_period[j], "phase": 0.0}
+        made += [
+            make("inertia_error", j, {"extra": 0.0, "mass": h.mass[j]}),
+            make("viscous_friction", j, {"coefficient": h.viscous[j]}),
+            make("coulomb_friction", j, {"level": h.coulomb[j]}),
+            make("load_dependent_friction", j, {"coefficient": h.load_friction[j]}),
+            make("torque_ripple", j, ripple),
+            make("actuator_delay", j, {"delay": study.delay}),
+        ]
+    return [*made, make("payload", None, {"mass": h.payload, "com": list(h.payload_com)})]
 
 
 def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], float]:
@@ -108,8 +133,7 @@ def find(
     Returns:
         The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.
     """
-    with jax.enable_x64(True):
-        columns = record(logged)
+    columns = record(logged)
     buffer = io.BytesIO()
     np.savez(buffer, allow_pickle=False, **columns)
     write_bytes(folder / "log.npz", buffer.getvalue())

@@ -18,7 +18,7 @@ from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
 SUBSTEPS = 4
-MOST_TWIST = 0.05  # of the joint's range: no drive is softer
+MOST_TWIST = 0.1  # of the joint's range: no drive is softer
 SOFTEST = 3.0  # transmission that a search looks for: frequency of the motor against a link held still [Hz]
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")

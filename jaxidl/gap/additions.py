@@ -87,7 +87,7 @@ def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[in
     on which joint those are that reach to others.
     """
     first, nowhere = effects[0], [0] * len(effects)
-    if isinstance(first, OnJoint) and not reaches(first.effect):
+    if isinstance(first, OnJoint) and not any(reaches(e.effect) for e in effects):  # type: ignore[attr-defined]
         return slice(first.joint, first.joint + 1), [e.effect for e in effects], nowhere  # type: ignore[attr-defined]
     if isinstance(first, OnJoint):
         return slice(None), [e.replace(joint=0) for e in effects], [e.joint for e in effects]  # type: ignore[attr-defined]

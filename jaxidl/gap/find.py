@@ -17,7 +17,7 @@ from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Group, Item, Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
-from jaxidl.gap.shape import movable, on_bound, vector
+from jaxidl.gap.shape import movable, on_bound, sees, vector
 from jaxidl.gap.shapes import fitted
 
 ROUNDS = 5  # of shapes fitted and sets searched
@@ -88,11 +88,14 @@ def settled(score: Score, now: Solution, library: Library, predicted: np.ndarray
 
 
 def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Score:
-    """Return the score with those items anew, no members, that look at the predicted command to see whether it gets through."""
-    old = [i for i in score.items if i.shape is not None and i.shape.cls.seen is not Effect.seen and i not in now.members]
+    """Return the score with those items anew, no members, that look at the predicted command: how loaded the joint is, or whether
+    the command gets through.
+    """
+    old = [i for i in score.items if i.shape is not None and sees(i.shape) and i not in now.members]
     if not old:
         return score
-    fresh = [pushed(replace(i, columns=columns_of(i.shape, rows, predicted)[:, :, list(i.joints)]), rows, predicted) for i in old]
+    fresh = [replace(i, columns=columns_of(i.shape, rows, predicted)[:, :, list(i.joints)]) for i in old]
+    fresh = [pushed(i, rows, predicted) if i.actuates else i for i in fresh]
     items = [*(i for i in score.items if i not in old), *fresh]
     return Score(rows, items, score.noise, score.effective, score.anchor)
 

@@ -275,6 +275,24 @@ class Score:
         passed = [self._passed(j, members, at, scaled) for j in range(len(own))]
         return self.value_of(np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed, members)
 
+    def covariance(self, found: Solution) -> np.ndarray:
+        """Return the covariance (P, P) of a set's coefficients.
+
+        What the set leaves is as many things as the score counts samples, the floor below which all errors are equal is one for
+        each block, and what the log does not tell is as wide as was plausible beforehand.
+        """
+        at, blocks = self._places(found.members), len(self.weights)
+        gram, _, own = self._normal(at)
+        known = self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
+        count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
+        middle = known * float(np.median(count / effective))
+        for j, (here, g, _) in enumerate(own):
+            middle[np.ix_(here, here)] += g.sum(0) * (found.error[:, j].sum() / effective[j] + self.floor[j] * count[j] / blocks)
+        inside = gram.sum(0) + known
+        inside[np.diag_indices(len(at))] += RIDGE * np.diagonal(inside) + 1e-12
+        inverse = np.linalg.inv(inside)
+        return inverse @ middle @ inverse / self.scale[at, None] / self.scale[at]
+
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A blocks kept aside [noise^2]."""
         at = self._places(found.members)

@@ -103,6 +103,17 @@ class Shape(NamedTuple):
         return np.array([least]), np.array([MOST_SCALED])
 
 
+def sees(shape: Shape) -> bool:
+    """Does what an effect adds depend on the predicted command?"""
+    cls = shape.cls
+    if cls not in _READS:
+        _READS[cls] = cls.seen is not Effect.seen or shape.effect().reads_torque(shape.joints)
+    return _READS[cls]
+
+
+_READS: dict[type[Effect], bool] = {}
+
+
 def build(cls: type[Effect], joint: int | None, joints: int, values: Mapping[str, Any], options: Mapping[str, Any]) -> Effect:
     """Return an effect of the whole mechanism from values of one joint, or of all if it belongs to no one."""
     own = cls.alone() and joint is not None

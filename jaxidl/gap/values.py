@@ -1,7 +1,8 @@
 """The effects of a set with all of their parameters, as they are handed out: physical, and with standard errors.
 
-Standard errors are the jackknife's over blocks, of all parameters of all effects together; no time is known better than to a
-sampling interval.
+A standard error has two parts: the jackknife's over blocks, of all parameters of all effects together, and that of least squares
+with the effective number of samples (:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself repeats what the
+model gets wrong, and its blocks scatter less than they are wrong. No time is known better than to a sampling interval.
 """
 
 from collections.abc import Sequence
@@ -53,7 +54,7 @@ def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: 
                 m, columns=t.columns[:, :, list(m.joints)], lower=lower, upper=upper, precision=np.zeros(len(theta)), push=None
             )
         )
-    thetas, folds = _fitted(tangents, rows._replace(gap=gap), score)
+    fit = _fitted(tangents, rows._replace(gap=gap), score)
     groups: dict[Key, list[int]] = {}
     for n, m in enumerate(members):
         if not m.always:
@@ -63,12 +64,9 @@ def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: 
     for key, numbers in groups.items():
         if key in parts:
             continue
-        whole = [(members[n], thetas[n], folds[n]) for n in numbers]
-        taken = [
-            (name, thetas[n], folds[n])
-            for (name, joint), n in ((k, groups[k][0]) for k in parts if k[1] == key[1] and parts[k] == key)
-        ]
-        out.append(_value(key, whole, taken, rows.signals.dt))
+        whole = [(members[n], fit.places[n]) for n in numbers]
+        taken = [(k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key]
+        out.append(_value(key, whole, taken, fit, rows.signals.dt))
     return out
 
 
@@ -87,45 +85,62 @@ def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
     return found
 
 
-def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Coefficients (P,) of each member, and (B, P) without one block each."""
+class _Fit(NamedTuple):
+    """Coefficients of all members, side by side. P coefficients, B blocks."""
+
+    places: list[slice]  # of each member's
+    x: np.ndarray  # (P,)
+    folds: np.ndarray  # (B, P) without one block each
+    covariance: np.ndarray  # (P, P)
+
+
+def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> _Fit:
     fresh = Score(rows, members, score.noise, score.effective, score.anchor)
     best = fresh.solve(members)
     x = physical_fits(fresh, best, rows)
     x = np.concatenate([best.x[None], best.folds]) if x is None else x
-    return [x[0, best.of(m)] for m in members], [x[1:, best.of(m)] for m in members]
+    return _Fit([best.of(m) for m in members], x[0], x[1:], fresh.covariance(best))
 
 
-def _value(
-    key: Key, whole: list[tuple[Item, np.ndarray, np.ndarray]], taken: list[tuple[str, np.ndarray, np.ndarray]], dt: float
-) -> Value:
+def _value(key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, slice]], fit: _Fit, dt: float) -> Value:
     """An effect of one or several items (a rotor and a body, say), with its parts' share put into its own parameters."""
-    items = tuple(i for i, _, _ in whole)
+    items = tuple(i for i, _ in whole)
     shape: Shape = items[0].shape
 
-    def at(pick: int) -> Effect:
+    def at(x: np.ndarray) -> Effect:
         total: dict[str, Any] = {}
-        for i, theta, folds in whole:
-            effect = effect_at(i.shape, theta if pick < 0 else folds[pick])
+        for i, place in whole:
+            effect = effect_at(i.shape, x[place])
             inner = getattr(effect, "effect", effect)
             own = {n: np.asarray(getattr(inner, n), float) for n in shape.cls.parameters}
             total = {n: own[n] if n not in total else total[n] + own[n] for n in own}
-        for name, theta, folds in taken:
-            amplitudes = dict(shape.parts)[name] * float((theta if pick < 0 else folds[pick])[0])
+        for name, place in taken:
+            amplitudes = dict(shape.parts)[name] * float(x[place][0])
             sizes = np.cumsum([np.size(shape.values[n]) for n in shape.free])[:-1]
             for n, part in zip(shape.free, np.split(amplitudes, sizes), strict=True):
                 total[n] = total[n] + part.reshape(total[n].shape)
         return build(shape.cls, shape.joint, shape.joints, total, shape.options).settled()
 
-    effect, others = at(-1), [at(k) for k in range(len(whole[0][2]))]
+    effect, others, moved = at(fit.x), [at(x) for x in fit.folds], [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])]
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
     hidden = shape.cls.internal  # settled into others, all of which are then shown
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
     read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))  # noqa: E731
     parameters = {}
     for n in names:
-        stderr = jackknife(np.stack([read(e, n) for e in others]))
+        value = read(effect, n)
+        scatter = jackknife(np.stack([read(e, n) for e in others]))
+        alike = np.sqrt(np.sum([(read(e, n) - value) ** 2 for e in moved], 0))
         least = dt / np.sqrt(12.0) if shape.cls.parameters[n].unit == "s" else 0.0
-        parameters[n] = (read(effect, n), np.hypot(stderr, least))
+        parameters[n] = (value, np.sqrt(scatter**2 + alike**2 + least**2))
     parameters = {n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)} or parameters
     return Value(key, items, effect, parameters)
+
+
+def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
+    """The coefficients (A, P), moved by a standard error in each of the A directions of some of them."""
+    own = np.concatenate([np.arange(p.start, p.stop) for p in places])
+    size, u = np.linalg.eigh(fit.covariance[np.ix_(own, own)])
+    out = np.repeat(fit.x[None], len(own), 0)
+    out[:, own] += (u * np.sqrt(np.maximum(size, 0.0))).T
+    return out

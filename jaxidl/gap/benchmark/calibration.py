@@ -24,7 +24,7 @@ def is_right(truth: Record, report: Record, effect: Record) -> bool:
         return robot_judge.right(truth, report, effect)
     hidden = {judge.key(h) for h in truth["hidden"]}
     beside = {(name, joint) for whole, joint in hidden for name in judge.COMPANIONS.get(whole, ())}
-    return judge.key(effect) in hidden | beside
+    return judge.key(effect) in hidden.union(beside, *map(judge.sums, truth["hidden"]))
 
 
 def calibration(

@@ -18,19 +18,23 @@ COMPANIONS: Mapping[str, tuple[str, ...]] = {
 """Effects that may be named beside a hidden one: the catalogue says a friction that bends, a centre of mass that is off with the
 link's own inertia kept, and friction under load that differs by direction, as a sum of several of its effects."""
 
-SUMS: Mapping[str, tuple[str, ...]] = {"asymmetric_friction": ("coulomb_friction", "constant_offset")}
+SUMS: Mapping[str, tuple[str, ...]] = {
+    "asymmetric_friction": ("coulomb_friction", "constant_offset"),
+    "directional_load_friction": ("load_dependent_friction", "torque_scale"),
+}
 """Effects that are exactly others together: either way of saying it is right."""
 
 CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
 TIED = {
-    "slider": {"inertia_error", "torque_scale", "actuator_delay", "sensor_delay"},
-    "pendulum": {"actuator_delay", "sensor_delay", "payload"},
-    "two_link": {"payload"},
+    "slider": {"inertia_error", "torque_scale", "actuator_delay", "sensor_delay", "directional_load_friction"},
+    "pendulum": {"actuator_delay", "sensor_delay", "payload", "directional_load_friction"},
+    "two_link": {"payload", "directional_load_friction"},
 }
 """Effects with a double that no log of the mechanism tells apart: a torque m·a/s is that of another mass or of another motor
 constant, with a single joint nobody knows on which side the time was lost, and a load on the last link is an error of that
-link. To say so is all one can do."""
+link. Friction under load that differs by direction is friction under load and another motor constant. To say so is all one can
+do."""
 
 
 def key(record: Record) -> Key:
@@ -70,15 +74,21 @@ def candidates(report: Record | None) -> list[set[Key]]:
 
 
 def single_credit(hidden: Record, report: Record | None) -> float:
-    """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing outside that set is named."""
+    """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing outside that set is named.
+
+    What may be named beside it does not count.
+    """
     truth, names = key(hidden), named(report)
-    if truth in names:
-        names = [name for name in names if not (name[1] == truth[1] and name[0] in COMPANIONS.get(truth[0], ()))]
+    beside = {(name, truth[1]) for name in COMPANIONS.get(truth[0], ())}
     for group in candidates(report):
         if truth in group:
-            return 0.5 if set(names) <= group else 0.0
-    sum_of = {(part, truth[1]) for part in SUMS.get(truth[0], ())}
-    return float(names == [truth] or (bool(sum_of) and set(names) == sum_of))
+            return 0.5 if set(names) - beside <= group else 0.0
+    return float((truth in names and set(names) - beside == {truth}) or (bool(names) and set(names) == sums(hidden)))
+
+
+def sums(hidden: Record) -> set[Key]:
+    """Effects that are exactly the hidden one together; of most there are none."""
+    return {(part, key(hidden)[1]) for part in SUMS.get(hidden["effect"], ())}
 
 
 def tied(truth: Record) -> bool:
@@ -93,9 +103,9 @@ def tied(truth: Record) -> bool:
 
 
 def pair_credits(hidden: Iterable[Record], report: Record | None) -> list[float]:
-    """For each hidden effect: 1 named, 1/2 in an ambiguity set, 0 neither."""
-    unsure = set().union(*candidates(report))
-    return [0.5 if key(h) in unsure else float(key(h) in named(report)) for h in hidden]
+    """For each hidden effect: 1 named, itself or those that are it together, 1/2 in an ambiguity set, 0 neither."""
+    unsure, names = set().union(*candidates(report)), set(named(report))
+    return [0.5 if key(h) in unsure else float(key(h) in names or (bool(sums(h)) and sums(h) <= names)) for h in hidden]
 
 
 def column(truth: Record, report: Record | None) -> str:
