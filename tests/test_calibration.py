@@ -11,7 +11,7 @@ from jaxidl.gap.calibration import SIGNS, probability, signs
 
 GOOD = {
     "margin": 100.0, "gain": 0.6, "share": 0.3, "left": 1.2, "unexplained": 0.01, "systematic": 0.0, "odds": 0.0,
-    "common": True, "tied": 0.0,
+    "common": True, "tied": 0.0, "company": 1.0,
 }  # fmt: skip
 BAD = GOOD | {"margin": 0.1, "gain": 0.06, "share": 0.01, "left": 8.0, "unexplained": 0.8, "odds": -4.0, "common": False}
 
@@ -42,7 +42,7 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     rng = np.random.default_rng(0)
     x = rng.normal(size=(6000, len(SIGNS)))
     true = np.zeros(len(SIGNS))
-    true[[0, 1, 5]] = 2.0, 1.0, -1.5  # margin, gain, open
+    true[[list(SIGNS).index(name) for name in ("margin", "share", "open")]] = 2.0, 1.0, -1.5
     right = rng.random(6000) < 1.0 / (1.0 + np.exp(-0.7 - x @ true))
     rows = [("robot", dict(zip(SIGNS, row, strict=True)), bool(ok)) for row, ok in zip(x, right, strict=True)]
     weights = fitted(rows)
@@ -50,8 +50,8 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     assert weights["constant"] == pytest.approx(0.7, abs=0.15)
     assert fitted(rows) == weights
     # a sign that seems to speak the wrong way does not speak
-    turned = fitted([(family, found | {"gain": -found["gain"]}, ok) for family, found, ok in rows])
-    assert turned["gain"] == 0.0
+    turned = fitted([(family, found | {"share": -found["share"]}, ok) for family, found, ok in rows])
+    assert turned["share"] == 0.0
     # a family of a hundred findings counts as much as one of thousands
     wrong = [("single", signs_of, not ok) for _, signs_of, ok in rows[:100]]
     both = fitted([*rows, *wrong], strength=10.0)

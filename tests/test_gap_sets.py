@@ -40,7 +40,8 @@ def item(name, columns, joints=(0,), low=-FAR, high=FAR, **more):
     p = len(columns)
     options = {"precision": np.zeros(p), "odds": 0.0} | more
     bounds = np.broadcast_to(low, p).astype(float), np.broadcast_to(high, p).astype(float)
-    return Item((name, joints[0] if len(joints) == 1 else None, ""), SHAPES[p], tuple(joints), columns, *bounds, **options)
+    shape = options.pop("shape", None) or SHAPES[p]
+    return Item((name, joints[0] if len(joints) == 1 else None, ""), shape, tuple(joints), columns, *bounds, **options)
 
 
 def score_of(rows, items, **more):
@@ -101,6 +102,19 @@ def test_error_on_blocks_left_out_is_that_of_refits_by_brute_force(planted):
     assert found.value == pytest.approx(-25.0 * np.log(mean).sum() - 3 * 2.0)
 
 
+def test_a_score_made_from_another_one_is_the_same(planted):
+    """Items that stay, one that goes, one that comes, one whose columns change: the same Gram matrices, the same solution."""
+    rows, pool, _, score = planted
+    changed = replace(pool[2], columns=1.3 * pool[2].columns)
+    items = [pool[9], changed, *pool[3:9], item("new", np.random.default_rng(3).normal(size=(2, N, 2)), (0, 1))]
+    again, alone = Score(rows, items, score.noise, score.effective, None, score), score_of(rows, items)
+    for one, other in zip((*again.gram, *again.right), (*alone.gram, *alone.right), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
+    a, b = (s.solve([items[0], changed, items[-1]]) for s in (again, alone))
+    np.testing.assert_allclose(a.x, b.x, rtol=1e-10)
+    assert a.value == pytest.approx(b.value, rel=1e-12)
+
+
 def test_bounds_hold_as_in_a_bounded_fit(planted):
     rows, pool, _, _ = planted
     zero = np.zeros(2)
@@ -119,6 +133,32 @@ def test_a_prior_on_coefficients_is_a_ridge(planted):
     found = score_of(rows, [stiff]).solve([stiff])
     x, y = stacked(rows, [stiff], rows.training)
     np.testing.assert_allclose(found.x, x.T @ y / (x.T @ x + 900.0 * 0.5**2).ravel(), rtol=1e-6)
+
+
+def test_standard_errors_are_the_scatter_where_neighbours_say_the_same():
+    """Of 900 samples each 18 are one: what comes out scatters as the covariance says for 50 things, over logs drawn anew."""
+    rng, alike = np.random.default_rng(5), 18
+    drawn = lambda: np.repeat(rng.normal(size=N // alike + 1), alike)[:N]  # noqa: E731
+    found, said = [], []
+    for _ in range(200):
+        x, y = drawn(), drawn()
+        both = item("both", np.stack([x, x + 0.5 * y]), (0,))
+        rows = rows_with(np.stack([0.7 * x + 0.3 * drawn(), np.zeros(N)], 1))
+        score = score_of(rows, [both])
+        solution = score.solve([both])
+        found.append(solution.x)
+        said.append(np.sqrt(np.diag(score.covariance(solution))))
+    np.testing.assert_allclose(np.mean(said, 0), np.std(found, 0), rtol=0.2)
+
+
+def test_what_a_log_does_not_tell_is_as_wide_as_was_plausible(planted):
+    rows, pool, _, _ = planted
+    unseen = replace(pool[1], columns=1e-9 * pool[1].columns, precision=np.array([2.0]))
+    score = score_of(rows, [pool[0], unseen])
+    solution = score.solve([pool[0], unseen])
+    at = solution.of(unseen).start
+    per = np.median(score.count[score.training].sum(0) / 50.0)  # samples that say as much as one
+    assert np.sqrt(score.covariance(solution)[at, at]) == pytest.approx(np.sqrt(per / 2.0), rel=1e-3)
 
 
 def test_an_effect_that_lets_little_of_the_command_through_explains_little():
@@ -207,6 +247,21 @@ def test_the_search_finds_what_was_planted_from_any_start(planted):
         assert set(search(score, start).members) == set(truth)
 
 
+def test_one_takes_the_place_of_all_that_it_can_imitate():
+    """Three columns together are cheaper as one item, which no exchange of one or two for it would show."""
+    rng = np.random.default_rng(8)
+    columns = rng.normal(size=(3, N, 1))
+    parts = [item(f"part{k}", columns[k : k + 1], odds=-3.0) for k in range(3)]
+    whole = item("whole", rng.normal(size=(3, 3)) @ columns[..., 0], odds=-8.0, shape=SHAPES[2])
+    rows = rows_with(np.stack([columns[..., 0].sum(0), np.zeros(N)], 1) + 0.05 * rng.normal(size=(N, JOINTS)))
+    score = score_of(rows, [*parts, whole])
+    assert score.imitated(parts, whole) == parts
+    assert score.imitated([*parts[:2], whole], parts[2]) == []
+    assert search(score, parts).members == (whole,)
+    dear = replace(whole, odds=-10.0)
+    assert set(search(score_of(rows, [*parts, dear]), [dear]).members) in ({dear}, set(parts))
+
+
 def test_nothing_is_found_in_noise():
     rng = np.random.default_rng(5)
     pool = [item(f"one{k}", rng.normal(size=(1, N, 1)), (k % 2,), odds=-3.0) for k in range(20)]
@@ -240,6 +295,10 @@ def test_each_objection_is_raised_where_it_holds(planted):
     turned = score_of(rows._replace(gap=gap), pool)
     then = turned.solve(truth)
     assert objection(turned, then, pool[0], 0.05, DT) == "data kept aside are predicted better without it"
+    once = rows.gap.copy()
+    once[rows.block == -2, 0] -= 2.0 * pool[0].columns[0, rows.block == -2, 0]  # in one block only, which is no scatter
+    odd = score_of(rows._replace(gap=once), pool)
+    assert objection(odd, odd.solve(truth), pool[0], 0.05, DT) == ""
     share, stderr = worse_by(turned, turned.solve(truth[1:]), then, 0)
     assert share < -3.0 * stderr < 0.0
 

@@ -1,8 +1,8 @@
 """From what speaks for a finding to how likely it is right: a logistic model, fitted to the benchmark's cases of another root.
 
 Resampling a log does not see imitation: an effect that stands for something the catalogue has not is there on every draw. What
-gives it away is that it is rare, explains little, and leaves something open behind. Each sign can only speak one way: an effect
-that explains more is not less likely for it. ``experiments/calibrate.py`` fits the weights.
+gives it away is that it is rare, explains little, and leaves something open behind; what is common is so on all joints. Each sign
+can only speak one way: an effect that explains more is not less likely for it. ``experiments/calibrate.py`` fits the weights.
 """
 
 import json
@@ -16,7 +16,7 @@ import numpy as np
 WEIGHTS = Path(__file__).with_suffix(".json")
 
 SIGNS: Mapping[str, int] = {
-    **dict.fromkeys(("margin", "gain", "share", "odds", "rare_share"), 1),
+    **dict.fromkeys(("margin", "share", "odds", "rare_share", "rare_gain", "company"), 1),
     **dict.fromkeys(("open", "systematic", "tied", "rare_left"), -1),
     "rare": 0,
 }
@@ -33,6 +33,7 @@ def signs(
     odds: float,
     common: bool,
     tied: float,
+    company: float,
 ) -> dict[str, float]:
     """Return the signs of a finding.
 
@@ -46,12 +47,12 @@ def signs(
         odds: the effect's log prior odds.
         common: does conventional identification fit it on every joint?
         tied: how likely another effect was beforehand, relative to it, that explains the log as well; 0 if there is none.
+        company: share of the other joints on which the same was found.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))  # noqa: E731
     rare, explained = float(not common), log(share, 1e-3, 1.0)
     return {
         "margin": log(margin, 1.0, 1e4),
-        "gain": float(np.clip(gain, -0.2, 1.0)),
         "share": explained,
         "open": log(unexplained, 0.1, 1.0) + 1.0,
         "systematic": float(np.clip(systematic, 0.0, 1.0)),
@@ -60,6 +61,8 @@ def signs(
         "rare": rare,
         "rare_share": rare * explained,
         "rare_left": rare * log(left, 1.0, 30.0),
+        "rare_gain": rare * float(np.clip(gain, 0.0, 1.0)),
+        "company": (1.0 - rare) * company,
     }
 
 

@@ -94,10 +94,11 @@ def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) ->
     old = [i for i in score.items if i.shape is not None and sees(i.shape) and i not in now.members]
     if not old:
         return score
-    fresh = [replace(i, columns=columns_of(i.shape, rows, predicted)[:, :, list(i.joints)]) for i in old]
-    fresh = [pushed(i, rows, predicted) if i.actuates else i for i in fresh]
+    columns = columns_of([i.shape for i in old], rows, predicted)
+    fresh = [replace(i, columns=c[:, :, list(i.joints)]) for i, c in zip(old, columns, strict=True)]
+    fresh = pushed(fresh, rows, predicted)
     items = [*(i for i in score.items if i not in old), *fresh]
-    return Score(rows, items, score.noise, score.effective, score.anchor)
+    return Score(rows, items, score.noise, score.effective, score.anchor, score)
 
 
 def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
@@ -106,7 +107,7 @@ def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple
     members = [*(m for m in now.members if m.group not in groups), *fresh] if len(fresh) < len(now.members) else fresh
     old = {id(m) for m in now.members if m.group in groups}
     items = [*(i for i in score.items if id(i) not in old), *(i for i in fresh if i not in score.items or id(i) in old)]
-    score = Score(rows, items, score.noise, score.effective, score.anchor)
+    score = Score(rows, items, score.noise, score.effective, score.anchor, score)
     return score, search(score, members)
 
 
@@ -236,7 +237,7 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
     count = np.maximum(score.count[~score.training], 1.0)
     a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
     rise = (a - b).sum(1)
-    return bool(len(rise) and rise.sum() > np.std(rise) * np.sqrt(len(rise)))
+    return bool(len(rise) > 1 and rise.sum() > np.std(rise, ddof=1) * np.sqrt(len(rise)))
 
 
 def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:

@@ -56,7 +56,9 @@ def findings(
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
         kind_of = shape.odds, cls.common, tied.get(value.key, 0.0)
-        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of)
+        alike = {joint for found_name, joint in (v.key for v in fitted) if found_name == name} - {joint}
+        company = len(alike) / (len(known.names) - 1) if joint is not None and len(known.names) > 1 else 0.0
+        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company)
         out.append(
             Finding(
                 name,

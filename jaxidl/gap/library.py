@@ -37,12 +37,15 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
     return replace(i, precision=alike * np.sum((changes / links.plausible) ** 2, (1, 2)))
 
 
-def pushed(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
-    """Return an item of an actuator with what it keeps back of a little more command, per command."""
+def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
+    """Return items, those of actuators with what they keep back of a little more command, per command."""
+    acting = [i for i in items if i.actuates]
     nudge = PUSH * np.maximum(rows.spread, 1e-300)
     more = rows._replace(tau=rows.tau + nudge * np.sign(rows.tau))
-    change = columns_of(i.shape, more, predicted + nudge * np.sign(predicted)) - columns_of(i.shape, rows, predicted)
-    return replace(i, push=(change * np.sign(rows.command) / nudge)[:, :, list(i.joints)])
+    shapes = [i.shape for i in acting]
+    with_it, without = columns_of(shapes, more, predicted + nudge * np.sign(predicted)), columns_of(shapes, rows, predicted)
+    change = {id(i): (a - b) * np.sign(rows.command) / nudge for i, a, b in zip(acting, with_it, without, strict=True)}
+    return [replace(i, push=change[id(i)][:, :, list(i.joints)]) if i.actuates else i for i in items]
 
 
 def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
@@ -80,36 +83,36 @@ def beside(shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndar
 
 
 def items_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()) -> list[Item]:
-    """Return items of shapes of one class, beside ``others`` that they may have as parts: their columns computed side by side."""
-    out, jobs = [], [(shape, *shape.probes()) for shape in shapes]
-    together: dict[Any, list[int]] = {}
-    for number, (_, probes, _) in enumerate(jobs):
-        alike = [np.shape(x) for x in jax.tree.leaves(probes[0])]
-        together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
-    columns: dict[int, np.ndarray] = {}
-    for numbers in together.values():
-        every = [p for n in numbers for p in jobs[n][1]]
-        added, _ = additions(every, rows.signals, rows.tau, predicted)
-        for n, part in zip(numbers, np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]), strict=True):
-            columns[n] = part / jobs[n][2][:, None, None]
-    for n, (shape, _, _) in enumerate(jobs):
+    """Return items of shapes of one class, beside ``others`` that they may have as parts."""
+    out, whole = [], [shape._replace(basis=None, parts=()) for shape in shapes]
+    for shape, columns in zip(whole, columns_of(whole, rows, predicted), strict=True):
         names = shape.cls.contains(shape.free) if shape.free and shape.joint is not None else ()
         simpler = [
             (o.key[0], spread(o, rows)[0])
             for o in others
             if o.key in {(name, shape.joint) for name in names} and len(o.lower) == 1
         ]
-        shape, own = beside(shape._replace(basis=None, parts=()), columns[n], simpler)
+        shape, own = beside(shape, columns, simpler)
         if len(own):
             out.append(item(shape, own))
     return [i for i in out if i.joints]
 
 
-def columns_of(shape: Shape, rows: Rows, predicted: np.ndarray) -> np.ndarray:
-    """Return the columns (P, N, J) of a shape."""
-    probes, size = shape.probes()
-    columns = additions(probes, rows.signals, rows.tau, predicted)[0] / size[:, None, None]
-    return columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
+def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> list[np.ndarray]:
+    """Return the columns (P, N, J) of each shape; those of one class are computed side by side."""
+    jobs = [(shape, *shape.probes()) for shape in shapes]
+    together: dict[Any, list[int]] = {}
+    for number, (_, probes, _) in enumerate(jobs):
+        alike = [np.shape(x) for x in jax.tree.leaves(probes[0])]
+        together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
+    out: list[np.ndarray] = [np.zeros(0)] * len(jobs)
+    for numbers in together.values():
+        added, _ = additions([p for n in numbers for p in jobs[n][1]], rows.signals, rows.tau, predicted)
+        for n, part in zip(numbers, np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]), strict=True):
+            shape, _, size = jobs[n]
+            columns = part / size[:, None, None]
+            out[n] = columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
+    return out
 
 
 def spread(i: Item, rows: Rows) -> np.ndarray:
@@ -197,7 +200,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     for cls in classes:
         if not cls.common:
             best = projected.best(items_of(offered[cls], rows, predicted, items), left, effective)
-            items += [pushed(i, rows, predicted) if i.actuates else plausible(i, links, alike) for i in best]
+            items += [i if i.actuates else plausible(i, links, alike) for i in pushed(best, rows, predicted)]
     basic = [i for i in items if i.common or i.always]
     score = Score(
         rows, items, noise, effective, Anchor(shared, reference.information, reference.pull) if reference is not None else None
@@ -208,7 +211,7 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     """Return an item of another log on this one: what both have in common, and no finding."""
-    columns = columns_of(i.shape, rows, predicted)
+    (columns,) = columns_of([i.shape], rows, predicted)
     far = np.full(len(i.lower), np.inf)
     joints = tuple(range(columns.shape[2]))
     group = (i.group[0], i.group[1], f"{i.group[2]} before")

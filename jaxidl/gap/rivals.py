@@ -51,7 +51,7 @@ def contested(score: Score, now: Solution, library: Library, predicted: np.ndarr
             at = score.solve(trial)
             new = trial[-1]
             fresh = fitted(new, at, rows, predicted, score) if movable(new.shape) else new
-            small = Score(rows, [*now.members, fresh], score.noise, score.effective, score.anchor)
+            small = Score(rows, [*now.members, fresh], score.noise, score.effective, score.anchor, score)
             after = search(small, [*trial[:-1], fresh], swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
                 score, now, changed = small, after, True
@@ -83,7 +83,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             best.setdefault(i.group, i)
         for i in list(best.values())[: 2 * RIVALS]:
             fresh = fitted(i, score.solve([*rest, i]), library.rows, predicted, score) if movable(i.shape) else i
-            small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor)
+            small = Score(library.rows, [*rest, fresh], score.noise, score.effective, score.anchor, score)
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
             if fresh in at.members and odds > least - FARTHER and at.value - odds > now.value - least - close:

@@ -22,6 +22,7 @@ from jaxtyping import Float
 from jaxidl.gap.rows import Rows
 
 RIDGE = 1e-9  # of each column's own information
+ALIKE = 1e-6  # of what columns add: others that leave less imitate them
 Group = tuple[str, int | None, str]  # name, joint and part of an effect: one shape of each at a time
 
 
@@ -86,6 +87,7 @@ class Score:
         noise: np.ndarray,
         effective: np.ndarray,
         anchor: "Anchor | None" = None,
+        old: "Score | None" = None,
     ):
         """Compute them.
 
@@ -95,8 +97,10 @@ class Score:
             noise: (J,) root mean square of what the envelope leaves [N or Nm].
             effective: (J,) effective number of samples of training.
             anchor: what another log says of some of the items.
+            old: the score of the same rows with other items: what both have is not computed again.
         """
         self.items, self.noise, self.effective = list(items), noise, effective
+        self._alive = list(items)  # of those that ``narrowed`` leaves out, too: no other may get their identity
         sizes = np.cumsum([0, *(len(i.lower) for i in items)])
         self.place = {id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)}
         self.total = int(sizes[-1])
@@ -108,7 +112,7 @@ class Score:
         self.gram: list[np.ndarray] = []  # ... (B, p, p)
         self.right: list[np.ndarray] = []  # ... (B, p)
         self.square, self.count = np.zeros((2, len(order), joints))  # of the gap itself, and rows
-        self.spread: list[Any] = []  # covariance of columns, with the command, and of it; the same of a little more command
+        self.spread: list[Any] = []  # of columns of actuators: see ``_spread``
         scale = np.zeros(self.total)
         weights = rows.used / np.maximum(noise, 1e-300)
         for i in items:
@@ -116,6 +120,10 @@ class Score:
                 scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
         self.scale = np.sqrt(np.maximum(scale / max(rows.training.sum(), 1), 1e-300))
         self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
+        same = np.full(self.total, -1)  # places in the old score
+        before = {} if old is None else old.place
+        for i in items:
+            same[self.place[id(i)]] = before.get(id(i), -1)
         for j in range(joints):
             on = [(i, i.joints.index(j)) for i in items if j in i.joints]
             which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
@@ -123,20 +131,21 @@ class Score:
             x = (x * weights[:, j] / self.scale[which, None]).T  # (N, p)
             y = rows.gap[:, j] * weights[:, j]
             parts = [rows.block == b for b in order]
-            self.gram.append(np.stack([x[b].T @ x[b] for b in parts]))
+            g = np.empty((len(order), len(which), len(which)))
+            kept = np.flatnonzero(same[which] >= 0)
+            fresh = np.flatnonzero(same[which] < 0)
+            if old is not None:
+                at = old.local[j][same[which[kept]]]
+                g[:, kept[:, None], kept] = old.gram[j][:, at[:, None], at]
+            for n, b in enumerate(parts):
+                across = x[b].T @ x[b][:, fresh]
+                g[n][:, fresh], g[n][fresh] = across, across.T
+            self.gram.append(g)
             self.right.append(np.stack([x[b].T @ y[b] for b in parts]))
             self.square[:, j] = [y[b] @ y[b] for b in parts]
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
-            mask = rows.training & rows.used[:, j]
-            c, xc = rows.command[mask, j] / noise[j], x[mask]
-            c, xc = c - c.mean() if len(c) else c, xc - xc.mean(0) if len(xc) else xc
-            n = max(len(c), 1)
-            pushed = [np.zeros_like(i.columns[:, :, k]) if i.push is None else i.push[:, :, k] for i, k in on]
-            p = np.concatenate([np.zeros((0, len(rows.block))), *pushed])[:, mask] / self.scale[which, None]
-            self.spread.append(
-                ((xc.T @ xc / n, xc.T @ c / n, float(c @ c / n)), (p @ p.T / n, p.mean(1) if len(c) else p.sum(1), 1.0))
-            )
+            self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
         ]
@@ -208,15 +217,32 @@ class Score:
         """Return the score of a mean squared error (J,)."""
         return float(-0.5 * self.effective @ np.log(np.maximum(error, self.floor)) + sum(m.odds for m in members))
 
+    def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
+        """Where columns of items that act on joint j's command are, and their covariance, with each other and with the command; the
+        same of a little more command.
+        """
+        sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
+        places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
+        mask = rows.training & rows.used[:, j]
+        n, none = max(int(mask.sum()), 1), [np.zeros((0, int(mask.sum())))]
+        c = rows.command[mask, j] / self.noise[j]
+        x = np.concatenate([*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)])
+        more = [np.zeros_like(i.columns) if i.push is None else i.push for i in acting]
+        p = np.concatenate([*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))])
+        c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
+        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, 1.0))
+
     def _passed(self, j: int, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> float:
         """Share of joint j's command that its actuator effects let through: of its variance, or of a little more of it."""
-        acting = np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members if m.actuates and j in m.joints)])
-        if not len(acting):
+        places, spread = self.spread[j]
+        acting = [m for m in members if id(m) in places]
+        if not acting:
             return 1.0
-        there, values = self.local[j][acting], x[np.searchsorted(at, acting)]
+        there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
+        own = np.concatenate([self.place[id(m)] for m in acting])
+        values = x[np.searchsorted(at, own)] / self.scale[own]
         shares = [
-            (cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300)
-            for xx, xc, cc in self.spread[j]
+            (cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300) for xx, xc, cc in spread
         ]
         return float(max(min(shares), 1e-9))
 
@@ -343,6 +369,21 @@ class Score:
             out[id(m)] = 0.5 * self.effective[on].sum() * np.log1p(cost / left[on].sum()) + m.odds
         return out
 
+    def imitated(self, members: Iterable[Item], whole: Item) -> list[Item]:
+        """Return those members that are combinations of an item's several columns."""
+        if len(whole.lower) < 2 or whole.group in {m.group for m in members}:
+            return []
+        gram, _, _ = self._whole
+        at, found = self.place[id(whole)], []
+        inverse = np.linalg.pinv(gram[np.ix_(at, at)], rcond=RIDGE, hermitian=True)
+        for m in members:
+            if not m.always and set(m.joints) <= set(whole.joints):
+                own = self.place[id(m)]
+                left = gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ inverse @ gram[np.ix_(at, own)]
+                if np.trace(left) < ALIKE * np.trace(gram[np.ix_(own, own)]):
+                    found.append(m)
+        return found
+
     @cached_property
     def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
         """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the items by their width: places
@@ -370,15 +411,15 @@ class Score:
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        return self._with(items=list(items))
+        return self._with(items=list(items), _known=self._known)
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each was drawn."""
-        return self._with(weights=weights)
+        return self._with(weights=weights, _known={})
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
-        other.__dict__.update({**self.__dict__, **changes, "_known": {}})
+        other.__dict__.update({**self.__dict__, **changes})
         other.__dict__.pop("_whole", None)
         return other
 

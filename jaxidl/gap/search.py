@@ -4,7 +4,8 @@
 2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`); each effect
    costs its prior, and each of its parameters a factor of ten.
 3. Begin with the envelope: everything common, on every joint. It is what conventional identification reaches.
-4. Improve the set while the score rises: drop one, add one, another shape of one, one for another, two for one or two.
+4. Improve the set while the score rises: drop one, add one, another shape of one, one for another or for all that it can
+   imitate, two for one or two.
 5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
    and go to 4 until the set stays as it is.
 6. Take out what is on a bound, what its standard error does not tell from zero, what is not physical and what kept-aside blocks
@@ -82,8 +83,8 @@ def single(score: Score, now: Solution) -> list[Move]:
 
 
 def replaced(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: one for another on one of its joints."""
-    moves = []
+    """Return the moves: one for another on one of its joints, or one for several that it can imitate."""
+    moves = [(frozenset(alike), frozenset([i])) for i in score.items if len(alike := score.imitated(now.members, i)) > 1]
     for m in filter(lambda m: not m.always, now.members):
         rest = after(now.members, [m], [])
         fresh = promising(score, rest, now.value, set(m.joints), [m])

@@ -80,10 +80,10 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         pulled = (minimum(pull * unit) for pull in PULLS)
         best = next((theta for theta in pulled if square(theta) <= good), best)
     shape = at_parameters(shape, best)
-    fresh = item(shape, columns_of(shape, rows, predicted))
+    fresh = item(shape, *columns_of([shape], rows, predicted))
     if not fresh.joints:  # so fitted it does nothing: it stays what it was, and the search will drop it
         return m
-    return pushed(fresh, rows, predicted) if m.actuates else fresh
+    return pushed([fresh], rows, predicted)[0]
 
 
 def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) -> Tangent:
