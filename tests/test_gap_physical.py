@@ -168,13 +168,14 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(arm):
             assert {i.group[2]: i.joints for i in together} == {"extra": (1,), "mass": (0, 1)}
 
 
-def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now(arm):
-    """An effect that is no member yet, too, or it competes with columns of an envelope that is no more."""
+def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_ties_are_sought(arm):
+    """Not where it competes: there a command that is predicted well would explain itself."""
     log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
     rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
     lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
     before = lib.score
-    after = seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted)
+    assert seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted) is before
+    after = seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted, load=True)
     for old, new in zip(*(sorted(s.items, key=lambda i: str(i.group)) for s in (before, after)), strict=True):
         factor = 3.0 if old.key[0] == "load_dependent_friction" else 1.0
         moving = rows.used[:, list(old.joints)]

@@ -66,7 +66,7 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
     watch("resampling", 0.0)
     said = support(narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
     watch("looking for other explanations", 0.0)
-    ties = tied(narrow, now, library, predicted) if resample else []
+    ties = tied(seen_anew(narrow, now, rows, predicted, load=True), now, library, predicted) if resample else []
     return Found(library, narrow, now, predicted, said, ties, banned | weak)
 
 
@@ -87,17 +87,18 @@ def settled(score: Score, now: Solution, library: Library, predicted: np.ndarray
     return score, now, predicted
 
 
-def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Score:
-    """Return the score with those items anew, no members, that look at the predicted command: how loaded the joint is, or whether
-    the command gets through.
+def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray, load: bool = False) -> Score:
+    """Return the score with those items anew, no members, that look at the predicted command to see whether it gets through; with
+    ``load`` also those to which it is the load. Where they compete those keep the envelope's prediction: once the command is
+    predicted well, a share of it explains it by itself.
     """
-    old = [i for i in score.items if i.shape is not None and sees(i.shape) and i not in now.members]
+    looks = lambda shape: sees(shape) if load else shape.cls.seen is not Effect.seen  # noqa: E731
+    old = [i for i in score.items if i.shape is not None and looks(i.shape) and i not in now.members]
     if not old:
         return score
     columns = columns_of([i.shape for i in old], rows, predicted)
     fresh = [replace(i, columns=c[:, :, list(i.joints)]) for i, c in zip(old, columns, strict=True)]
-    fresh = pushed(fresh, rows, predicted)
-    items = [*(i for i in score.items if i not in old), *fresh]
+    items = [*(i for i in score.items if i not in old), *pushed(fresh, rows, predicted)]
     return Score(rows, items, score.noise, score.effective, score.anchor, score)
 
 

@@ -218,9 +218,7 @@ class Score:
         return float(-0.5 * self.effective @ np.log(np.maximum(error, self.floor)) + sum(m.odds for m in members))
 
     def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
-        """Where columns of actuators are, their covariance, that with joint j's command, and that of it; the same of a little more
-        command.
-        """
+        """Where columns of actuators are, their covariance, with joint j's command, too, and of it; the same of a little more."""
         sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
         places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
         mask = rows.training & rows.used[:, j]

@@ -15,7 +15,7 @@ BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Of confidence; each without its upper end but the last."""
 
 STRENGTH = 0.3  # of the ridge on the weights
-SELDOM = {"outside": 0.015}  # logs with one effect, which the catalogue has not, are so much less frequent than others
+SELDOM = {"outside": 0.05}  # logs with one effect, which the catalogue has not, are so much less frequent than others
 
 
 def is_right(truth: Record, report: Record, effect: Record) -> bool:
