@@ -3,8 +3,8 @@
 score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p)):
 
 * e is the mean squared error of the command on blocks left out, in units of what the envelope leaves. Where effects change what
-  the motor delivers it is taken relative to the share of the command's variance that they let through, and where a little more
-  command would deliver no more the command's own variance takes its place: a motor that passes nothing on explains nothing.
+  the motor delivers it is taken relative to the share of the command's variance that they let through. At samples where a little
+  more command would deliver no more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which counts the autocorrelation of what the envelope leaves (Bartlett 1946).
 * p is the effect's prior.
 
@@ -146,6 +146,7 @@ class Score:
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
             self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
+        self.variance = np.array([c for _, ((_, _, c), _) in self.spread])  # of the command [noise^2]
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
         ]
@@ -204,18 +205,18 @@ class Score:
         left = np.concatenate([whole[None], whole - w[:, :, None] * gram]), np.concatenate([wanted[None], wanted - w * right])
         x = self._bounded(*left, at)
         error = np.zeros((len(gram), len(self.which)))
-        passed = np.ones(len(self.which))
         for j, (here, g, h) in enumerate(own):
             part = x[1:, here]
             error[:, j] = self.square[:blocks, j] + np.sum(((g @ part[..., None])[..., 0] - 2 * h) * part, 1)
-            passed[j] = self._passed(j, members, at, x[0])
-        error = np.maximum(error, 0.0)
-        value = self.value_of((w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0) / passed, members)
+        error, (passed, heard) = np.maximum(error, 0.0), self._passed(members, at, x[0])
+        mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
+        value = self.value_of(mean / passed, heard, members)
         return Solution(members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value)
 
-    def value_of(self, error: np.ndarray, members: Iterable[Item]) -> float:
-        """Return the score of a mean squared error (J,)."""
-        return float(-0.5 * self.effective @ np.log(np.maximum(error, self.floor)) + sum(m.odds for m in members))
+    def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
+        """Return the score of a mean squared error (J,) where shares ``heard`` (J,) of the samples tell of the command."""
+        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(np.maximum(self.variance, self.floor))
+        return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
 
     def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
         """Where columns of actuators are, their covariance, with joint j's command, too, and of it; the same of a little more."""
@@ -230,19 +231,25 @@ class Score:
         c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
         return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, 1.0))
 
-    def _passed(self, j: int, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> float:
-        """Share of joint j's command that its actuator effects let through: of its variance, or of a little more of it."""
-        places, spread = self.spread[j]
-        acting = [m for m in members if id(m) in places]
-        if not acting:
-            return 1.0
-        there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
-        own = np.concatenate([self.place[id(m)] for m in acting])
-        values = x[np.searchsorted(at, own)] / self.scale[own]
-        shares = [
-            (cc - 2 * values @ xc[there] + values @ xx[np.ix_(there, there)] @ values) / max(cc, 1e-300) for xx, xc, cc in spread
-        ]
-        return float(max(min(shares), 1e-9))
+    def _passed(self, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Share (J,) of each joint's command that its actuators let through, of its variance or of a little more of it; and of the
+        samples at which a little more would show.
+        """
+        passed, heard = np.ones((2, len(self.which)))
+        for j, (places, ((xx, xc, cc), (pp, mean, _))) in enumerate(self.spread):
+            acting = [m for m in members if id(m) in places]
+            if not acting:
+                continue
+            there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
+            own = np.concatenate([self.place[id(m)] for m in acting])
+            values = x[np.searchsorted(at, own)] / self.scale[own]
+            quadratic = lambda a, values=values, there=there: values @ a[np.ix_(there, there)] @ values  # noqa: E731
+            variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
+            more = 1.0 - values @ mean[there]
+            square = max(1.0 - 2 * values @ mean[there] + quadratic(pp), 1e-9)
+            passed[j] = max(min(variance, square), 1e-9)
+            heard[j] = min(max(more, 0.0) ** 2 / square, 1.0)
+        return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by the first."""
@@ -296,8 +303,8 @@ class Score:
         for j, (here, g, h) in enumerate(own):
             part = scaled[here]
             error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
-        passed = [self._passed(j, members, at, scaled) for j in range(len(own))]
-        return self.value_of(np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed, members)
+        passed, heard = self._passed(members, at, scaled)
+        return self.value_of(np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed, heard, members)
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
