@@ -232,8 +232,8 @@ class Score:
         return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, 1.0))
 
     def _passed(self, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What each joint's actuators let through (J,): a share of the command's variance, or of a little more of it; and the share
-        of samples at which a little more would show.
+        """Share (J,) of each joint's command, its variance or a little more of it, that its actuators let through; and share of the
+        samples at which a little more would show.
         """
         passed, heard = np.ones((2, len(self.which)))
         for j, (places, ((xx, xc, cc), (pp, mean, _))) in enumerate(self.spread):
