@@ -232,8 +232,8 @@ class Score:
         return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, 1.0))
 
     def _passed(self, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What actuators let through of each joint's command, or of a little more of it: share (J,) of the variance; share (J,) of
-        the samples that tell.
+        """What actuators let through of each joint's command, or of a little more of it: the share of its variance (J,), and the
+        share of samples that tell (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
         for j, (places, ((xx, xc, cc), (pp, mean, _))) in enumerate(self.spread):
