@@ -6,7 +6,7 @@ import math
 import pytest
 
 from jaxidl.gap.benchmark import judge
-from jaxidl.gap.benchmark.calibration import calibration
+from jaxidl.gap.benchmark.calibration import calibration, is_right
 from jaxidl.gap.benchmark.score import confusion, quartiles, score, share
 
 
@@ -69,6 +69,21 @@ def test_credit_of_a_single_effect(given, credit):
 def test_payload_is_nowhere_in_particular():
     load = hidden("payload", None, mass=0.2, com=[0, 0, -0.3])
     assert judge.single_credit(load, report(("payload", None))) == judge.single_credit(load, report(("payload", 1))) == 1.0
+
+
+def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
+    """Friction under load by direction is friction under load and a motor constant: exactly."""
+    gear = hidden("directional_load_friction", 0, driving=0.3, driven=0.1)
+    load, motor, itself, mass = ((n, 0) for n in ("load_dependent_friction", "torque_scale", gear["effect"], "inertia_error"))
+    assert judge.single_credit(gear, report(load, motor)) == judge.single_credit(gear, report(itself, load)) == 1.0
+    assert judge.single_credit(gear, report(load, mass, verdict="ambiguous", ambiguous=[[mass, itself]])) == 0.5
+    assert judge.single_credit(gear, report(load)) == judge.single_credit(gear, report(load, mass)) == 0.0
+    assert judge.single_credit(hidden(), report()) == 0.0
+    assert judge.pair_credits([gear, hidden()], report(load, motor)) == [1.0, 0.0]
+    assert judge.tied(case(gear))
+    for effect in (load, motor):
+        assert is_right(case(gear), report(load, motor), {"effect": effect[0], "joint": 0})
+    assert not is_right(case(gear), report(load, motor), {"effect": "inertia_error", "joint": 0})
 
 
 def test_credits_of_a_pair():
