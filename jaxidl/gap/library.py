@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect, Scale
 from jaxidl.gap.additions import additions
@@ -23,6 +24,8 @@ from jaxidl.gap.signals import Signals
 
 ALIKE = 20.0  # samples that say as much as one, before it is known how many
 PUSH = 0.01  # of the command's spread, to see whether more command delivers more
+HELD = 0.1  # so long more command is held [s]: what swings or comes late delivers it by then
+DEAF = 0.8  # of it is kept back: there any command explains the motion
 PARAMETER = float(np.log(10.0))  # log odds that each parameter costs: a log tells it to a tenth of what it might have been
 
 
@@ -38,14 +41,26 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return items, those of actuators with what they keep back of a little more command, per command."""
+    """Return items, those of actuators with what they keep back of a little more command, per command, and at which share of the
+    samples they keep back all of a little more that is held.
+    """
     acting = [i for i in items if i.actuates]
-    nudge = PUSH * np.maximum(rows.spread, 1e-300)
-    more = rows._replace(tau=rows.tau + nudge * np.sign(rows.tau))
-    shapes = [i.shape for i in acting]
-    with_it, without = columns_of(shapes, more, predicted + nudge * np.sign(predicted)), columns_of(shapes, rows, predicted)
-    change = {id(i): (a - b) * np.sign(rows.command) / nudge for i, a, b in zip(acting, with_it, without, strict=True)}
-    return [replace(i, push=change[id(i)][:, :, list(i.joints)]) if i.actuates else i for i in items]
+    nudge, shapes = PUSH * np.maximum(rows.spread, 1e-300), [i.shape for i in acting]
+    without = columns_of(shapes, rows, predicted)
+
+    def kept(logged: np.ndarray, way: np.ndarray | float) -> list[np.ndarray]:
+        more = columns_of(shapes, rows._replace(tau=rows.tau + nudge * logged), predicted + nudge * logged)
+        return [(a - b) * way / nudge for a, b in zip(more, without, strict=True)]
+
+    size = max(3, round(HELD / (rows.signals.dt * float(np.median(np.diff(rows.signals.rows, prepend=0))))))
+    use = rows.used & rows.training[:, None]
+    out = {}
+    for i, push, held in zip(
+        acting, kept(np.sign(rows.tau), np.sign(rows.command)), kept(np.ones_like(rows.tau), 1.0), strict=True
+    ):
+        deaf = (uniform_filter1d(held, size, axis=1) > DEAF) & use
+        out[id(i)] = {"push": push[:, :, list(i.joints)], "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, list(i.joints)]}
+    return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
 
 def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
@@ -226,6 +241,7 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
         common=False,
         always=True,
         push=None,
+        deaf=None,
         actuates=False,
     )
 

@@ -42,6 +42,9 @@ class Item:
     common: bool = False  # part of the envelope?
     always: bool = False  # part of every set, and no effect?
     push: np.ndarray | None = field(default=None, repr=False)  # (P, N, K) derivatives of the columns by the command [1]
+    deaf: np.ndarray | None = field(
+        default=None, repr=False
+    )  # (P, K) share of samples that keep back all of a little more command
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -229,14 +232,16 @@ class Score:
         more = [np.zeros_like(i.columns) if i.push is None else i.push for i in acting]
         p = np.concatenate([*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))])
         c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
-        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, 1.0))
+        deaf = [np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting]
+        d = np.concatenate([np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))])
+        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, d))
 
     def _passed(self, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What actuators let through of each joint's command, or of a little more of it: the share of its variance (J,), and the
         share of samples that tell (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
-        for j, (places, ((xx, xc, cc), (pp, mean, _))) in enumerate(self.spread):
+        for j, (places, ((xx, xc, cc), (pp, mean, deaf))) in enumerate(self.spread):
             acting = [m for m in members if id(m) in places]
             if not acting:
                 continue
@@ -245,10 +250,9 @@ class Score:
             values = x[np.searchsorted(at, own)] / self.scale[own]
             quadratic = lambda a, values=values, there=there: values @ a[np.ix_(there, there)] @ values  # noqa: E731
             variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
-            more = 1.0 - values @ mean[there]
-            square = max(1.0 - 2 * values @ mean[there] + quadratic(pp), 1e-9)
-            passed[j] = max(min(variance, square), 1e-9)
-            heard[j] = min(max(more, 0.0) ** 2 / square, 1.0)
+            more = 1.0 - 2 * values @ mean[there] + quadratic(pp)
+            passed[j] = max(min(variance, more), 1e-9)
+            heard[j] = np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0)
         return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:

@@ -51,7 +51,13 @@ def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: 
         lower, upper = limits(m.shape)
         tangents.append(
             replace(
-                m, columns=t.columns[:, :, list(m.joints)], lower=lower, upper=upper, precision=np.zeros(len(theta)), push=None
+                m,
+                columns=t.columns[:, :, list(m.joints)],
+                lower=lower,
+                upper=upper,
+                precision=np.zeros(len(theta)),
+                push=None,
+                deaf=None,
             )
         )
     fit = _fitted(tangents, rows._replace(gap=gap), score)
