@@ -12,7 +12,7 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, seen_anew
-from jaxidl.gap.library import beside, items_of, library, residual, rms, scales
+from jaxidl.gap.library import beside, items_of, library, pushed, residual, rms, scales
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
@@ -180,6 +180,24 @@ def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_
         factor = 3.0 if old.key[0] == "load_dependent_friction" else 1.0
         moving = rows.used[:, list(old.joints)]
         np.testing.assert_allclose(new.columns[0][moving], factor * old.columns[0][moving], rtol=1e-6)
+
+
+def test_deaf_is_where_more_command_held_delivers_no_more(arm):
+    """At a limit; not where a share of it arrives, where it comes late, or through play, of which a sample alone would say so."""
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
+    signals = prepare(from_arrays(*log), arm.plant.body)
+    rows = rows_of(signals)
+    (limit,) = np.quantile(np.abs(rows.command[rows.used[:, 0], 0]), [0.7])
+    for name, given, most, least in (
+        ("torque_saturation", {"limit": limit}, 0.4, 0.2),
+        ("torque_scale", {"scale": 0.6}, 0.0, 0.0),
+        ("actuator_delay", {"delay": 0.03}, 0.05, 0.0),
+        ("backlash", {"gap": 0.02}, 0.15, 0.0),
+    ):
+        shape = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[0])[0]
+        shape = shape._replace(values={**shape.values, **{k: np.asarray(v) for k, v in given.items()}})
+        (found,) = pushed(items_of([shape], rows, rows.tau), rows, rows.tau)
+        assert least <= found.deaf[0, 0] <= most, name
 
 
 class Worm(Effect):
