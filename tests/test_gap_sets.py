@@ -10,8 +10,9 @@ from scipy.optimize import lsq_linear
 from jaxidl.effects import AsymmetricFriction, ConstantOffset
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
+from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Anchor, Item, Score, correlation_time
+from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import search
 from jaxidl.gap.shape import Shape
 

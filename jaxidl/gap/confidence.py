@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.gram import Group, Item
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
 
 DRAWS = 24

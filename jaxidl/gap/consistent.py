@@ -14,9 +14,10 @@ import numpy as np
 from scipy import sparse
 
 from jaxidl.effects import Effect
+from jaxidl.gap.gram import Item
 from jaxidl.gap.links import Links, change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Item, Score, Solution
+from jaxidl.gap.score import Score, Solution
 
 PLACES = 80  # of a joint's rows at which its friction must dissipate
 FAST = 3.0  # times the speed of rest: nearer to a reversal the filter blurs the direction

@@ -11,11 +11,12 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.consistent import physical_fit
+from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable, on_bound, sees, vector
 from jaxidl.gap.shapes import fitted

@@ -15,10 +15,11 @@ from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect, Scale
 from jaxidl.gap.additions import additions
+from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.links import Links, change_of, links_of
 from jaxidl.gap.projection import Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Anchor, Item, Score, Solution, correlation_time
+from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, Shape, parameters, shapes_of
 from jaxidl.gap.signals import Signals
 

@@ -5,8 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from jaxidl.gap.gram import Item
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Item, correlation_time
+from jaxidl.gap.score import correlation_time
 
 SHAPES = 3  # kept of each effect on a joint
 ALIGNMENT = "alignment"

@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.gap.confidence import FARTHER
+from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.library import Library
-from jaxidl.gap.score import Group, Item, Score, Solution
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable
 from jaxidl.gap.shapes import fitted

@@ -18,7 +18,8 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
-from jaxidl.gap.score import Item, Score, Solution
+from jaxidl.gap.gram import Item
+from jaxidl.gap.score import Score, Solution
 
 EPSILON = 1e-6  # least rise of the score
 TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on

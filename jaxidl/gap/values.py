@@ -15,8 +15,9 @@ from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.diagnosis import Key
 from jaxidl.gap.find import jackknife
+from jaxidl.gap.gram import Item
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Item, Score
+from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, vector
 from jaxidl.gap.shapes import tangent
 

@@ -1,0 +1,201 @@
+"""Gram matrices of what may be in a set of effects: made once, block by block of a log, so that a set is one small solve.
+
+Columns are scaled to about one, and divided by the noise of their joint.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.gap.rows import Rows
+
+Group = tuple[str, int | None, str]  # name, joint and part of an effect: one shape of each at a time
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """One shape of an effect: P columns of the predicted command on some joints. Compared by identity."""
+
+    group: Group
+    shape: Any  # see :mod:`jaxidl.gap.library`
+    joints: tuple[int, ...]  # K that it touches
+    columns: Float[np.ndarray, "P N K"] = field(repr=False)
+    lower: Float[np.ndarray, " P"]
+    upper: Float[np.ndarray, " P"]
+    odds: float  # log prior odds
+    precision: Float[np.ndarray, " P"]  # of the prior on its coefficients: inverse squares of what is plausible
+    actuates: bool = False  # does it change what the motor delivers?
+    common: bool = False  # part of the envelope?
+    always: bool = False  # part of every set, and no effect?
+    push: np.ndarray | None = field(default=None, repr=False)  # (P, N, K) derivatives of the columns by the command [1]
+    deaf: np.ndarray | None = field(
+        default=None, repr=False
+    )  # (P, K) share of samples that keep back all of a little more command
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Name and joint."""
+        return self.group[:2]
+
+
+class Anchor(NamedTuple):
+    """What another log of the same machine says of items that both share: changes of their coefficients cost its error."""
+
+    items: tuple[Item, ...]
+    information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
+    pull: Float[np.ndarray, " P"]  # and its right side [1/coefficient]
+
+
+class Gram:
+    """Gram matrices of a library of items on the rows of a log."""
+
+    def __init__(
+        self,
+        rows: Rows,
+        items: Sequence[Item],
+        noise: np.ndarray,
+        effective: np.ndarray,
+        anchor: Anchor | None = None,
+        old: "Gram | None" = None,
+    ):
+        """Compute them.
+
+        Args:
+            rows: N rows, B blocks of training, others kept aside.
+            items: all that may be in a set.
+            noise: (J,) root mean square of what the envelope leaves [N or Nm].
+            effective: (J,) effective number of samples of training.
+            anchor: what another log says of some of the items.
+            old: the score of the same rows with other items: what both have is not computed again.
+        """
+        self.items, self.noise, self.effective = list(items), noise, effective
+        self._alive = list(items)  # of those that ``narrowed`` leaves out, too: no other may get their identity
+        sizes = np.cumsum([0, *(len(i.lower) for i in items)])
+        self.place = {id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)}
+        self.total = int(sizes[-1])
+        kept_aside = sorted({int(b) for b in rows.block if b < 0}, reverse=True)
+        order = [*range(int(rows.block.max()) + 1), *kept_aside]
+        self.training = np.array([b >= 0 for b in order])
+        joints = rows.gap.shape[1]
+        self.which: list[np.ndarray] = []  # of each joint: places of the columns that touch it
+        self.gram: list[np.ndarray] = []  # ... (B, p, p)
+        self.right: list[np.ndarray] = []  # ... (B, p)
+        self.square, self.count = np.zeros((2, len(order), joints))  # of the gap itself, and rows
+        self.spread: list[Any] = []  # of columns of actuators: see ``_spread``
+        scale = np.zeros(self.total)
+        weights = rows.used / np.maximum(noise, 1e-300)
+        for i in items:
+            for k, j in enumerate(i.joints):
+                scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
+        self.scale = np.sqrt(np.maximum(scale / max(rows.training.sum(), 1), 1e-300))
+        self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
+        same = np.full(self.total, -1)  # places in the old score
+        before = {} if old is None else old.place
+        for i in items:
+            same[self.place[id(i)]] = before.get(id(i), -1)
+        for j in range(joints):
+            on = [(i, i.joints.index(j)) for i in items if j in i.joints]
+            which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
+            x = np.concatenate([np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)])
+            x = (x * weights[:, j] / self.scale[which, None]).T  # (N, p)
+            y = rows.gap[:, j] * weights[:, j]
+            parts = [rows.block == b for b in order]
+            g = np.empty((len(order), len(which), len(which)))
+            kept = np.flatnonzero(same[which] >= 0)
+            fresh = np.flatnonzero(same[which] < 0)
+            if old is not None:
+                at = old.local[j][same[which[kept]]]
+                g[:, kept[:, None], kept] = old.gram[j][:, at[:, None], at]
+            for n, b in enumerate(parts):
+                across = x[b].T @ x[b][:, fresh]
+                g[n][:, fresh], g[n][fresh] = across, across.T
+            self.gram.append(g)
+            self.right.append(np.stack([x[b].T @ y[b] for b in parts]))
+            self.square[:, j] = [y[b] @ y[b] for b in parts]
+            self.count[:, j] = [rows.used[b, j].sum() for b in parts]
+            self.which.append(which)
+            self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
+        self.variance = np.array([c for _, ((_, _, c), _) in self.spread])  # of the command [noise^2]
+        self.bounds = [
+            np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
+        ]
+        self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
+        self.anchor = anchor
+        self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
+        if anchor is not None:
+            at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
+            self.anchored[np.ix_(at, at)] = anchor.information / self.scale[at, None] / self.scale[at]
+            self.pull[at] = anchor.pull / self.scale[at]
+        self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
+        self.local = [np.full(self.total, -1) for _ in range(joints)]
+        for local, which in zip(self.local, self.which, strict=True):
+            local[which] = np.arange(len(which))
+        self.weights = np.ones(int(self.training.sum()))  # of the blocks of training
+
+    def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
+        """Where columns of actuators are, their covariance, with joint j's command, too, and of it; the same of a little more."""
+        sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
+        places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
+        mask = rows.training & rows.used[:, j]
+        n, none = max(int(mask.sum()), 1), [np.zeros((0, int(mask.sum())))]
+        c = rows.command[mask, j] / self.noise[j]
+        x = np.concatenate([*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)])
+        more = [np.zeros_like(i.columns) if i.push is None else i.push for i in acting]
+        p = np.concatenate([*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))])
+        c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
+        deaf = [np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting]
+        d = np.concatenate([np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))])
+        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, d))
+
+    def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block of training."""
+        at = self._places(members)
+        gram, right, _ = self._normal(at)
+        return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
+
+    def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
+        at = self._places(members)
+        return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[at] * self.scale[at]
+
+    def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
+        blocks = len(self.weights)  # those of training come first
+        gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
+        own = []
+        for local, g, h in zip(self.local, self.gram, self.right, strict=True):
+            here = np.flatnonzero(local[at] >= 0)
+            there = local[at[here]]
+            g, h = g[:blocks, there[:, None], there], h[:blocks, there]
+            own.append((here, g, h))
+            gram[:, here[:, None], here] += g
+            right[:, here] += h
+        return gram, right, own
+
+    @cached_property
+    def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the items by their width: places
+        (n, p), their own part of the matrix (n, p, p) and on which joints (n, J) they are.
+        """
+        gram, push = self.anchored.copy(), self.pull.copy()
+        for which, g, h in zip(self.which, self.gram, self.right, strict=True):
+            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[self.training], 1)
+            push[which] += self.weights @ h[self.training]
+        widths = []
+        for width in sorted({len(i.lower) for i in self.items} - {0}):
+            items = [i for i in self.items if len(i.lower) == width]
+            where = np.stack([self.place[id(i)] for i in items])
+            own = gram[where[:, :, None], where[:, None, :]].copy()
+            own[:, np.arange(width), np.arange(width)] += self.prior[where] + 1e-6 * np.diagonal(gram)[where] + 1e-9
+            on = np.zeros((len(items), len(self.which)))
+            for n, i in enumerate(items):
+                on[n, list(i.joints)] = 1.0
+            widths.append((items, where, own, on))
+        return gram, push, widths
+
+    def _places(self, members: Iterable[Item]) -> np.ndarray:
+        """Places of the columns of some items."""
+        return np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])
