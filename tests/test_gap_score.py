@@ -5,8 +5,10 @@ import math
 
 import pytest
 
-from jaxidl.gap.benchmark import judge
+from jaxidl.gap.benchmark import judge, run
+from jaxidl.gap.benchmark.believed import Diverged
 from jaxidl.gap.benchmark.calibration import calibration, is_right
+from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.score import confusion, quartiles, score, share
 
 
@@ -271,3 +273,13 @@ def test_whole_score():
     assert result["gap_removed"]["single_right"]["median"] == pytest.approx(0.75)
     assert result["confusion"]["outside"] == {"viscous_friction": 2}
     assert result["confusion"]["torque_scale"] == {"ambiguous": 1}
+
+
+def test_a_mechanism_that_its_controller_lost_is_no_case(tmp_path, monkeypatch):
+    def lost(case, out):
+        raise Diverged("joint 1 reads 2 where 0 is wanted")
+
+    monkeypatch.setattr(run, "make_case", lost)
+    case = all_cases()[0]
+    run.judge_case(case, tmp_path)
+    assert json.loads((tmp_path / "reports" / f"{case.id}.json").read_text()) == {"lost": "joint 1 reads 2 where 0 is wanted"}

@@ -108,7 +108,7 @@ class Case:
         """Run the engine.
 
         Raises:
-            Diverged: if the controller lost the mechanism; no case of :func:`all_cases` does.
+            Diverged: if the controller lost the mechanism, as a case or two of most roots does.
         """
         return run(MECHANISMS[self.mechanism], [make(*hidden) for hidden in self.hidden], self.seed, duration)
 

@@ -16,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
 from jaxidl.files import as_json, write_bytes
+from jaxidl.gap.benchmark.believed import Diverged
 from jaxidl.gap.benchmark.calibration import training_rows
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
 from jaxidl.gap.benchmark.robots import Robot, robots, store
@@ -67,6 +68,7 @@ def run_benchmark(
 
     The truth lies in ``out/truth.json`` (of each robot also in ``out/truth``), which no diagnosis reads; ``out/cases/ID`` holds
     log and model, ``out/reports/ID.json`` the report. A case that fails counts as wrong, with its error in its report's place.
+    One whose mechanism its controller lost is no case, and the score says how many there were.
 
     Raises:
         ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of another root.
@@ -76,9 +78,10 @@ def run_benchmark(
     if overwrite:
         shutil.rmtree(out / "reports", ignore_errors=True)
     _each(judge_case, cases, out, processes, lambda case: _report(out, case).is_file())
-    known = _truth(cases, out)
+    driven = [case for case in cases if "lost" not in json.loads(_report(out, case).read_text())]
+    known = _truth(driven, out)
     write_bytes(out / "truth.json", json.dumps(known, indent=1).encode())
-    result = {"root": root} | score(known, _reports(out, list(known)))
+    result = {"root": root, "lost": len(cases) - len(driven)} | score(known, _reports(out, list(known)))
     write_bytes(out / "benchmark.json", as_json(result).encode())
     return result
 
@@ -140,7 +143,11 @@ def judge_case(case: AnyCase, out: Path) -> None:
     from jaxidl.gap.diagnose import diagnose
 
     folder = out / "cases" / case.id
-    make_case(case, out)
+    try:
+        make_case(case, out)
+    except Diverged as error:
+        write_bytes(_report(out, case), json.dumps({"lost": str(error)}).encode())
+        return
     begun, cpu = time.perf_counter(), time.process_time()
     found: dict[str, Any]
     try:
