@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from jaxidl.effects import AsymmetricFriction, ConstantOffset
+from jaxidl.effects import AsymmetricFriction, ConstantOffset, StribeckFriction
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
 from jaxidl.gap.gram import Anchor, Item
@@ -15,6 +15,7 @@ from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import search
 from jaxidl.gap.shape import Shape
+from jaxidl.gap.values import _absorbed
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -414,3 +415,13 @@ def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     often, seldom = Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}), Support({pool[0].group: 0.9}, {})
     assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
     assert ambiguous([pool[0]], seldom) == []
+
+
+def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
+    rng = np.random.default_rng(0)
+    part = item("level", rng.normal(size=(1, N, 1)))
+    shape = SHAPES[2]._replace(cls=StribeckFriction, parts=(("level", np.ones(2)),))
+    whole = item("bend", rng.normal(size=(2, N, 1)), shape=shape)
+    assert _absorbed([part, whole]) == {part.key: whole.key}
+    assert _absorbed([replace(part, always=True), whole]) == {}
+    assert _absorbed([part, replace(whole, always=True)]) == {}

@@ -85,8 +85,9 @@ def _plain(m: Item) -> bool:
 def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
     """Parts of effects with a shape, named as their whole: its key by theirs."""
     found: dict[Key, Key] = {}
-    keys = {m.key for m in members if not m.always}  # what two logs have in common is no part of a finding
-    for m in members:
+    own = [m for m in members if not m.always]  # what two logs have in common is no finding, nor a part of one
+    keys = {m.key for m in own}
+    for m in own:
         if m.shape is not None and not m.shape.cls.linear:
             found |= {(name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys}
     return found
