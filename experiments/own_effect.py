@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from jaxidl import gap
 from jaxidl.effects import CoulombFriction, Effect, Parameter, SensingNoise, register, searched
 from jaxidl.gap.benchmark.engine import simulate
-from jaxidl.gap.benchmark.injected import CoulombFriction as RealFriction
+from jaxidl.gap.benchmark.friction import CoulombFriction as RealFriction
 from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.learning.execute import execute

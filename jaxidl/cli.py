@@ -69,7 +69,7 @@ def simulate(
         seed: run seed; its noise is the reference program's own stream.
         standard_normal: file of (1000, 2) or (iterations, 1000, 2) draws to use instead of the seed's.
         source: data source to learn from: indirect, direct or joint.
-        iterations: executions of the learning run, 20 unless told.
+        iterations: executions of the learning run (default: 20).
         epochs: training epochs of each iteration.
     """
     run_simulation(
@@ -114,9 +114,9 @@ def sweep(
         sources: data sources.
         iterations: executions of each learning run.
         train_on: the state that the networks are trained on.
-        devices: how many CPU cores or accelerators to use, all unless told.
+        devices: how many CPU cores or accelerators to use (default: all).
         runs_per_device: runs of one chunk on each, a chunk being what an interruption can lose; 4 on a CPU, 320 on a GPU.
-        width: runs side by side in a device's program: 1 on a CPU, a whole chunk on a GPU, unless told.
+        width: runs side by side in a device's program (default: 1 on a CPU, a whole chunk on a GPU).
         cluster: a Ray cluster to run on (needs `pip install 'jaxidl[cluster]'`); --out must lie in a folder that it shares.
         overwrite: begin anew; what lies at --out is kept as RESULTS.nc.old.
     """
@@ -163,7 +163,7 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
     Args:
         quick: one seed of the lowest and highest noise: minutes instead of hours.
         out: folder; results, figures and claims go into its subfolder "study", or "quick".
-        devices: how many CPU cores or accelerators to use, all unless told.
+        devices: how many CPU cores or accelerators to use (default: all).
         overwrite: begin anew; the old results are kept beside the new ones.
     """
     choose_devices(devices)
@@ -178,7 +178,7 @@ def bench(
     """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap finding, reliability.
 
     Args:
-        names: which benchmarks, all unless told: training_step, control_step, configuration, cores, growth, compilation,
+        names: which benchmarks (default: all): training_step, control_step, configuration, cores, growth, compilation,
             gradients, gap, arm, real_time, reliability.
         out: folder for one JSON file of each.
     """

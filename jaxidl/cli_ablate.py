@@ -60,9 +60,9 @@ def ablate(
         seeds: run seeds.
         sources: data sources.
         iterations: executions of each learning run.
-        devices: how many CPU cores or accelerators to use, all unless told.
+        devices: how many CPU cores or accelerators to use (default: all).
         runs_per_device: runs of one chunk on each, a chunk being what an interruption can lose; 4 on a CPU, 320 on a GPU.
-        width: runs side by side in a device's program: 1 on a CPU, a whole chunk on a GPU, unless told.
+        width: runs side by side in a device's program (default: 1 on a CPU, a whole chunk on a GPU).
         overwrite: begin anew; what lies at --out is kept as FILE.nc.old.
     """
     from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
@@ -111,4 +111,4 @@ def _number(name: str, text: str, kind: type) -> float | int:
         return kind(text)
     except ValueError:
         what = "a whole number" if kind is int else "a number"
-        raise ConfigurationError(f"{what} for {name}", repr(text), "mend the value") from None
+        raise ConfigurationError(f"{what} for {name}", repr(text), "correct the value") from None

@@ -24,9 +24,9 @@ def arm(
     Args:
         out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for a robot, and the figures.
         quick: two seeds, one noise level, four executions, less training: minutes.
-        seeds: run seeds of the study, 1 to 5 unless told.
+        seeds: run seeds of the study (default: 1 to 5).
         noise: encoder noise scales of the study [rad].
-        iterations: executions of the study, 10 unless told.
+        iterations: executions of the study (default: 10).
         experiments: which of them; the same folder takes the others later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here

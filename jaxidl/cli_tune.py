@@ -29,14 +29,14 @@ def tune(
     Args:
         out: folder for tune.json, tune.md and the figure; finished points are kept there, and the same command continues.
         plant: the paper's point mass with its low gains, or the seven-joint arm (under DOOMED).
-        controller: feedback law: pid or doomed on the point mass, pid unless told; the arm has doomed.
-        bound: of the mean applied feedback [N or Nm], that of the present gains unless told.
+        controller: feedback law: pid (the default) or doomed on the point mass; the arm has doomed.
+        bound: of the mean applied feedback [N or Nm] (default: that of the present gains).
         steps: of gradient descent; random search may cost as much.
         seeds: learning runs that judge a point.
         test_seeds: fresh learning runs that compare what was found.
         seed: root of all of them.
-        executions: of each learning run: 4 on the point mass, 3 on the arm, unless told.
-        epochs: of each training: 10 on the point mass, 8 on the arm, unless told.
+        executions: of each learning run (default: 4 on the point mass, 3 on the arm).
+        epochs: of each training (default: 10 on the point mass, 8 on the arm).
     """
     from jaxidl.plot.tune import draw_tune  # matplotlib, and with the arm mujoco: slow to import
     from jaxidl.tune.problem import problem
@@ -50,7 +50,7 @@ def tune(
     sizes = {name: value for name, value in (("executions", executions), ("epochs", epochs)) if value is not None}
     for name, least in (("executions", 2), ("epochs", 1)):
         if sizes.get(name, least) < least:
-            raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "mend it")
+            raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "correct it")
     tuned = problem(plant, controller, **sizes)
     search = Search(steps=steps, seeds=seeds, test_seeds=test_seeds, seed=seed)
     result = run(tuned, search, out, bound=bound)

@@ -6,7 +6,7 @@ line and leaves with status 2; inside jit nothing raises, failure is a ``finite`
 
 
 class JaxidlError(Exception):
-    """Base of every error that a user can cause and mend.
+    """Base of every error that a user can cause and correct.
 
     Args:
         expected: what would have been right, e.g. ``"noise >= 0 (m)"``.

@@ -154,17 +154,19 @@ def test_figures_of_made_up_results_can_be_drawn():
             for (name, joint), size in truth(Hidden()).items()
         ],
         "effects": [
-            {"effect": "viscous_friction", "joint": 0, "parameters": {"coefficient": {"value": 4.1}}},
-            {"effect": "coulomb_friction", "joint": 1, "parameters": {"level": {"value": 4.1}}},
-            {"effect": "spring", "joint": 2, "parameters": {"stiffness": {"value": 1.0}}},
+            {"effect": "viscous_friction", "joint": 0, "confidence": 0.9, "parameters": {"coefficient": {"value": 4.1}}},
+            {"effect": "viscous_friction", "joint": 1, "confidence": 0.7, "parameters": {"coefficient": {"value": 4.1}}},
+            {"effect": "coulomb_friction", "joint": 1, "confidence": 0.8, "parameters": {"level": {"value": 4.1}}},
+            {"effect": "spring", "joint": 2, "confidence": 0.8, "parameters": {"stiffness": {"value": 1.0}}},
+            {"effect": "spring", "joint": 3, "confidence": 0.7, "parameters": {"stiffness": {"value": 1.0}}},
         ],
         "ambiguous": [{"candidates": [{"effect": "payload", "joint": None}, {"effect": "inertia_error", "joint": 6}]}],
     }
     rows = {(row.effect, row.joint): row for row in judge(report)}
-    assert [rows["viscous_friction", j].state for j in range(7)] == ["found", *["missed"] * 4, "small", "missed"]
+    assert [rows["viscous_friction", j].state for j in range(7)] == ["found", "possible", *["missed"] * 3, "small", "missed"]
     assert rows["viscous_friction", 0].found == 4.1
     assert rows["coulomb_friction", 1].state == "off"
-    assert rows["spring", 2].state == "extra"
+    assert (rows["spring", 2].state, rows["spring", 3].state) == ("extra", "doubt")
     assert rows["payload", None].state == rows["inertia_error", 6].state == "equal"
     assert "inertia_error on joint 7" in rows["payload", None].why
     assert "sampling interval" in rows["actuator_delay", 0].why

@@ -12,9 +12,9 @@ from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
 from jaxidl.gap.balance import balance
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.refine import _starts
-from jaxidl.gap.rollout import window_starts
-from jaxidl.gap.signals import derivative, prepare
 from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import derivative, prepare
+from jaxidl.replay.rollout import window_starts
 
 DT, STEPS, DELAY, BIAS, NOISE = 2e-3, 4000, 0.017, 0.2, 1e-4
 

@@ -16,8 +16,8 @@ from jaxidl.gap.library import beside, items_of, library, pushed, residual, rms,
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
-from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import values
+from jaxidl.logs.signals import prepare
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics
 from tests.registry import restored

@@ -15,11 +15,11 @@ from jaxidl.effects import ActuatorDelay, AsymmetricFriction, CoulombFriction, O
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.refine import _starts, _tied, refine
-from jaxidl.gap.rollout import windows_at
 from jaxidl.gap.rows import instants_of, kept_rows
-from jaxidl.gap.signals import prepare
-from jaxidl.gap.trajectory import Problem, window_errors, window_slopes
 from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import prepare
+from jaxidl.replay.rollout import windows_at
+from jaxidl.replay.trajectory import Problem, window_errors, window_slopes
 from jaxidl.report import table
 from jaxidl.systems import Plant
 from jaxidl.systems.free import Free

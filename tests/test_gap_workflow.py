@@ -15,7 +15,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.signals import derivative
+from jaxidl.logs.signals import derivative
 
 EMPS = Path(os.environ.get("JAXIDL_EMPS", Path(__file__).parents[2] / "shared" / "data" / "emps" / "emps.csv"))
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>

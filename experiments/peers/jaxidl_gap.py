@@ -38,7 +38,7 @@ def has_reference() -> bool:
 def held_out(case: Case, folder: Path, model: Path) -> list[float]:
     """Error (J,) of the patched model on the held-out part of the runs."""
     from jaxidl import gap
-    from jaxidl.gap import signals
+    from jaxidl.logs import signals
 
     signals.choose_band = lambda *_, **__: case.cut
     logs = [cut_log(file, folder / f"held_{Path(file).name}", False) for file in case.runs]

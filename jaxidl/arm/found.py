@@ -4,6 +4,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxidl.gap.diagnosis import SURE
+
 TOO_SMALL = 2.0  # noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
 CLOSE = 0.2  # of a size: what is named within it is found
 
@@ -13,7 +15,9 @@ STATES = {
     "off": "named, another size",
     "equal": "among equal explanations",
     "small": "too small for this log",
+    "possible": "suspected, not certain",
     "missed": "missed",
+    "doubt": "suspected, not hidden",
     "extra": "named, but not hidden",
 }
 
@@ -24,7 +28,7 @@ class Judged(NamedTuple):
     effect: str
     joint: int | None
     hidden: float | None  # size, in the effect's unit; None: not hidden
-    found: float | None  # None: not named
+    found: float | None  # None: neither named nor suspected
     state: str  # see ``STATES``
     why: str
 
@@ -32,16 +36,20 @@ class Judged(NamedTuple):
 def judge(report: dict[str, Any]) -> list[Judged]:
     """Every effect that is hidden or named, of a report with its ``truth`` (see :func:`jaxidl.arm.hidden.find`)."""
     hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
-    named = {(e["effect"], e["joint"]): size_of(e) for e in report["effects"]}
+    sizes = {(e["effect"], e["joint"]): size_of(e) for e in report["effects"]}
+    sure = {(e["effect"], e["joint"]) for e in report["effects"] if e["confidence"] >= SURE}
     ties = [[(c["effect"], c["joint"]) for c in a["candidates"]] for a in report["ambiguous"]]
     rows = []
     for key, row in hidden.items():
         tied = [_words(x) for tie in ties if key in tie for x in tie if x != key]
-        found, why = named.get(key), f"as good an explanation: {', '.join(tied)}" if tied else ""
-        if found is not None:
+        found, why = sizes.get(key), f"as good an explanation: {', '.join(tied)}" if tied else ""
+        if key in sure:
+            assert found is not None
             state = "found" if abs(found - row["size"]) <= CLOSE * abs(row["size"]) else "off"
         elif tied:
             state = "equal"
+        elif found is not None:
+            state = "possible"
         elif row["visible"] < TOO_SMALL:
             state, why = "small", f"its torque is {row['visible']:.1f} noise floors"
         else:
@@ -49,7 +57,8 @@ def judge(report: dict[str, Any]) -> list[Judged]:
         if key[0] == "actuator_delay" and found is None:
             why += "; one sampling interval: where within it a command acts, a log does not say"
         rows.append(Judged(*key, row["size"], found, state, why))
-    return rows + [Judged(*key, None, size, "extra", "") for key, size in named.items() if key not in hidden]
+    wrong = [(key, size, "extra" if key in sure else "doubt") for key, size in sizes.items() if key not in hidden]
+    return rows + [Judged(*key, None, size, state, "") for key, size, state in wrong]
 
 
 def size_of(effect: dict[str, Any]) -> float:

@@ -22,10 +22,10 @@ from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.library import rms
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import build
-from jaxidl.gap.signals import prepare
 from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.logs.log import read
+from jaxidl.logs.signals import prepare
 from jaxidl.systems.arm import JOINTS, compiled
 from jaxidl.systems.mjcf import read_model
 

@@ -58,9 +58,9 @@ class ArmGrid:
                 if name not in known:
                     raise one_of(what, name, known)
         if not all(0.0 <= noise <= 1e-2 for noise in self.noise):
-            raise ConfigurationError("encoder noise between 0 and 0.01 rad", f"{self.noise}", "mend it")
+            raise ConfigurationError("encoder noise between 0 and 0.01 rad", f"{self.noise}", "correct it")
         if not all(0 <= seed < 2**31 for seed in self.seeds):
-            raise ConfigurationError(f"seeds between 0 and {2**31 - 1}", f"{self.seeds}", "mend them")
+            raise ConfigurationError(f"seeds between 0 and {2**31 - 1}", f"{self.seeds}", "correct them")
         for name in ("noise", "accelerations", "sources", "seeds"):
             if len(set(values := getattr(self, name))) < len(values):
                 raise ConfigurationError(f"each value of {name} once", f"{values}", "drop the repeated ones")

@@ -69,7 +69,7 @@ def lqr(
     """
     if not (position > 0 and velocity >= 0 and effort > 0 and dt > 0):
         got = f"position={position}, velocity={velocity}, effort={effort}, dt={dt}"
-        raise ConfigurationError("position > 0, velocity >= 0, effort > 0, dt > 0", got, "mend the costs")
+        raise ConfigurationError("position > 0, velocity >= 0, effort > 0, dt > 0", got, "correct the costs")
     if horizon is not None and horizon < 1:
         raise ConfigurationError("a horizon of at least one step", str(horizon), "lengthen it or leave it out")
     a, b = double_integrator(dt)

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.gap.signals import Signals, on_encoders
+from jaxidl.logs.signals import Signals, on_encoders
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: what adds more has run away

@@ -11,7 +11,7 @@ from jaxidl.gap.additions import additions
 from jaxidl.gap.library import alignments, noise_of, residual, upsampled
 from jaxidl.gap.rows import Rows, rows_of
 from jaxidl.gap.score import Score
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 
 SAME = 1e-6  # of a part: what an effect that has it cannot imitate

@@ -17,14 +17,14 @@ from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import SYSTEMATIC, check
 from jaxidl.gap.rivals import Tie
-from jaxidl.gap.rollout import rollout_errors
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
-from jaxidl.gap.signals import prepare
 from jaxidl.gap.values import Value, values
 from jaxidl.gap.words import experiment, summarise
 from jaxidl.logs.log import Log, read
+from jaxidl.logs.signals import prepare
+from jaxidl.replay.rollout import rollout_errors
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 

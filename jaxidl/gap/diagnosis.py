@@ -9,7 +9,7 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.files import as_json, plain
 from jaxidl.gap.localise import Place
 from jaxidl.gap.refine import Refinement
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
 

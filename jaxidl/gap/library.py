@@ -21,7 +21,7 @@ from jaxidl.gap.projection import Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, Shape, parameters, shapes_of
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
 
 ALIKE = 20.0  # samples that say as much as one, before it is known how many
 PUSH = 0.01  # of the command's spread, to see whether more command delivers more

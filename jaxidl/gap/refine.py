@@ -4,7 +4,7 @@ The search fits the torque balance instant by instant (equation error): fast, co
 errors add up in motion. What it finds is here the start of a fit of *simulated positions* to measured ones (output error) over
 short windows that begin at measured states: multiple shooting with the starts held (Bock 1983; short windows keep the problem
 smooth: Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is explained in
-:mod:`jaxidl.gap.trajectory`.
+:mod:`jaxidl.replay.trajectory`.
 """
 
 from collections.abc import Sequence
@@ -18,10 +18,10 @@ from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.balance import balance, parts_of
 from jaxidl.gap.library import rms
-from jaxidl.gap.rollout import SETTLE, rollout_errors
 from jaxidl.gap.rows import instants_of, kept_rows
-from jaxidl.gap.signals import Signals
-from jaxidl.gap.trajectory import MOMENTS, Problem
+from jaxidl.logs.signals import Signals
+from jaxidl.replay.rollout import SETTLE, rollout_errors
+from jaxidl.replay.trajectory import MOMENTS, Problem
 from jaxidl.systems.free import Bounds, Free, Values, inner
 from jaxidl.systems.plant import Plant
 
@@ -69,7 +69,7 @@ def refine(
     """Fit parameters of the effects ``found`` to measured trajectories: bounded Levenberg-Marquardt through the simulator.
 
     Windows of ``window`` seconds, end to end and wholly in the rows of training, start from measured (smoothed) states; hidden
-    states are led along as in :func:`jaxidl.gap.rollout.rollout_errors`. Minimised is the squared error of position at ten
+    states are led along as in :func:`jaxidl.replay.rollout.rollout_errors`. Minimised is the squared error of position at ten
     moments of each window, each joint's relative to its own at the start. Simulated is with the log's sampling interval: what
     steps of that size make of a motion goes into the parameters.
 
@@ -78,8 +78,8 @@ def refine(
     run away; and if neither a joint's held-out torque error nor its error after the longest horizon grows by more than
     ``DEARER``. Else the effects stay as given. A window that is not finite, or off by more than a joint's whole range, counts as
     off by that range and has no derivative: dry friction and delays have the derivative of the branch taken, encoders none (see
-    :mod:`jaxidl.gap.trajectory`). Where the parameters given were fitted to the torques of the whole log, as a diagnosis reports
-    them, both sides of the comparison have that in common.
+    :mod:`jaxidl.replay.trajectory`). Where the parameters given were fitted to the torques of the whole log, as a diagnosis
+    reports them, both sides of the comparison have that in common.
 
     Args:
         model: the plant for which ``signals`` were prepared.

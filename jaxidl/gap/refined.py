@@ -11,8 +11,8 @@ from jaxidl.gap.balance import balance
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Side
 from jaxidl.gap.localise import localise
 from jaxidl.gap.refine import WINDOW, Refinement, refine
-from jaxidl.gap.trajectory import MOMENTS
 from jaxidl.gap.words import summarise
+from jaxidl.replay.trajectory import MOMENTS
 from jaxidl.systems.free import Bounds
 from jaxidl.systems.plant import Plant
 

@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
 
 BLOCKS = 16  # of training; residuals of real machines are correlated from sample to sample, blocks hardly are
 ASIDE = 6  # blocks of the rows kept aside

@@ -104,14 +104,14 @@ class Shape(NamedTuple):
 
 
 def sees(shape: Shape) -> bool:
-    """Does what an effect adds depend on the predicted command?"""
+    """Does what an effect adds depend on the predicted command? It is the same for all shapes of a class."""
     cls = shape.cls
-    if cls not in _READS:
-        _READS[cls] = cls.seen is not Effect.seen or shape.effect().reads_torque(shape.joints)
-    return _READS[cls]
+    if cls not in _SEES:
+        _SEES[cls] = cls.seen is not Effect.seen or shape.effect().reads_torque(shape.joints)
+    return _SEES[cls]
 
 
-_READS: dict[type[Effect], bool] = {}
+_SEES: dict[type[Effect], bool] = {}  # asked for every column of every set: an effect is not built each time
 
 
 def build(cls: type[Effect], joint: int | None, joints: int, values: Mapping[str, Any], options: Mapping[str, Any]) -> Effect:

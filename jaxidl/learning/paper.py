@@ -78,7 +78,7 @@ class PaperStudy:
         for coordinate in self.target:
             _check("target", coordinate, least=-1e6, most=1e6)
         if not 2 <= self.steps <= 10**6:
-            raise ConfigurationError("2 to 1000000 control steps", str(self.steps), "mend the length of the execution")
+            raise ConfigurationError("2 to 1000000 control steps", str(self.steps), "change the length of the execution")
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, nested, ready for JSON: with the condition this determines a result."""
@@ -128,7 +128,7 @@ def _check(name: str, value: Any, *, above: float = -np.inf, least: float = -np.
             _check(name, part, above=above, least=least, most=most)
     elif isinstance(value, int | float | np.number) and not (np.isfinite(value) and above < value <= most and value >= least):
         lower = f"{name} > {above:g}" if above > -np.inf else f"{name} >= {least:g}"
-        raise ConfigurationError(lower + (f" and <= {most:g}" if most < np.inf else ""), str(value), "mend it")
+        raise ConfigurationError(lower + (f" and <= {most:g}" if most < np.inf else ""), str(value), "correct it")
 
 
 def draw_noise(seed: int, iterations: int, steps: int, joints: int = 2) -> Float[np.ndarray, "K T J"]:

@@ -90,7 +90,7 @@ def parsed(study: PaperStudy, name: str, given: object) -> Value:
             raise ValueError(given)
     except (TypeError, ValueError):
         kind = "a whole number" if isinstance(like, int) else "a finite number"
-        raise ConfigurationError(f"{kind} for {name}", repr(given), "mend the value") from None
+        raise ConfigurationError(f"{kind} for {name}", repr(given), "correct the value") from None
     after = varied(study, {name: value})  # the study knows its bounds
     return leaves(after)["layers"] if ALIASES.get(name, name) == "error_model.layers" else value
 
@@ -114,7 +114,7 @@ def check(study: PaperStudy, vary: Sequence[tuple[str, Sequence[Value]]]) -> Non
         rows = int(after.training.train_mask(after.steps - 1).sum())
         if names and rows < after.training.batch:
             got = f"{after.training.batch}, with {rows} training rows from {after.steps} control steps"
-            raise ConfigurationError("a batch no larger than an execution's training rows", got, "mend batch or steps")
+            raise ConfigurationError("a batch no larger than an execution's training rows", got, "change batch or steps")
 
 
 def _sets(name: str) -> tuple[str, ...]:
@@ -154,5 +154,5 @@ def _layers(text: str) -> tuple[int, ...]:
     except ValueError:
         widths = ()
     if not widths or min(widths) < 1 or widths[-1] != 1:
-        raise ConfigurationError("layer widths that end with 1, like 200,100,1", repr(text), "mend the value")
+        raise ConfigurationError("layer widths that end with 1, like 200,100,1", repr(text), "correct the value")
     return widths

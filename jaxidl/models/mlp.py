@@ -98,10 +98,10 @@ class ErrorModel:
     def __post_init__(self) -> None:
         for name in ("position_scale", "velocity_scale", "acceleration_scale", "torque_scale"):
             if not 0.0 < getattr(self, name) < np.inf:
-                raise ConfigurationError(f"{name} > 0", str(getattr(self, name)), "mend it")
+                raise ConfigurationError(f"{name} > 0", str(getattr(self, name)), "correct it")
         if not (np.isfinite(self.slope) and 0.0 <= self.activation_width < np.inf):
             got = f"{self.slope}, {self.activation_width}"
-            raise ConfigurationError("a finite slope and activation_width >= 0", got, "mend them")
+            raise ConfigurationError("a finite slope and activation_width >= 0", got, "correct them")
 
     def init(self, key: Key) -> Params:
         """Fresh float32 parameters; every joint's network has its own draw."""

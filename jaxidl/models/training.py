@@ -30,10 +30,10 @@ class Training:
     def __post_init__(self) -> None:
         rate = self.learning_rate
         if isinstance(rate, float) and not 0.0 <= rate < np.inf:  # a traced one has been checked before
-            raise ConfigurationError("learning_rate >= 0", str(rate), "mend it")
+            raise ConfigurationError("learning_rate >= 0", str(rate), "correct it")
         for name, least in (("batch", 1), ("holdout_every", 0)):
             if getattr(self, name) < least:
-                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
+                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "correct it")
 
     def steps(self, rows: int, executions: int = 1) -> int:
         """Training steps of one iteration for a data set of ``rows`` rows."""

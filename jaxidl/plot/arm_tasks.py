@@ -85,7 +85,9 @@ def with_and_without_load(result: dict[str, Any]) -> Figure:
     return figure
 
 
-COLORS = dict(zip(STATES, ("#f2f2f2", "#9fd8c0", "#b9d7e8", "#f5dc8c", "#d9d9e3", "#f0a58a", "#c9a3cc"), strict=True))
+COLORS = dict(
+    zip(STATES, ("#f2f2f2", "#9fd8c0", "#b9d7e8", "#f5dc8c", "#d9d9e3", "#dcecc4", "#f0a58a", "#e6d5e8", "#c9a3cc"), strict=True)
+)
 
 
 def _unit(effect: str) -> str:
@@ -113,5 +115,5 @@ def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
     axes.grid(False)
     axes.tick_params(length=0)
     patches = [axes.scatter([], [], marker="s", s=60, color=COLORS[name], label=STATES[name]) for name in STATES]
-    figure.legend(handles=patches, loc="outside lower center", ncols=4, frameon=False)
+    figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
     return figure

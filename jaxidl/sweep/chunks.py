@@ -59,7 +59,7 @@ def layout(
         ("width", width, per_device),
     ):
         if not 1 <= value <= most:
-            raise ConfigurationError(f"--{name} between 1 and {most}", str(value), "mend it or leave it out")
+            raise ConfigurationError(f"--{name} between 1 and {most}", str(value), "correct it or leave it out")
     return Layout(devices, per_device, width)
 
 

@@ -86,7 +86,7 @@ class Cluster:
             ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
         except Exception as error:  # Ray has many, and words them in paragraphs
             reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-            remedy = "start one with `ray start --head`, mend the address, or use --cluster local"
+            remedy = "start one with `ray start --head`, correct the address, or use --cluster local"
             raise ConfigurationError(f"a Ray cluster at {self.address!r}", reason, remedy) from None
         return self
 
@@ -136,7 +136,7 @@ class Cluster:
                 raise error.cause from None
             reason = str(error.cause or error).strip().splitlines()[-1]
             raise StoreError(
-                "every task to succeed", reason, "mend the cause, then run it again; what is done is saved"
+                "every task to succeed", reason, "remove the cause, then run it again; what is done is saved"
             ) from None
         except self.ray.exceptions.RayError as error:
             remedy = "look after the cluster, then run it again; what is done is saved"

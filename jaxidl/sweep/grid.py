@@ -97,7 +97,7 @@ class Grid:
             values = getattr(self, name)
             for value in values if isinstance(values, tuple) else (values,):
                 if not low <= value <= high:
-                    raise ConfigurationError(f"{name} between {low} and {high}", str(value), "mend the value")
+                    raise ConfigurationError(f"{name} between {low} and {high}", str(value), "correct the value")
 
     def axes(self) -> dict[str, tuple]:
         """The axes of configurations by name, in the order of :class:`Label`."""
@@ -129,7 +129,7 @@ def _plain(axis: str, value: Any) -> Any:
         return operator.index(value) if axis in COUNTS else float(value) if axis in LEVELS else value
     except (TypeError, ValueError, OverflowError):
         kind = "whole numbers" if axis in COUNTS else "numbers"
-        raise ConfigurationError(f"{kind} for {axis}", repr(value), "mend the value") from None
+        raise ConfigurationError(f"{kind} for {axis}", repr(value), "correct the value") from None
 
 
 def check_levels(noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]) -> None:

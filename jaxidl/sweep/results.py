@@ -70,7 +70,7 @@ def read(path: Path) -> xr.Dataset:
         with xr.open_dataset(io.BytesIO(path.read_bytes()), engine="h5netcdf") as file:
             data = file.load()
     except FileNotFoundError:
-        remedy = "run `jaxidl sweep --out` first, or mend the path"
+        remedy = "run `jaxidl sweep --out` first, or correct the path"
         raise StoreError(f"a results file at {path}", "no such file", remedy) from None
     except Exception as error:  # whatever h5py makes of a broken file
         got = f"something unreadable ({type(error).__name__})"

@@ -85,7 +85,7 @@ def _load_draws(path: Path, shape: tuple[int, int, int]) -> Float[np.ndarray, "K
     with np.errstate(over="ignore"):  # a long double may be beyond what a double holds
         draws = draws.reshape(shape).astype(float)
     if not np.isfinite(draws).all():
-        raise ConfigurationError(f"{path} to hold finite draws", "NaN or infinity", "mend the file")
+        raise ConfigurationError(f"{path} to hold finite draws", "NaN or infinity", "correct the file")
     return draws
 
 

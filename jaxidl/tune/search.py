@@ -43,7 +43,7 @@ class Search:
     def __post_init__(self) -> None:
         for name, least in (("steps", 1), ("seeds", 1), ("test_seeds", 2), ("seed", 0)):
             if getattr(self, name) < least:
-                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "mend it")
+                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "correct it")
 
     def points(self, problem: Problem) -> int:
         """Points of random search that cost as much as the descent: each of its steps is one gradient and one judgement."""

@@ -3,33 +3,33 @@
 from collections.abc import Mapping
 from typing import Any
 
-from jaxidl.gap.benchmark import injected, transmission, wider
+from jaxidl.gap.benchmark import drive, friction, injected, transmission, wider
 from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.outside import OUTSIDE
 
 INJECTED: dict[str, type[Injected]] = {
-    "viscous_friction": injected.ViscousFriction,
-    "coulomb_friction": injected.CoulombFriction,
-    "asymmetric_friction": injected.AsymmetricFriction,
-    "stribeck_friction": injected.StribeckFriction,
-    "stiction": injected.Stiction,
-    "quadratic_drag": injected.QuadraticDrag,
-    "position_dependent_friction": injected.PositionDependentFriction,
-    "load_dependent_friction": injected.LoadDependentFriction,
-    "coupled_friction": injected.CoupledFriction,
+    "viscous_friction": friction.ViscousFriction,
+    "coulomb_friction": friction.CoulombFriction,
+    "asymmetric_friction": friction.AsymmetricFriction,
+    "stribeck_friction": friction.StribeckFriction,
+    "stiction": friction.Stiction,
+    "quadratic_drag": friction.QuadraticDrag,
+    "position_dependent_friction": friction.PositionDependentFriction,
+    "load_dependent_friction": friction.LoadDependentFriction,
+    "coupled_friction": friction.CoupledFriction,
     "inertia_error": injected.InertiaError,
     "payload": injected.Payload,
     "constant_offset": injected.ConstantOffset,
     "spring": injected.Spring,
     "torque_ripple": injected.TorqueRipple,
-    "torque_scale": injected.TorqueScale,
-    "torque_saturation": injected.TorqueSaturation,
-    "actuator_lag": injected.ActuatorLag,
-    "actuator_delay": injected.ActuatorDelay,
+    "torque_scale": drive.TorqueScale,
+    "torque_saturation": drive.TorqueSaturation,
+    "actuator_lag": drive.ActuatorLag,
+    "actuator_delay": drive.ActuatorDelay,
     "joint_elasticity": transmission.JointElasticity,
     "backlash": transmission.Backlash,
-    "position_bias": injected.PositionBias,
-    "sensor_delay": injected.SensorDelay,
+    "position_bias": drive.PositionBias,
+    "sensor_delay": drive.SensorDelay,
     "com_error": wider.ComError,
     "inertia_tensor_error": wider.InertiaTensorError,
     "base_tilt": wider.BaseTilt,

@@ -5,7 +5,6 @@ step. Positions in m or rad, torques in N or Nm, times in s.
 """
 
 import math
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -40,7 +39,7 @@ def principal(inertia: Array) -> tuple[list[float], list[float]]:
     return moments.tolist(), quaternion.tolist()
 
 
-def _row(values: float | Floats) -> Floats:
+def row(values: float | Floats) -> Floats:
     return [float(values)] if isinstance(values, float | int) else list(values)
 
 
@@ -83,104 +82,6 @@ class Injected:
     def passive(self, qd: Floats) -> dict[int, float]:
         """The torques by joint of what :meth:`alter` has made the engine do; only for keeping account of them."""
         return {}
-
-
-@dataclass
-class ViscousFriction(Injected):
-    coefficient: float
-
-    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        return -self.coefficient * qd[self.joint]
-
-
-@dataclass
-class QuadraticDrag(Injected):
-    coefficient: float
-
-    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        return -self.coefficient * qd[self.joint] * abs(qd[self.joint])
-
-
-@dataclass
-class CoulombFriction(Injected):
-    level: float
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        return self.level, self.level, 0.0
-
-
-@dataclass
-class AsymmetricFriction(Injected):
-    positive: float
-    negative: float
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        return self.positive, self.negative, 0.0
-
-
-@dataclass
-class StribeckFriction(Injected):
-    sliding: float
-    excess: float
-    speed: float
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        level = self.sliding + self.excess * math.exp(-((qd / self.speed) ** 2))
-        return level, level, self.sliding + self.excess
-
-
-@dataclass
-class Stiction(Injected):
-    breakaway: float
-    sliding: float = 0.0
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        return self.sliding, self.sliding, self.breakaway
-
-
-@dataclass
-class PositionDependentFriction(Injected):
-    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own position."""
-
-    level: float
-    variation: float
-    period: float
-    phase: float
-    kind: str = "coulomb"
-
-    def coefficient(self, q: float) -> float:
-        return self.level * (1 + self.variation * math.sin(2 * math.pi * q / self.period + self.phase))
-
-    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        return -self.coefficient(q[self.joint]) * qd[self.joint] if self.kind == "viscous" else 0.0
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        level = 0.0 if self.kind == "viscous" else self.coefficient(q)
-        return level, level, 0.0
-
-
-@dataclass
-class LoadDependentFriction(Injected):
-    coefficient: float
-
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        level = self.coefficient * abs(delivered)
-        return level, level, 0.0
-
-
-@dataclass
-class CoupledFriction(Injected):
-    """Viscous friction whose coefficient is a sine of another joint's position."""
-
-    other: int
-    level: float
-    variation: float
-    period: float
-    phase: float
-
-    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        wave = math.sin(2 * math.pi * q[self.other] / self.period + self.phase)
-        return -self.level * (1 + self.variation * wave) * qd[self.joint]
 
 
 @dataclass
@@ -254,65 +155,5 @@ class TorqueRipple(Injected):
         turn = 2 * math.pi * q[self.joint] / self.period
         if isinstance(self.amplitude, float) and isinstance(self.phase, float):
             return self.amplitude * math.sin(turn + self.phase)
-        waves = enumerate(zip(_row(self.amplitude), _row(self.phase), strict=True), 1)
+        waves = enumerate(zip(row(self.amplitude), row(self.phase), strict=True), 1)
         return sum(a * math.sin(n * turn + p) for n, (a, p) in waves)
-
-
-@dataclass
-class TorqueScale(Injected):
-    scale: float
-
-    def actuate(self, t: float, command: float) -> float:
-        return self.scale * command
-
-
-@dataclass
-class TorqueSaturation(Injected):
-    limit: float
-
-    def actuate(self, t: float, command: float) -> float:
-        return min(max(command, -self.limit), self.limit)
-
-
-@dataclass
-class ActuatorLag(Injected):
-    time_constant: float
-    _delivered: float = field(default=0.0, init=False, repr=False)
-    _share: float = field(default=1.0, init=False, repr=False)
-
-    def start(self, step: float, position: float, command: float) -> None:
-        self._delivered, self._share = command, -math.expm1(-step / self.time_constant)
-
-    def actuate(self, t: float, command: float) -> float:
-        self._delivered += self._share * (command - self._delivered)
-        return self._delivered
-
-
-@dataclass
-class ActuatorDelay(Injected):
-    delay: float
-    _line: deque[float] = field(default_factory=deque, init=False, repr=False)
-
-    def start(self, step: float, position: float, command: float) -> None:
-        steps = round(self.delay / step)
-        self._line = deque([command] * (steps + 1), maxlen=steps + 1)
-
-    def actuate(self, t: float, command: float) -> float:
-        self._line.append(command)
-        return self._line[0]
-
-
-@dataclass
-class PositionBias(Injected):
-    bias: float
-
-    def encoder(self) -> tuple[float, float]:
-        return 0.0, self.bias
-
-
-@dataclass
-class SensorDelay(Injected):
-    delay: float
-
-    def encoder(self) -> tuple[float, float]:
-        return self.delay, 0.0

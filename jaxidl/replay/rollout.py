@@ -6,7 +6,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.types import State
 
@@ -26,7 +26,7 @@ class Windows(NamedTuple):
 def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
     """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin where ``aside`` (T,) is true.
 
-    What the plant's effects do to the encoders must be undone in the ``signals`` (:meth:`jaxidl.gap.signals.Signals.behind`).
+    What the plant's effects do to the encoders must be undone in the ``signals`` (:meth:`jaxidl.logs.signals.Signals.behind`).
     A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which
     the simulation is not finite counts as an error of the joint's whole range.
     """

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 from scipy.optimize import least_squares
 
-from jaxidl.gap.rollout import SETTLE, Windows, replay, windows_at
-from jaxidl.gap.signals import Signals
+from jaxidl.logs.signals import Signals
+from jaxidl.replay.rollout import SETTLE, Windows, replay, windows_at
 from jaxidl.systems.free import Free, Names
 
 MOMENTS = 10  # at which positions are compared, evenly over a window
@@ -33,7 +33,7 @@ def window_errors(
     Args:
         theta: (P,) parameters in the order of ``names``.
         plant: whose parameters they are.
-        windows: (W, L, J), see :class:`jaxidl.gap.rollout.Windows`.
+        windows: (W, L, J), see :class:`jaxidl.replay.rollout.Windows`.
         span: (J,) a window that is further off or not finite is lost: its error is the span throughout, its derivative zero
             [m or rad].
         names: the free parameters of each effect.

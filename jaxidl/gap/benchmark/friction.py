@@ -1,0 +1,104 @@
+"""Friction as it is put into MuJoCo, in the joints of a mechanism."""
+
+import math
+from dataclasses import dataclass
+
+from jaxidl.gap.benchmark.injected import Floats, Injected
+
+
+@dataclass
+class ViscousFriction(Injected):
+    coefficient: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient * qd[self.joint]
+
+
+@dataclass
+class QuadraticDrag(Injected):
+    coefficient: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient * qd[self.joint] * abs(qd[self.joint])
+
+
+@dataclass
+class CoulombFriction(Injected):
+    level: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.level, self.level, 0.0
+
+
+@dataclass
+class AsymmetricFriction(Injected):
+    positive: float
+    negative: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.positive, self.negative, 0.0
+
+
+@dataclass
+class StribeckFriction(Injected):
+    sliding: float
+    excess: float
+    speed: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = self.sliding + self.excess * math.exp(-((qd / self.speed) ** 2))
+        return level, level, self.sliding + self.excess
+
+
+@dataclass
+class Stiction(Injected):
+    breakaway: float
+    sliding: float = 0.0
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        return self.sliding, self.sliding, self.breakaway
+
+
+@dataclass
+class PositionDependentFriction(Injected):
+    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own position."""
+
+    level: float
+    variation: float
+    period: float
+    phase: float
+    kind: str = "coulomb"
+
+    def coefficient(self, q: float) -> float:
+        return self.level * (1 + self.variation * math.sin(2 * math.pi * q / self.period + self.phase))
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        return -self.coefficient(q[self.joint]) * qd[self.joint] if self.kind == "viscous" else 0.0
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = 0.0 if self.kind == "viscous" else self.coefficient(q)
+        return level, level, 0.0
+
+
+@dataclass
+class LoadDependentFriction(Injected):
+    coefficient: float
+
+    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+        level = self.coefficient * abs(delivered)
+        return level, level, 0.0
+
+
+@dataclass
+class CoupledFriction(Injected):
+    """Viscous friction whose coefficient is a sine of another joint's position."""
+
+    other: int
+    level: float
+    variation: float
+    period: float
+    phase: float
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        wave = math.sin(2 * math.pi * q[self.other] / self.period + self.phase)
+        return -self.level * (1 + self.variation * wave) * qd[self.joint]
