@@ -1,7 +1,7 @@
 """What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the corrected model.
 
 The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller
-from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes some ten
+from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes some four
 minutes, writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
 """
 

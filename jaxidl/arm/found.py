@@ -62,10 +62,12 @@ def judge(report: dict[str, Any]) -> list[Judged]:
 
 
 def size_of(effect: dict[str, Any]) -> float:
-    """One number for a named effect: its first parameter, of a ripple the amplitude."""
+    """One number for a named effect: its first parameter, of a ripple the amplitude, of a link the mass (a rotor has none)."""
     values = {name: p["value"] for name, p in effect["parameters"].items()}
     if effect["effect"] == "torque_ripple":
         return float(np.hypot(values["sine"], values["cosine"]))
+    if effect["effect"] == "inertia_error":
+        return float(values.get("mass", 0.0))
     return float(np.ravel(next(iter(values.values())))[0])
 
 
