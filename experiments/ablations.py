@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 from jaxidl.files import write_bytes
-from jaxidl.sweep.results import read
+from jaxidl.paper.runs import read_results
 
 BOTH = "--controllers pid doomed"
 ABLATIONS = {
@@ -36,7 +36,7 @@ def run(name: str, folder: Path, seeds: int) -> None:
     status = subprocess.run(command, check=False).returncode  # a process each: compiled programs stay in memory until it ends
     if status:
         sys.exit(status)
-    data, table = read(out), folder / "ablations.json"
+    data, table = read_results(out), folder / "ablations.json"
     found = json.loads(table.read_text()) if table.exists() else {}
     found[name] = {
         "command": f"jaxidl ablate {words} --out ablation_{name}.nc",

@@ -24,8 +24,8 @@ from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.learning.execute import execute
 from jaxidl.learning.iterate import learn, measure
-from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
 from jaxidl.models import ErrorModel, Training
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.plot.style import house_style, save
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Joints

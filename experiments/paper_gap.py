@@ -1,8 +1,8 @@
 """What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the corrected model.
 
 The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller
-from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes some four
-minutes, writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
+from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes some
+four minutes, writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
 """
 
 import json
@@ -23,7 +23,7 @@ from jaxidl.control import Pid, PidGains  # noqa: E402
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction  # noqa: E402
 from jaxidl.learning.execute import Task, execute  # noqa: E402
 from jaxidl.learning.iterate import learn  # noqa: E402
-from jaxidl.learning.paper import Condition, PaperStudy, draw_noise  # noqa: E402
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise  # noqa: E402
 from jaxidl.plot.style import SOURCE_STYLE, house_style, save  # noqa: E402
 from jaxidl.systems import Plant, point_mass  # noqa: E402
 from jaxidl.types import State  # noqa: E402

@@ -13,8 +13,8 @@ import jax
 jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # one device a core, before the first computation
 
 from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
+from jaxidl.paper.verdicts import as_table  # noqa: E402
 from jaxidl.plot.figures import draw_all  # noqa: E402
-from jaxidl.sweep.verdicts import as_table  # noqa: E402
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 results = run_sweep(QUICK, folder / "quick.nc", PaperStudy())

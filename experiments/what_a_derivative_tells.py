@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 
 from jaxidl import Condition, ErrorModel, PaperStudy, Training, draw_noise, learn
 from jaxidl.files import write_bytes
-from jaxidl.learning.vary import varied
 from jaxidl.models import start
+from jaxidl.paper.vary import varied
 from jaxidl.plot.style import house_style, save
 
 jax.config.update("jax_enable_x64", True)

@@ -11,6 +11,9 @@ import jax
 
 from jaxidl.errors import ConfigurationError
 
+MATMUL_PRECISION = "float32"  # a GPU's default rounds the inputs of every product to 10 bits (TF32); a CPU has no other
+PRECISION = "float64 simulation, float32 networks"  # of the studies
+
 CPU_OPTIONS = {
     # without it XLA copies every weight once a training step (3 % of its time): it does not see that the old weights are
     # read for the last time before the new ones are written

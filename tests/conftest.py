@@ -38,7 +38,7 @@ def reference() -> Path:
 @pytest.fixture
 def small_study():
     """The paper's study with short executions and small networks: the same code in milliseconds."""
-    from jaxidl.learning.paper import PaperStudy
     from jaxidl.models import ErrorModel, Training
+    from jaxidl.paper.study import PaperStudy
 
     return PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))

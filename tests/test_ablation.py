@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from jaxidl.cli import main
-from jaxidl.cli_ablate import varying
+from jaxidl.cli.ablate import varying
 from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import program
+from jaxidl.jobs.results import assemble
 from jaxidl.learning.iterate import recall
-from jaxidl.learning.paper import PaperStudy
-from jaxidl.learning.vary import check, leaves, parsed, traced, varied
-from jaxidl.sweep.ablation import as_markdown, final, rows
-from jaxidl.sweep.grid import Grid, Label
-from jaxidl.sweep.launch import run_sweep
-from jaxidl.sweep.results import read
-from jaxidl.sweep.run import Kind, program
+from jaxidl.paper.ablation import as_markdown, final, rows
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import META, LearningRun, read_results, run_sweep
+from jaxidl.paper.study import PaperStudy
+from jaxidl.paper.vary import check, leaves, parsed, traced, varied
 from jaxidl.types import Dataset
 
 SMALL = Grid(("pid",), ("high",), (1e-4,), (5.0,), (5.0,), (1,), (1, 2), ("joint",), 3)
@@ -26,6 +27,12 @@ ONE = replace(SMALL, seeds=(1,))
 
 def run(path, study, grid, **options):
     return run_sweep(grid, path, study, quiet=True, **options)
+
+
+def programs(study, grid):
+    """Those of a sweep on two devices, one a kind."""
+    run = LearningRun(study, grid.iterations)
+    return [program(run, kind, 2, 1) for kind in {run.job(grid.vary).kind(at) for at in points(grid.dims())}]
 
 
 def test_every_number_of_the_study_has_a_name_and_can_be_replaced_by_itself():
@@ -98,8 +105,7 @@ def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(
         grid = replace(SMALL, vary=(("alpha", (0.1, 0.2, 0.4)), ("prior_mass", (0.0, 0.5))))
         data = run(tmp_path / "a.nc", study, grid)
         assert program.cache_info().misses - before == 1 == int(data.attrs["programs"])
-        kinds = {Kind.of(label, study) for label in grid.labels()}
-        assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [1]
+        assert [p._cache_size() for p in programs(study, grid)] == [1]
         before = program.cache_info().misses
         grid = replace(ONE, vary=(("layers", ("4,1", "6,1")), ("kept", (0, 1)), ("alpha", (0.1, 0.3))))
         data = run(tmp_path / "b.nc", study, grid)
@@ -117,24 +123,21 @@ def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
     wider = replace(grid, vary=(grid.vary[0], ("alpha", (0.1, 0.2, 0.5))))
     more = run(path, small_study, wider)
     np.testing.assert_array_equal(more.q_error.sel(alpha=[0.1, 0.2]), data.q_error)
-    assert (read(path).q_error == more.q_error).all()
+    assert (read_results(path).q_error == more.q_error).all()
     whole = run(tmp_path / "b.nc", small_study, wider)
     np.testing.assert_array_equal(whole.q_error, more.q_error)
-    with pytest.raises(StoreError, match="leaves out"):
+    with pytest.raises(StoreError, match="leave out"):
         run(path, small_study, SMALL)
-    label = next(wider.labels())
-    assert Label.of([*label[:8], [list(pair) for pair in label.varied]]) == label
 
 
 def test_with_many_programs_each_is_dropped_when_its_runs_are_done(small_study, tmp_path, monkeypatch):
     grid = replace(SMALL, seeds=(1, 2, 3), vary=(("kept", (0, 1, 2)),))
     study = replace(small_study, target=(0.7, 0.9))
     plain = run(tmp_path / "a.nc", study, grid, per_device=1)
-    kinds = {Kind.of(label, study) for label in grid.labels()}
-    assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [1, 1, 1]
-    monkeypatch.setattr("jaxidl.sweep.launch.KINDS_AT_ONCE", 2)
+    assert [p._cache_size() for p in programs(study, grid)] == [1, 1, 1]
+    monkeypatch.setattr("jaxidl.jobs.sweeping.KINDS_AT_ONCE", 2)
     dropping = run(tmp_path / "b.nc", study, grid, per_device=1)
-    assert [program(study, kind, 2, 1)._cache_size() for kind in kinds] == [0, 0, 0]
+    assert [p._cache_size() for p in programs(study, grid)] == [0, 0, 0]
     np.testing.assert_array_equal(plain.q_error, dropping.q_error)
 
 
@@ -224,8 +227,9 @@ def test_command_lines_that_would_lose_something_are_refused(words, complaint, t
 
 
 def test_one_number_under_two_names_is_refused():
-    with pytest.raises(ConfigurationError, match="once"):
-        varying(Grid(), PaperStudy(), (("alpha", "0.1"), ("smoothing", "0.2")))
+    grid = varying(Grid(), PaperStudy(), (("alpha", "0.1"), ("smoothing", "0.2")))
+    with pytest.raises(ConfigurationError, match="different numbers"):
+        check(PaperStudy(), grid.vary)
 
 
 def test_the_grids_own_axes_can_be_varied_too():
@@ -238,14 +242,13 @@ def made(values, seeds=(0, 1, 2, 3), sources=("indirect", "joint"), **axes):
     """Results whose final error is 0.1·value·(1 + seed/10), ten times as much for indirect data."""
     grid = Grid(("pid",), ("low",), (1e-4,), (5.0,), (5.0,), (20,), seeds, sources, 12, (("alpha", tuple(values)),))
     grid = replace(grid, **axes)
-    from jaxidl.sweep.results import META, assemble
 
-    def run(label):
-        size = 0.1 * dict(label.varied)["alpha"] * (1 + label.seed / 10) * (10 if label.source == "indirect" else 1)
+    def run(at):
+        size = 0.1 * at["alpha"] * (1 + at["seed"] / 10) * (10 if at["source"] == "indirect" else 1)
         curve = size * np.ones(12)
         return {name: np.ones(12, bool) if name == "finite" else curve for name in META}
 
-    return assemble(grid, {label: run(label) for label in grid.labels()})
+    return assemble(grid.dims(), META, {at: run(dict(at)) for at in points(grid.dims())}).assign_coords(iteration=np.arange(12))
 
 
 def test_the_table_is_the_geometric_mean_of_the_final_errors():
@@ -291,9 +294,7 @@ def test_nothing_varied_is_refused():
 
 
 def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypatch, small_study):
-    import jaxidl.cli_ablate as command
-
-    monkeypatch.setattr(command, "run_sweep", lambda grid, out, **how: run(out, small_study, grid))
+    monkeypatch.setattr("jaxidl.paper.runs.run_sweep", lambda grid, out, **how: run_sweep(grid, out, small_study, quiet=True))
     words = ["--vary", "alpha", "0.1", "0.2", "--seeds", "1", "2", "--iterations", "2", "--epochs", "1", "--sources", "joint"]
     assert main(["ablate", *words, "--out", str(tmp_path / "a.nc")]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "a.md", "a.png", "a.pdf"}

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
+from jaxidl.arm.setup import ArmStudy, feedback_mse, learn_arm
+from jaxidl.arm.smoothing import zero_phase
 from jaxidl.control import Doomed, Filtered, FiniteDifference, LqrPolicy, PdPolicy, lqr
 from jaxidl.effects import ActuatorDelay, CoulombFriction, InertiaError, Payload, ViscousFriction
 from jaxidl.errors import ConfigurationError
-from jaxidl.learning.arm import ArmStudy, feedback_mse, learn_arm
 from jaxidl.learning.execute import Task, execute
-from jaxidl.learning.smoothing import zero_phase
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Training
 from jaxidl.systems import Plant, point_mass

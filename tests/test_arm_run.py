@@ -13,14 +13,15 @@ from jaxidl.arm.found import as_text as found_as_text
 from jaxidl.arm.found import judge
 from jaxidl.arm.hidden import Logged, record, truth, visible
 from jaxidl.arm.run import ArmRun, _write, quick, run_all
-from jaxidl.arm.study import META, ArmGrid, assemble, run_study
+from jaxidl.arm.setup import ArmStudy, Hidden, Load
+from jaxidl.arm.study import VARIABLES, ArmGrid, run_study, thinned
 from jaxidl.arm.table import as_text, falls, interval, ranking
 from jaxidl.cli import main
 from jaxidl.errors import ConfigurationError, StoreError
-from jaxidl.learning.arm import ArmStudy, Hidden, Load
+from jaxidl.jobs import Pieces
+from jaxidl.jobs.programs import Job
 from jaxidl.models import Training
 from jaxidl.plot import arm, arm_report, arm_tasks
-from jaxidl.sweep.parts import Parts
 
 GRID = ArmGrid(noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2)
 
@@ -31,45 +32,45 @@ def small(study: ArmStudy) -> ArmStudy:
     return replace(study, seconds_each=0.05, error_model=model, training=Training(epochs=1, batch=64))
 
 
-def test_pieces_are_kept_and_only_missing_or_damaged_ones_computed_again(tmp_path):
-    study, done = small(ArmStudy()), []
-    compute = lambda: run_study(study, GRID, parts, lambda: done.append(1))  # noqa: E731
-    with Parts(tmp_path, {"a": 1}) as parts:
-        compute()
-        first = assemble(study, GRID, parts)
-        assert len(done) == 3
-        kept = sorted(tmp_path.glob("*.npz"))
-        before = [file.stat().st_mtime_ns for file in kept]
-        content = bytearray(kept[1].read_bytes())
-        content[len(content) // 2] ^= 1
-        kept[1].write_bytes(content)
-        compute()
-        after = [file.stat().st_mtime_ns for file in kept]
-        assert [a == b for a, b in zip(before, after, strict=True)] == [True, False, True]
-        again = assemble(study, GRID, parts)
-    xr.testing.assert_equal(first, again)  # the run that was lost shared its program's chunk with another one before
-    assert first["feedback_mse"].dims == ("acceleration", "source", "noise", "seed", "iteration")
-    assert np.isfinite(first["feedback_mse"]).all()
-    assert len(set(first["feedback_mse"].values.ravel().tolist())) == 6  # no two alike
+def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_accelerations_only(tmp_path, monkeypatch):
+    study, path = small(ArmStudy()), tmp_path / "study.nc"
+    grid = replace(GRID, accelerations=("causal", "zero_phase"), sources=("joint", "direct"), seeds=(1, 2))
+    computed, original = [], Job.traced
+    monkeypatch.setattr(Job, "traced", lambda job, points: computed.extend(set(points)) or original(job, points))
+    found = run_study(study, grid, path, {"a": 1}, quiet=True)
+    assert len({at for at in computed if dict(at)["source"] == "joint"}) == 4
+    assert len({at for at in computed if dict(at)["source"] == "direct"}) == 2
+    computed.clear()
+    xr.testing.assert_identical(run_study(study, grid, path, {"a": 1}, quiet=True), found)
+    assert {dict(at)["seed"] for at in computed} <= {1}  # the trial of shapes
+    assert found["feedback_mse"].dims == ("acceleration", "source", "noise", "seed", "iteration")
+    assert np.isfinite(found["feedback_mse"]).all()
+    direct = found.sel(source="direct")
+    np.testing.assert_array_equal(
+        direct["path_error"].sel(acceleration="causal"), direct["path_error"].sel(acceleration="zero_phase")
+    )
+    kept = thinned(found)
+    assert kept["feedback_trace"].dims == ("acceleration", "source", "noise", "execution", "time", "joint")
+    assert kept["feedback_trace"].dtype == np.float32
 
 
 def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_folder(tmp_path):
-    with Parts(tmp_path, {"a": 1}) as parts:
+    with Pieces(tmp_path, {"a": 1}) as parts:
         parts.save("x", {"value": np.arange(3)})
-        with pytest.raises(StoreError, match="alone"), Parts(tmp_path, {"a": 1}):
+        with pytest.raises(StoreError, match="alone"), Pieces(tmp_path, {"a": 1}):
             pass
-    with Parts(tmp_path, {"a": 2}) as parts:
+    with Pieces(tmp_path, {"a": 2}) as parts:
         assert parts.load("x") is None
         parts.save("x", {"value": np.zeros(1)})  # beside the other one, not in its place
         parts.of({"b": 1}).save("y", {"value": np.arange(4)})
         assert parts.load("y") is None
         np.testing.assert_array_equal((parts.of({"b": 1}).load("y") or {})["value"], np.arange(4))
-    with Parts(tmp_path, {"a": 1}) as parts:
+    with Pieces(tmp_path, {"a": 1}) as parts:
         np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
 
 
 def test_a_piece_damaged_anywhere_is_none(tmp_path):
-    with Parts(tmp_path, {"a": 1}) as parts:
+    with Pieces(tmp_path, {"a": 1}) as parts:
         parts.save("x", {"value": np.arange(40)})
         whole = parts.path("x").read_bytes()
         for at in range(0, len(whole), 7):
@@ -210,7 +211,7 @@ def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
 
 
 def test_every_stored_quantity_has_a_unit():
-    assert all(about["units"] and about["long_name"] for about in META.values())
+    assert all(about.units and about.long_name for about in VARIABLES.values())
 
 
 def test_experiments_are_gathered_in_one_file_and_others_settings_are_refused(tmp_path):

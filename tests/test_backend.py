@@ -12,23 +12,25 @@ import pytest
 
 from jaxidl import backend
 from jaxidl.backend import compiler_options, keep_programs
-from jaxidl.sweep.grid import Grid
-from jaxidl.sweep.run import Kind, inputs_of, one_run, program
+from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import program
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import LearningRun
 
 GRID = Grid(("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3)
 
 
 def test_compiler_options_change_no_bit(small_study):
-    labels = list(GRID.labels())
-    inputs, kind = inputs_of(labels, small_study, GRID.iterations), Kind.of(labels[0], small_study)
+    learning, at = LearningRun(small_study, GRID.iterations), list(points(GRID.dims()))
+    inputs, kind = learning.job().traced(at), dict(learning.job().kind(at[0]))
 
     def run(options):
-        mapped = jax.jit(lambda i: jax.lax.map(lambda one: one_run(small_study, kind, one)[0], i), compiler_options=options)
-        return mapped(inputs)
+        return jax.jit(lambda i: jax.lax.map(lambda one: learning(**kind, **one), i), compiler_options=options)(inputs)
 
     assert compiler_options()  # this XLA knows them
-    for a, b in zip(run({}), run(compiler_options()), strict=True):
-        np.testing.assert_array_equal(a, b)
+    plain, optioned = run({}), run(compiler_options())
+    for name in plain:
+        np.testing.assert_array_equal(plain[name], optioned[name])
 
 
 def test_an_option_that_xla_no_longer_knows_is_left_out(monkeypatch):
@@ -38,10 +40,8 @@ def test_an_option_that_xla_no_longer_knows_is_left_out(monkeypatch):
 
 def test_networks_are_computed_in_full_single_precision(small_study):
     """On a GPU the default would be TF32."""
-    labels = list(GRID.labels())
-    text = (
-        program(small_study, Kind.of(labels[0], small_study), 1).lower(inputs_of(labels, small_study, GRID.iterations)).as_text()
-    )
+    learning, at = LearningRun(small_study, GRID.iterations), list(points(GRID.dims()))
+    text = program(learning, learning.job().kind(at[0])).lower(learning.job().traced(at)).as_text()
     products = [line for line in text.splitlines() if "dot_general" in line and "xf32" in line]
     assert len(products) > 10
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
@@ -68,20 +68,25 @@ EIGHT_DEVICES = """
     import json
     import jax
     jax.config.update("jax_enable_x64", True)
-    from jaxidl.learning.paper import PaperStudy
+    from jaxidl.paper.study import PaperStudy
     from jaxidl.models import ErrorModel, Training
-    from jaxidl.sweep.grid import Grid
-    from jaxidl.sweep.run import Kind, inputs_of, program
+    from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import program
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import LearningRun
+    from jaxidl.jobs.points import points
+    from jaxidl.jobs.programs import program
+    from jaxidl.paper.runs import LearningRun
 
     study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
     grid = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2, 3, 4), ("joint",), iterations=4)
-    labels = list(grid.labels())
-    inputs = inputs_of(labels, study, grid.iterations)
+    learning, at = LearningRun(study, grid.iterations), list(points(grid.dims()))
+    inputs = learning.job().traced(at)
     runs = {}
     for devices in (1, 2, 8):
-        metrics = program(study, Kind.of(labels[0], study), devices)(inputs)
-        assert len(metrics.q_error.sharding.device_set) == devices
-        runs[devices] = metrics.q_error.tolist()
+        error = program(learning, learning.job().kind(at[0]), devices)(inputs)["q_error"]
+        assert len(error.sharding.device_set) == devices
+        runs[devices] = error.tolist()
     print(json.dumps([len(jax.devices()), runs[1], runs[2], runs[8]]))
 """
 

@@ -3,16 +3,18 @@
 import itertools
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from jaxidl.learning.paper import PaperStudy
-from jaxidl.sweep.claims import CLAIMS
-from jaxidl.sweep.grid import Grid
-from jaxidl.sweep.launch import settings_of
-from jaxidl.sweep.results import assemble
-from jaxidl.sweep.verdicts import as_json, as_markdown, as_table, check_claims
+from jaxidl.jobs.points import points
+from jaxidl.jobs.results import assemble
+from jaxidl.paper.claims import CLAIMS
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import META, settings_of
+from jaxidl.paper.study import PaperStudy
+from jaxidl.paper.verdicts import as_json, as_markdown, as_table, check_claims
 
 GRID = Grid(noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3))
 
@@ -21,11 +23,12 @@ def results(error_of=lambda label, k: 1.0, finite_of=lambda label, k: True, grid
     """A results file in which run ``label`` has error ``error_of(label, k)`` in execution k, other numbers 1."""
     rows = range(grid.iterations)
     runs = {}
-    for label in grid.labels():
+    for at in points(grid.dims()):
+        label = SimpleNamespace(**dict(at))
         errors = np.array([error_of(label, k) for k in rows], float)
-        runs[label] = dict.fromkeys(("feedback_applied", "qdd_error", "torque"), np.ones(len(rows)))
-        runs[label] |= {"q_error": errors, "finite": np.array([finite_of(label, k) for k in rows])}
-    data = assemble(grid, runs)
+        runs[at] = dict.fromkeys(("feedback_applied", "qdd_error", "torque"), np.ones(len(rows)))
+        runs[at] |= {"q_error": errors, "finite": np.array([finite_of(label, k) for k in rows])}
+    data = assemble(grid.dims(), META, runs).assign_coords(iteration=np.arange(grid.iterations))
     return data.assign_attrs(identity=json.dumps({"study": settings_of(PaperStudy())}))
 
 

@@ -125,7 +125,7 @@ def test_sweep_then_figures_then_claims(tmp_path, capsys):
 def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_path, sent):
     words = ["sweep", "--out", str(tmp_path / "r.nc"), "--epochs", "20", "--seeds", "1", "--runs-per-device", "1"]
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}
-    process = subprocess.Popen([sys.executable, "-m", "jaxidl.cli", *words], stderr=subprocess.PIPE, text=True, env=env)
+    process = subprocess.Popen([sys.executable, "-m", "jaxidl", *words], stderr=subprocess.PIPE, text=True, env=env)
     parts = tmp_path / "r.nc.parts"
     deadline = time.monotonic() + 200
     while not list(parts.glob("*.npz")) and time.monotonic() < deadline:
@@ -144,7 +144,7 @@ def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_
 
 def test_nothing_is_computed_before_the_devices_are_chosen():
     """Importing the package must not start a JAX backend: the command line sets the number of devices after it."""
-    code = "import jaxidl.cli, jaxidl.sweep.launch, jaxidl.sweep.simulate, jaxidl.plot.figures, jax;"
+    code = "import jaxidl.cli, jaxidl.jobs.sweeping, jaxidl.paper.simulate, jaxidl.plot.figures, jax;"
     code += "jax.config.update('jax_num_cpu_devices', 3); print(len(jax.devices()))"
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "JAX_PLATFORMS": "cpu"}

@@ -9,8 +9,8 @@ import textwrap
 import pytest
 
 from jaxidl.errors import ConfigurationError, StoreError
-from jaxidl.sweep import cluster
-from jaxidl.sweep.grid import Grid
+from jaxidl.jobs import cluster
+from jaxidl.paper.grid import Grid
 
 pytest.importorskip("ray", reason="the extra jaxidl[cluster] is not installed")
 
@@ -18,10 +18,10 @@ PRELUDE = """
     import json, sys, threading, time
     from pathlib import Path
     from jaxidl.backend import choose_devices
-    from jaxidl.learning.paper import PaperStudy
+    from jaxidl.paper.study import PaperStudy
     from jaxidl.models import ErrorModel, Training
-    from jaxidl.sweep.grid import Grid
-    from jaxidl.sweep.launch import run_sweep
+    from jaxidl.paper.grid import Grid
+    from jaxidl.paper.runs import run_sweep
 
     study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
     grid = Grid(("pid",), noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(1,), seeds=(1, 2, 3), sources=("joint",),
@@ -78,7 +78,7 @@ def test_a_cluster_that_loses_one_of_two_nodes_midway_gives_the_same_bits(tmp_pa
 
 UNSHARED = """
     from jaxidl.errors import ConfigurationError, StoreError
-    from jaxidl.sweep import cluster, store
+    from jaxidl.jobs import cluster, store
 
     original = cluster.Cluster._result
     def elsewhere(self, reference):
@@ -121,7 +121,7 @@ def test_ray_missing_is_told_with_the_remedy(monkeypatch):
 
 
 def test_devices_and_cluster_exclude_each_other(tmp_path, small_study):
-    from jaxidl.sweep.launch import run_sweep
+    from jaxidl.paper.runs import run_sweep
 
     with pytest.raises(ConfigurationError, match="--devices or --cluster"):
         run_sweep(Grid(), tmp_path / "r.nc", small_study, devices=1, cluster="local")

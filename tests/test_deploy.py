@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 from jaxidl.arm.real_time import RealTimeError, latency
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.files import write_bytes
-from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.deploy import export_feedforward, feedforward
 from jaxidl.learning.execute import Task, execute
-from jaxidl.learning.paper import Condition
 from jaxidl.models import ErrorModel
+from jaxidl.paper.study import Condition
 from jaxidl.systems import point_mass
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import State

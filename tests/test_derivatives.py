@@ -18,10 +18,10 @@ from jaxidl.control import Doomed, Filtered, FiniteDifference, LqrPolicy, PdPoli
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.iterate import learn
-from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
 from jaxidl.learning.sources import SOURCES
-from jaxidl.learning.vary import varied
 from jaxidl.models import ErrorModel, Training, start
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise
+from jaxidl.paper.vary import varied
 from jaxidl.scan import scan
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State

@@ -7,20 +7,25 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import StoreError
-from jaxidl.learning.paper import PaperStudy
 from jaxidl.models import ErrorModel
+from jaxidl.paper.example import example
+from jaxidl.paper.grid import NOISE_LEVELS, Grid
+from jaxidl.paper.runs import LearningRun, settings_of
+from jaxidl.paper.study import PaperStudy
 from jaxidl.plot.figures import FIGURES, averages, caption, conditions, draw_all, illustration
-from jaxidl.sweep.example import example
-from jaxidl.sweep.grid import NOISE_LEVELS, QUICK, Grid
-from jaxidl.sweep.launch import settings_of
 from tests.test_claims import as_in_the_paper, results
+
+
+def shown(grid):
+    """Made-up results of a grid with an example run of a small study."""
+    study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
+    run = example(LearningRun(study, grid.iterations), grid)
+    return results(as_in_the_paper, grid=grid).merge(run, combine_attrs="no_conflicts")
 
 
 @pytest.fixture(scope="module")
 def quick():
-
-    study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
-    return results(as_in_the_paper, grid=QUICK).merge(example(study, QUICK), combine_attrs="no_conflicts")
+    return shown(Grid.quick())
 
 
 def test_every_figure_is_written_as_png_and_pdf(quick, tmp_path):
@@ -89,7 +94,5 @@ def test_results_without_an_example_run_are_named(tmp_path):
 
 
 def test_a_study_of_one_execution_is_drawn_too(quick, tmp_path):
-    one = replace(QUICK, iterations=1)
-    study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
-    data = results(as_in_the_paper, grid=one).merge(example(study, one), combine_attrs="no_conflicts")
+    data = shown(replace(Grid.quick(), iterations=1))
     assert len(draw_all(data, tmp_path)) == 2 * len(FIGURES)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from jaxidl.learning.execute import execute
-from jaxidl.learning.paper import GAINS, Condition, PaperStudy, draw_noise
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Training, fit, start
+from jaxidl.paper.grid import GAINS
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.types import Dataset
 
 ARRAYS = (

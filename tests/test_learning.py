@@ -11,9 +11,9 @@ from jaxidl.control import Doomed, PdPolicy, Pid, PidGains, lqr
 from jaxidl.effects import ConstantOffset, ViscousFriction
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.iterate import Setting, learn
-from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
 from jaxidl.learning.sources import SOURCES, direct, indirect, joint
 from jaxidl.models import ErrorModel, Training
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.systems import Plant, integrate, point_mass
 from jaxidl.types import State
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from jaxidl.learning.iterate import measure
-from jaxidl.learning.paper import PaperStudy
-from jaxidl.sweep.grid import Grid
-from jaxidl.sweep.launch import run_sweep
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import run_sweep
+from jaxidl.paper.study import PaperStudy
 from tests.test_golden import run_of
 
 FIRST = {  # mean |q error| of execution 0, seed 1, on the reference page

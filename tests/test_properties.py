@@ -14,9 +14,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from jaxidl.cli import main
-from jaxidl.learning.paper import CONTROLLERS, GAINS
+from jaxidl.jobs.programs import layout
 from jaxidl.learning.sources import SOURCES, TRAIN_ON
-from jaxidl.sweep.chunks import layout
+from jaxidl.paper.grid import CONTROLLERS, GAINS
 
 FLOATS = {"noise": (0.0, 1.0), "friction": (0.0, 12.0), "stiction": (0.0, 1000.0)}
 COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "iterations": (1, 10_000)}
@@ -82,9 +82,9 @@ def asked(tmp_path, monkeypatch):
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty")
     monkeypatch.setattr("jaxidl.cli.run_sweep", run)
-    monkeypatch.setattr("jaxidl.sweep.simulate.draw_noise", lambda seed, *shape: np.zeros((*shape, 2)))
+    monkeypatch.setattr("jaxidl.paper.simulate.draw_noise", lambda seed, *shape: np.zeros((*shape, 2)))
     for name in ("_execution", "_learning"):
-        monkeypatch.setattr(f"jaxidl.sweep.simulate.{name}", lambda study, label, draws: {"draws": draws})
+        monkeypatch.setattr(f"jaxidl.paper.simulate.{name}", lambda study, label, draws: {"draws": draws})
     return found
 
 

@@ -7,7 +7,6 @@ import os
 import tempfile
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 import xarray as xr
@@ -16,14 +15,15 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from jaxidl.errors import ConfigurationError, StoreError
+from jaxidl.jobs.points import Point, axes_of, point, points
+from jaxidl.jobs.results import Origin
+from jaxidl.jobs.store import Store
 from jaxidl.learning.iterate import Metrics
-from jaxidl.learning.paper import PaperStudy
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
-from jaxidl.sweep.grid import AXES, Grid, Label
-from jaxidl.sweep.launch import run_sweep, settings_of
-from jaxidl.sweep.results import Origin, read
-from jaxidl.sweep.store import Store
+from jaxidl.paper.grid import AXES, Grid
+from jaxidl.paper.runs import META, read_results, run_sweep, settings_of
+from jaxidl.paper.study import PaperStudy
 from tests.test_properties import COUNTS, FLOATS, NAMES, examples, h5netcdf_may_stumble
 
 STUDY = PaperStudy(steps=20, error_model=ErrorModel(layers=(4, 1)), training=Training(batch=8))
@@ -31,10 +31,13 @@ IDENTITY = {"study": "any", "größe": [1, 2.5, None]}
 TEXT = st.text(max_size=5)
 LEVEL = st.floats(allow_nan=False, allow_infinity=False)
 COUNT = st.integers(-(2**62), 2**62)
-LABELS = st.lists(st.builds(Label, TEXT, TEXT, LEVEL, LEVEL, LEVEL, COUNT, COUNT, TEXT), min_size=1, max_size=4, unique=True)
+POINT = st.builds(
+    lambda *values: point(dict(zip(AXES, values, strict=True))), TEXT, TEXT, LEVEL, LEVEL, LEVEL, COUNT, COUNT, TEXT
+)
+LABELS = st.lists(POINT, min_size=1, max_size=4, unique=True)
 CUT = 8
 PLACE, BIT = st.integers(0, 2**20), st.integers(0, CUT)
-Runs = dict[Label, dict[str, np.ndarray]]
+Runs = dict[Point, dict[str, np.ndarray]]
 
 
 ANY = st.floats() | st.integers() | st.sampled_from([5, 5.0, True, -0.0, np.int64(3), np.float32(0.5), 10**400, None, "5", 1j])
@@ -66,9 +69,9 @@ def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survi
         grid = as_given(Grid, **keywords)
     except ConfigurationError:
         return
-    labels = list(grid.labels())
+    labels = list(points(axes_of(grid.dims())))
     assert len(labels) == len(set(labels)) == len(grid) == math.prod(len(values) for values in grid.axes().values()) > 0
-    assert [Label.of(row) for row in json.loads(json.dumps(labels))] == labels
+    assert [tuple(map(tuple, row)) for row in json.loads(json.dumps(labels))] == labels
     assert type(grid.iterations) is int
 
 
@@ -130,11 +133,11 @@ def test_runs_come_back_bit_for_bit_whatever_they_are_called_and_hold(data, labe
     metrics = metrics_of(data.draw, len(labels), iterations)
     chunks = [piece for piece in (slice(0, cut), slice(cut, None)) if labels[piece]]
     with tempfile.TemporaryDirectory() as folder:
-        with Store(Path(folder, "r.nc"), IDENTITY) as store:
+        with Store(Path(folder, "r.nc"), IDENTITY, META) as store:
             for piece in chunks:
-                store.add(labels[piece], jax.tree.map(lambda leaf, piece=piece: leaf[piece], metrics), Origin("r", "d", 0.1))
+                store.add(labels[piece], {name: leaf[piece] for name, leaf in metrics._asdict().items()}, Origin("r", "d", 0.1))
             added = bits(store.runs)
-        with Store(Path(folder, "r.nc"), IDENTITY) as again:
+        with Store(Path(folder, "r.nc"), IDENTITY, META) as again:
             assert not again.damaged
             assert bits(again.runs) == added
     given_in = {label: {name: column[i] for name, column in metrics._asdict().items()} for i, label in enumerate(labels)}
@@ -146,12 +149,12 @@ def parts(tmp_path_factory) -> tuple[dict[str, bytes], dict, dict[str, set]]:
     """Two sound part files by name, the runs in them, and which part holds which."""
     path = tmp_path_factory.mktemp("parts") / "r.nc"
     random, names = np.random.default_rng(1), {}
-    with Store(path, IDENTITY) as store:
+    with Store(path, IDENTITY, META) as store:
         for seed in (1, 2):
-            labels = [Label("pid", gain, 1e-4, 5.0, 5.0, 20, seed, "joint") for gain in ("low", "high")]
+            labels = [point({"gain": gain, "noise": 1e-4, "seed": seed}) for gain in ("low", "high")]
             columns = [random.standard_normal((2, 3)) for _ in range(4)]
             before = set(store.parts.glob("*.npz"))
-            store.add(labels, Metrics(*columns, finite=np.ones((2, 3), bool)), Origin("r", "d", 0.1))
+            store.add(labels, Metrics(*columns, finite=np.ones((2, 3), bool))._asdict(), Origin("r", "d", 0.1))
             (part,) = set(store.parts.glob("*.npz")) - before
             names[part.name] = {repr(tuple(label)) for label in labels}
         return {part.name: part.read_bytes() for part in store.parts.glob("*.npz")}, bits(store.runs), names
@@ -174,7 +177,7 @@ def test_a_flipped_bit_or_a_cut_in_a_part_changes_no_number_without_notice(parts
         for name, content in files.items():
             Path(f"{path}.parts", name).write_bytes(harmed(content, place, bit) if name == hit else content)
         try:
-            with Store(path, IDENTITY) as store:
+            with Store(path, IDENTITY, META) as store:
                 found, damaged = bits(store.runs), [part.name for part in store.damaged]
         except StoreError:
             return
@@ -190,7 +193,7 @@ def results(tmp_path_factory) -> tuple[Path, xr.Dataset]:
     """A finished results file and what is in it."""
     path = tmp_path_factory.mktemp("results") / "r.nc"
     run_sweep(grid((1e-4, 8e-4), (5.0,), (5.0,), ("low",), (1, 2)), path, STUDY, per_device=1, quiet=True)
-    return path, read(path)
+    return path, read_results(path)
 
 
 def grid(noise, friction, stiction, gains, seeds) -> Grid:
@@ -205,7 +208,7 @@ def test_a_flipped_bit_or_a_cut_in_the_results_changes_nothing_without_notice(re
     (path, sound), other = results, tmp_path / "other.nc"
     other.write_bytes(harmed(path.read_bytes(), place, bit))
     try:
-        found = read(other)
+        found = read_results(other)
     except StoreError:
         return
     assert found.equals(sound)
@@ -232,7 +235,7 @@ def test_a_valid_grid_runs_and_its_results_carry_what_was_asked(chosen):
         path = Path(folder, "r.nc")
         data = run_sweep(asked, path, STUDY, per_device=1, quiet=True)
         assert os.listdir(folder) == ["r.nc"]
-        stored = read(path)
+        stored = read_results(path)
         again = run_sweep(asked, path, STUDY, per_device=1, quiet=True)
     for dim, wanted in zip(AXES, asked.axes().values(), strict=True):
         assert repr(stored[dim].values.tolist()) == repr(list(wanted))  # in the order asked, to the sign of zero

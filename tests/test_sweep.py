@@ -14,14 +14,12 @@ import pytest
 from filelock import FileLock
 
 from jaxidl.errors import ConfigurationError, StoreError
-from jaxidl.learning.paper import PaperStudy
-from jaxidl.sweep import chunks as chunking
-from jaxidl.sweep import launch, store
-from jaxidl.sweep.chunks import chunks
-from jaxidl.sweep.grid import NOISE_LEVELS, Grid
-from jaxidl.sweep.launch import run_sweep
-from jaxidl.sweep.results import read
-from jaxidl.sweep.run import Kind, inputs_of, program, trace
+from jaxidl.jobs import store, sweeping
+from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import Job, chunks, program
+from jaxidl.paper.grid import NOISE_LEVELS, Grid
+from jaxidl.paper.runs import LearningRun, read_results, run_sweep
+from jaxidl.paper.study import PaperStudy
 
 SMALL = Grid(
     controllers=("pid",),
@@ -46,8 +44,8 @@ def assert_same(a, b, rtol=0.0):
 
 def test_the_default_grid_is_the_papers():
     grid = Grid()
-    assert len(grid) == 1280 * 3 == len(set(grid.labels()))
-    seeds = [label.seed for label in grid.labels()]
+    assert len(grid) == 1280 * 3 == len(set(points(grid.dims())))
+    seeds = [dict(at)["seed"] for at in points(grid.dims())]
     assert seeds == sorted(seeds)  # whole seeds come first
 
 
@@ -77,10 +75,11 @@ def test_impossible_grids_are_refused(axis, values, complaint):
 
 def test_chunks_hold_one_kind_cover_every_run_once_and_keep_one_size_per_kind():
     grid = replace(SMALL, controllers=("pid", "doomed"), sources=("joint", "direct"), seeds=(1, 2, 3))
-    found = list(chunks(list(grid.labels()), PaperStudy(), devices=2, per_device=2))
-    assert sorted(label for chunk in found for label in chunk.labels) == sorted(grid.labels())
+    job = LearningRun(PaperStudy(), 3).job()
+    found = list(chunks(list(points(grid.dims())), job, devices=2, per_device=2))
+    assert sorted(at for chunk in found for at in chunk.points) == sorted(points(grid.dims()))
     for chunk in found:
-        assert {Kind.of(label, PaperStudy()) for label in chunk.labels} == {chunk.kind}
+        assert set(map(job.kind, chunk.points)) == {chunk.kind}
         assert len(chunk.padded()) == chunk.size
     assert len({(chunk.kind, chunk.size) for chunk in found}) == 4
 
@@ -124,10 +123,10 @@ def test_runs_side_by_side_agree_to_rounding(whole, tmp_path):
 
 def test_a_traced_run_is_the_grids_run(whole):
     data, _, study = whole
-    label = next(SMALL.labels())
-    inputs = jax.tree.map(lambda leaf: leaf[0], inputs_of([label], study, SMALL.iterations))
-    metrics, _ = trace(study, label, inputs)
-    row = data.q_error.sel(label.place())
+    at = dict(next(points(SMALL.dims())))
+    with jax.enable_x64(True):
+        metrics, _ = LearningRun(study, SMALL.iterations).trace(at)
+    row = data.q_error.sel(at)
     np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)  # another program: other rounding
 
 
@@ -154,14 +153,14 @@ class Stop(Exception):
 
 def interrupted_after(monkeypatch, count):
     calls = iter(range(count + 1))
-    original = launch.wait
+    original = sweeping.wait
 
     def wait(metrics):
         if next(calls) == count:
             raise KeyboardInterrupt
         return original(metrics)
 
-    monkeypatch.setattr(launch, "wait", wait)
+    monkeypatch.setattr(sweeping, "wait", wait)
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
@@ -175,8 +174,8 @@ def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_p
     assert not path.exists()
     assert len(list((tmp_path / "r.nc.parts").glob("*.npz"))) == count
     waits = []
-    original = launch.wait
-    monkeypatch.setattr(launch, "wait", lambda metrics: waits.append(1) or original(metrics))
+    original = sweeping.wait
+    monkeypatch.setattr(sweeping, "wait", lambda metrics: waits.append(1) or original(metrics))
     assert_same(data, run(path, study, per_device=2))  # another chunk size, too
     assert len(waits) == -(-(8 - 2 * count) // 4)
     assert not (tmp_path / "r.nc.parts").exists()
@@ -191,7 +190,7 @@ def test_an_extension_stopped_at_the_very_end_is_not_forgotten(whole, tmp_path, 
     more = replace(SMALL, seeds=(1, 2, 3))
     with monkeypatch.context() as patch:
         if where == "example":
-            patch.setattr(launch, "example", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr("jaxidl.paper.runs.example", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
         else:
             real = store.write_bytes
             patch.setattr(store, "write_bytes", lambda p, c: _full_disk() if p == own else real(p, c))
@@ -199,9 +198,9 @@ def test_an_extension_stopped_at_the_very_end_is_not_forgotten(whole, tmp_path, 
             run(own, study, more)
     assert own.read_bytes() == path.read_bytes()
     with monkeypatch.context() as patch:
-        patch.setattr(launch, "_here", lambda *a: pytest.fail("nothing was missing"))
+        patch.setattr(sweeping._Task, "here", lambda *a: pytest.fail("nothing was missing"))
         assert run(own, study, more).seed.values.tolist() == [1, 2, 3]
-    assert read(own).seed.values.tolist() == [1, 2, 3]
+    assert read_results(own).seed.values.tolist() == [1, 2, 3]
 
 
 def _full_disk():
@@ -248,14 +247,14 @@ def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_pat
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
     with monkeypatch.context() as patch:
-        patch.setattr(launch, "_here", lambda *a: pytest.fail("nothing was missing"))
+        patch.setattr(sweeping._Task, "here", lambda *a: pytest.fail("nothing was missing"))
         assert_same(data, run(own, study))
     assert own.read_bytes() == path.read_bytes()
     done = []
-    original = chunking.inputs_of
-    monkeypatch.setattr(chunking, "inputs_of", lambda labels, *a: done.extend(labels) or original(labels, *a))
+    original = Job.traced
+    monkeypatch.setattr(Job, "traced", lambda job, points: done.extend(points) or original(job, points))
     more = run(own, study, replace(SMALL, seeds=(1, 2, 3)))
-    assert {label.seed for label in done} == {3}
+    assert {dict(at)["seed"] for at in done} == {3}
     assert_same(data, more.sel(seed=[1, 2]))
 
 
@@ -273,7 +272,7 @@ def test_a_grid_that_would_drop_finished_runs_is_refused(whole, tmp_path):
     _, path, study = whole
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
-    with pytest.raises(StoreError, match="leaves out"):
+    with pytest.raises(StoreError, match="leave out"):
         run(own, study, replace(SMALL, seeds=(1,)))
     assert own.read_bytes() == path.read_bytes()
 
@@ -320,7 +319,7 @@ def test_an_unreadable_result_is_refused_and_left_alone(whole, tmp_path, content
         run(bad, study)
     assert bad.read_bytes() == before
     run(bad, study, overwrite=True)
-    assert read(bad).sizes["seed"] == 2
+    assert read_results(bad).sizes["seed"] == 2
     assert (tmp_path / "bad.nc.old").read_bytes() == before
 
 
@@ -329,7 +328,7 @@ def test_a_foreign_netcdf_is_refused(tmp_path):
 
     xr.Dataset({"a": ("x", [1.0])}).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
     with pytest.raises(StoreError, match="a file without q_error"):
-        read(tmp_path / "f.nc")
+        read_results(tmp_path / "f.nc")
 
 
 @pytest.mark.parametrize("harm", [{"identity": "none"}, {"origins": "]"}])
@@ -337,18 +336,18 @@ def test_a_file_whose_attributes_were_tampered_with_is_refused(whole, tmp_path, 
     data, _, _ = whole
     data.assign_attrs(harm).to_netcdf(tmp_path / "f.nc", engine="h5netcdf")
     with pytest.raises(StoreError, match=next(iter(harm))):
-        read(tmp_path / "f.nc")
+        read_results(tmp_path / "f.nc")
 
 
 def test_two_sweeps_on_one_file_do_not_meet(tmp_path, small_study):
     (tmp_path / "r.nc.parts").mkdir()
-    with FileLock(tmp_path / "r.nc.parts" / "lock"), pytest.raises(StoreError, match="another sweep"):
+    with FileLock(tmp_path / "r.nc.parts" / "lock"), pytest.raises(StoreError, match="another process"):
         run(tmp_path / "r.nc", small_study)
 
 
 def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_study, monkeypatch):
     """A friction beyond all bounds overflows; friction 5 beside it, in the same chunk, does not notice."""
-    monkeypatch.setattr("jaxidl.sweep.grid.check_levels", lambda *levels: None)
+    monkeypatch.setattr("jaxidl.paper.grid.check_levels", lambda *levels: None)
     alone = run(
         tmp_path / "alone.nc", small_study, replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",)), per_device=4
     )
@@ -365,7 +364,7 @@ def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_s
 
 def test_results_carry_units_and_where_they_came_from(whole):
     _, path, _ = whole
-    stored = read(path)
+    stored = read_results(path)
     assert stored.q_error.dims == ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source", "iteration")
     units = {
         name: stored[name].attrs["units"] for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite", "noise")

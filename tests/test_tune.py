@@ -10,9 +10,9 @@ import pytest
 from jaxidl.cli import main
 from jaxidl.control import Doomed, Pid
 from jaxidl.errors import ConfigurationError
+from jaxidl.jobs import Pieces
 from jaxidl.learning.iterate import Metrics
 from jaxidl.plot.tune import figure
-from jaxidl.sweep.parts import Parts
 from jaxidl.tune import search as searching
 from jaxidl.tune.problem import Problem, point_mass_problem
 from jaxidl.tune.run import as_text, compared, tune, verdict
@@ -106,7 +106,7 @@ def test_the_bound_is_the_effort_of_the_law_as_it_is_unless_told(tmp_path):
 
 def test_an_interrupted_search_continues_to_the_same_result(tmp_path, monkeypatch):
     whole = tune(problem(), SEARCH, tmp_path / "whole", quiet=True)
-    saved, save = [], Parts.save
+    saved, save = [], Pieces.save
 
     def broken(self, name, arrays):
         if len(saved) == 9:
@@ -114,10 +114,10 @@ def test_an_interrupted_search_continues_to_the_same_result(tmp_path, monkeypatc
         saved.append(name)
         save(self, name, arrays)
 
-    monkeypatch.setattr(Parts, "save", broken)
+    monkeypatch.setattr(Pieces, "save", broken)
     with pytest.raises(KeyboardInterrupt):
         tune(problem(), SEARCH, tmp_path / "cut", quiet=True)
-    monkeypatch.setattr(Parts, "save", save)
+    monkeypatch.setattr(Pieces, "save", save)
     calls, judged = [], searching.judged
     monkeypatch.setattr(searching, "judged", lambda *a: calls.append(1) or judged(*a))
     again = tune(problem(), SEARCH, tmp_path / "cut", quiet=True)

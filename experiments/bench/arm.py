@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import mujoco
 import numpy as np
 
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.backend import compiler_options
-from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.execute import execute
 from jaxidl.systems.arm import JOINTS, arm, inverse_dynamics_in_c
 

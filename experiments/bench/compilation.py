@@ -16,12 +16,12 @@ SWEEP = "--controllers pid --gains low --noise 5e-4 --friction 5 --stiction 5 --
 def child() -> None:
     """Compile every program that the whole grid needs; print how many compilations XLA made of them, and the seconds."""
     import jax
+    from jaxidl.sweep.chunks import chunks, layout
+    from jaxidl.sweep.run import inputs_of, program
 
     from jaxidl.backend import choose_devices
-    from jaxidl.learning.paper import PaperStudy
-    from jaxidl.sweep.chunks import chunks, layout
-    from jaxidl.sweep.grid import Grid
-    from jaxidl.sweep.run import inputs_of, program
+    from jaxidl.paper.grid import Grid
+    from jaxidl.paper.study import PaperStudy
 
     choose_devices(None)
     jax.config.update("jax_enable_x64", True)

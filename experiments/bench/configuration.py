@@ -12,10 +12,10 @@ import time
 
 import jax
 import numpy as np
-
-from jaxidl.learning.paper import PaperStudy
-from jaxidl.sweep.grid import Grid
 from jaxidl.sweep.run import Kind, inputs_of, program
+
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.study import PaperStudy
 
 jax.config.update("jax_enable_x64", True)
 PAPERS_PROGRAM = (127.0, 184.0)  # [core-seconds]

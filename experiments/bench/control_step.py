@@ -12,7 +12,7 @@ import numpy as np
 
 from jaxidl.backend import compiler_options
 from jaxidl.learning.execute import execute
-from jaxidl.learning.paper import Condition, PaperStudy
+from jaxidl.paper.study import Condition, PaperStudy
 
 jax.config.update("jax_enable_x64", True)
 STUDY = PaperStudy()

@@ -20,12 +20,12 @@ def child(devices: int, chunks: int) -> None:
     import time
 
     import jax
+    from jaxidl.sweep.chunks import Chunk, dispatch
+    from jaxidl.sweep.run import Kind
 
     from jaxidl.backend import choose_devices
-    from jaxidl.learning.paper import PaperStudy
-    from jaxidl.sweep.chunks import Chunk, dispatch
-    from jaxidl.sweep.grid import Grid
-    from jaxidl.sweep.run import Kind
+    from jaxidl.paper.grid import Grid
+    from jaxidl.paper.study import PaperStudy
 
     choose_devices(devices)
     jax.config.update("jax_enable_x64", True)

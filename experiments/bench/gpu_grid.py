@@ -13,12 +13,12 @@ import time
 import jax
 import numpy as np
 from common import arguments, machine, report
-
-from jaxidl.learning.paper import PaperStudy
 from jaxidl.sweep import run as programs
 from jaxidl.sweep.chunks import Chunk, chunks, layout, without_padding
-from jaxidl.sweep.grid import Grid
 from jaxidl.sweep.run import inputs_of, program
+
+from jaxidl.paper.grid import Grid
+from jaxidl.paper.study import PaperStudy
 
 jax.config.update("jax_enable_x64", True)
 

@@ -13,13 +13,13 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.backend import compiler_options, keep_programs
-from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.execute import execute
 from jaxidl.learning.iterate import learn
-from jaxidl.learning.paper import Condition, PaperStudy, draw_noise
-from jaxidl.learning.vary import varied
 from jaxidl.models import Training
+from jaxidl.paper.study import Condition, PaperStudy, draw_noise
+from jaxidl.paper.vary import varied
 from jaxidl.systems.arm import JOINTS
 
 jax.config.update("jax_enable_x64", True)

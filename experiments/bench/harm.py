@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from jaxidl.sweep.launch import identity
+from jaxidl.sweep.store import Store
 
 from jaxidl import Grid, Label, PaperStudy
 from jaxidl.errors import StoreError
-from jaxidl.sweep.launch import identity
-from jaxidl.sweep.results import read
-from jaxidl.sweep.store import Store
+from jaxidl.paper.runs import read_results
 
 GRID = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (10,), (1, 2, 3, 4, 5, 6), ("joint",), 2)
 WORDS = ["--controllers", "pid", "--noise", "1e-4", "8e-4", "--friction", "5", "--stiction", "5", "--epochs", "10"]
@@ -141,7 +141,7 @@ class Whole(NamedTuple):
     def unlike(self, out: Path) -> str:
         """How the results at ``out`` differ from these, or what else lies there; nothing if all is well."""
         try:
-            ours, theirs = read(self.out), read(out)
+            ours, theirs = read_results(self.out), read_results(out)
         except StoreError as error:
             return str(error)
         litter = [entry.name for entry in out.parent.iterdir() if out.name in entry.name and entry != out]
@@ -222,11 +222,11 @@ def harm_parts(parts: dict[str, bytes], folder: Path, count: int, chance: random
 
 def harm_results(out: Path, folder: Path, count: int, chance: random.Random) -> Counter:
     """What reading makes of that many damaged results files."""
-    sound, content, found = read(out), out.read_bytes(), Counter()
+    sound, content, found = read_results(out), out.read_bytes(), Counter()
     for _ in range(count):
         (folder / "harmed.nc").write_bytes(harmed(content, chance))
         try:
-            data = read(folder / "harmed.nc")
+            data = read_results(folder / "harmed.nc")
         except StoreError:
             found["detected"] += 1
             continue

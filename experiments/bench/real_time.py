@@ -10,7 +10,7 @@ pin_to_one_core()
 import jax
 
 from jaxidl.arm.real_time import rows
-from jaxidl.learning.arm import ArmStudy
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.learning.deploy import export_feedforward
 from jaxidl.systems.arm import arm
 

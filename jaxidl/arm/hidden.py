@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxidl.arm.setup import GOALS, ArmStudy, Hidden
 from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
 from jaxidl.gap.additions import additions
@@ -22,7 +23,6 @@ from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.library import rms
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import build
-from jaxidl.learning.arm import GOALS, ArmStudy, Hidden
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.logs.log import read
 from jaxidl.logs.signals import prepare

@@ -7,10 +7,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.learning.arm import GOALS, ArmStudy, Load, learn_arm
-from jaxidl.sweep.launch import wait
-from jaxidl.sweep.parts import Arrays
-from jaxidl.sweep.run import MATMUL_PRECISION
+from jaxidl.arm.setup import GOALS, ArmStudy, Load, learn_arm
+from jaxidl.backend import MATMUL_PRECISION
+from jaxidl.jobs.programs import Arrays, wait
 
 NOISE = 1e-5  # of the encoders [rad]
 

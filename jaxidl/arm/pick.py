@@ -8,13 +8,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.backend import compiler_options
+from jaxidl.arm.setup import ArmStudy, Hidden, Load, learn_arm
+from jaxidl.backend import MATMUL_PRECISION, compiler_options
 from jaxidl.errors import ConfigurationError
-from jaxidl.learning.arm import ArmStudy, Hidden, Load, learn_arm
+from jaxidl.jobs.programs import Arrays, wait
 from jaxidl.learning.execute import desired_trajectory, execute
-from jaxidl.sweep.launch import wait
-from jaxidl.sweep.parts import Arrays
-from jaxidl.sweep.run import MATMUL_PRECISION
 from jaxidl.systems.arm import JOINTS, flange, reach
 
 PICK, PLACE = np.array([0.50, -0.25, 0.12]), np.array([0.45, 0.30, 0.12])  # of the flange when the tool stands on the table [m]

@@ -1,7 +1,6 @@
 """All experiments on the arm, one after the other; what is finished stays, and an interrupted run continues."""
 
 import json
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -11,21 +10,22 @@ from typing import Any
 import jax
 import numpy as np
 import xarray as xr
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.arm import EXPERIMENTS, hidden, limits, pick, study
 from jaxidl.arm.found import as_text as gap_as_text
 from jaxidl.arm.real_time import latency
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.arm.table import as_text, falls, ranking
+from jaxidl.backend import PRECISION
 from jaxidl.errors import StoreError, one_of
 from jaxidl.files import as_json, write_bytes
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.learning.arm import ArmStudy
+from jaxidl.jobs import Pieces
+from jaxidl.jobs.pieces import Arrays
+from jaxidl.jobs.progress import Bar
+from jaxidl.jobs.provenance import provenance, revision
 from jaxidl.models import Training
-from jaxidl.sweep.launch import STOP
-from jaxidl.sweep.parts import Arrays, Parts
-from jaxidl.sweep.provenance import PRECISION, provenance, revision
+from jaxidl.stop import STOP
 
 FEEDFORWARD = "feedforward.jaxexport"
 PICKED = ("joint", "direct")  # data that pick and place learns from: the paper's, and the ones that do best here
@@ -67,30 +67,24 @@ Keep = Callable[[Diagnosis, Path], object]
 
 
 class Job:
-    """Pieces of a run: computed if they are not there, and counted; ``say`` is told what is being done."""
+    """Pieces of a run: computed if they are not there, and counted on a bar that says what is being done."""
 
-    def __init__(self, run: ArmRun, out: Path, parts: Parts, step: Callable[[], None], say: Callable[[str], None], keep: Keep):
-        self.run, self.out, self.parts, self.step, self.say, self.keep = run, out, parts, step, say, keep
+    def __init__(self, run: ArmRun, out: Path, pieces: Pieces, bar: Bar, keep: Keep):
+        self.run, self.out, self.pieces, self.bar, self.keep = run, out, pieces, bar, keep
 
     def piece(self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None) -> Arrays:
         """The piece ``name``, which the study determines, or else the settings ``of``."""
-        parts = self.parts if of is None else self.parts.of({**of, "precision": PRECISION})
-        found = parts.load(name)
+        pieces = self.pieces if of is None else self.pieces.of({**of, "precision": PRECISION})
+        found = pieces.load(name)
         if found is None:
             if STOP.is_set():
                 raise KeyboardInterrupt
-            parts.save(name, make())
-            found = parts.load(name)
+            pieces.save(name, make())
+            found = pieces.load(name)
         if found is None:
-            raise StoreError(f"to read back {name} in {parts.folder}", "something else", "run it again")
-        self.step()
+            raise StoreError(f"to read back {name} in {pieces.folder}", "something else", "run it again")
+        self.bar.advance()
         return found
-
-    def study(self) -> dict[str, Any]:
-        """Ten executions for every source, noise and kind of acceleration."""
-        study.run_study(self.run.arm, self.run.grid, self.parts, self.step)
-        data = study.assemble(self.run.arm, self.run.grid, self.parts)
-        return {"ranking": ranking(data), "falls": falls(data), "data": data}
 
     def pick(self) -> dict[str, Any]:
         """Pick and place at the lowest rate that lifts the tool."""
@@ -131,7 +125,9 @@ class Job:
     def gap(self) -> dict[str, Any]:
         """What the gap workflow finds of what is hidden."""
         logged = self.run.logged
-        find = partial(hidden.find, logged, self.out / "gap", self.keep, lambda what, share: self.say(f"gap: {what}"))
+        find = partial(
+            hidden.find, logged, self.out / "gap", self.keep, lambda what, share: self.bar.advance(0.0, what=f"gap: {what}")
+        )
         of = {"logged": asdict(logged), "arm": logged.study().to_dict()}
         found = self.piece("gap", lambda: {"report": np.array(json.dumps(find()))}, of)
         return json.loads(str(found["report"]))
@@ -163,34 +159,27 @@ def run_all(
     for name in experiments:
         if earlier["settings"].get(name, settings[name]) != settings[name]:
             raise StoreError(f"results of the same settings in {out}", f"others of {name}", "choose another --out")
-    runs = sum(1 for _ in run.grid.labels())
-    counts = {
-        "study": runs,
-        "pick": 1 + len(PICKED) * len(run.task.seeds),
-        "limits": 2 * len(run.laps.seeds),
-        "latency": 2,
-        "gap": 1,
-    }
+    counts = {"pick": 1 + len(PICKED) * len(run.task.seeds), "limits": 2 * len(run.laps.seeds), "latency": 2, "gap": 1}
     result: dict[str, Any] = {}
     code = revision()  # as it is now: the code on disk may change while this runs
-    with jax.enable_x64(True), Parts(out / "parts", run.identity()) as parts, _progress(quiet) as bar:
-        task = bar.add_task("", total=sum(counts[name] for name in experiments))
-        say = lambda what: bar.update(task, description=what)  # noqa: E731
-        job = Job(run, out, parts, partial(_step, bar, task, quiet), say, keep)
-        for name in dict.fromkeys(experiments):
-            say(name)
-            result[name] = getattr(job, name)()
-    result["about"] = provenance() | {"revision": code, "title": "The robot experiments on a simulated arm"}
+    with jax.enable_x64(True), Pieces(out / "parts", run.identity()) as pieces:
+        if "study" in experiments:
+            data = study.run_study(run.arm, run.grid, out / "study.nc", run.identity(), quiet)
+            result["study"] = {"ranking": ranking(data), "falls": falls(data), "data": study.thinned(data)}
+        others = [name for name in dict.fromkeys(experiments) if name != "study"]
+        if others:
+            with Bar("", sum(counts[name] for name in others), quiet=quiet) as bar:
+                job = Job(run, out, pieces, bar, keep)
+                for name in others:
+                    bar.advance(0.0, what=name)
+                    result[name] = getattr(job, name)()
+    result["about"] = provenance() | {
+        "precision": PRECISION,
+        "revision": code,
+        "title": "The robot experiments on a simulated arm",
+    }
     _write(out, run, result)
     return result
-
-
-def _step(bar: Progress, task: TaskID, quiet: bool) -> None:
-    """One piece more; a log file, which has no moving bar, is told as a line."""
-    bar.advance(task)
-    if not (bar.console.is_terminal or quiet):
-        now = bar.tasks[0]
-        print(f"{now.completed:.0f}/{now.total:.0f} pieces done ({now.description})", file=sys.stderr, flush=True)
 
 
 def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
@@ -231,8 +220,3 @@ def headline_of(data: xr.Dataset) -> xr.Dataset:
     acceleration = HEADLINE[0] if HEADLINE[0] in data.acceleration.values else data.acceleration.values[0]
     nearest = int(np.argmin(np.abs(data.noise.values - HEADLINE[1])))
     return data.sel(acceleration=acceleration).isel(noise=nearest)
-
-
-def _progress(quiet: bool) -> Progress:
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    return Progress(*columns, console=Console(stderr=True), disable=quiet, speed_estimate_period=600)

@@ -1,45 +1,43 @@
 """The quantitative experiment: ten executions, every source, several noise levels, causal and zero-phase accelerations."""
 
-import itertools
-import time
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cache
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import xarray as xr
-from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Array, Bool, Float
 
-from jaxidl.backend import compiler_options
-from jaxidl.errors import ConfigurationError, StoreError, one_of
-from jaxidl.learning.arm import ACCELERATIONS, ArmStudy, feedback_mse, learn_arm
+from jaxidl import jobs
+from jaxidl.arm.setup import ACCELERATIONS, ArmStudy, feedback_mse, learn_arm
+from jaxidl.backend import MATMUL_PRECISION
+from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.jobs import Variable
+from jaxidl.jobs.programs import Arrays, wait
 from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.learning.sources import SOURCES
-from jaxidl.sweep.launch import wait
-from jaxidl.sweep.parts import Arrays, Parts
-from jaxidl.sweep.run import MATMUL_PRECISION
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import Trajectory
 
 WIDTH = {"cpu": 1}  # runs side by side: a core keeps one run's weights in its cache; elsewhere all seeds
 EVERY = 4  # steps between the instants of stored traces
-META = {
-    "feedback_mse": {"units": "N2 m2", "long_name": "mean squared applied feedback"},
-    "feedback_mse_joint": {"units": "N2 m2", "long_name": "mean squared applied feedback of each joint"},
-    "path_error": {"units": "rad", "long_name": "mean |position - desired path|"},
-    "feedforward_peak": {"units": "N m", "long_name": "largest torque of the error model"},
-    "model_error_rms": {"units": "N m", "long_name": "what the modelled arm truly lacks along the way, root mean square"},
-    "unpredicted_rms": {"units": "N m", "long_name": "the same less what the error model says"},
-    "finite": {"units": "1", "long_name": "stayed everything finite, the training before it included?"},
-    "feedback_trace": {"units": "N m", "long_name": "applied feedback of the first and the last execution"},
-    "model_error_trace": {"units": "N m", "long_name": "what the modelled arm truly lacks in the last execution"},
-    "feedforward_trace": {"units": "N m", "long_name": "what the error model says in the last execution"},
+RUN, JOINT = ("iteration",), ("iteration", "joint")
+VARIABLES = {
+    "feedback_mse": Variable(RUN, "N2 m2", "mean squared applied feedback"),
+    "feedback_mse_joint": Variable(JOINT, "N2 m2", "mean squared applied feedback of each joint"),
+    "path_error": Variable(RUN, "rad", "mean |position - desired path|"),
+    "feedforward_peak": Variable(RUN, "N m", "largest torque of the error model"),
+    "model_error_rms": Variable(JOINT, "N m", "what the modelled arm truly lacks along the way, root mean square"),
+    "unpredicted_rms": Variable(JOINT, "N m", "the same less what the error model says"),
+    "finite": Variable(RUN, "1", "stayed everything finite, the training before it included?"),
+    "feedback_trace": Variable(("execution", "time", "joint"), "N m", "applied feedback of the first and the last execution"),
+    "model_error_trace": Variable(("time", "joint"), "N m", "what the modelled arm truly lacks in the last execution"),
+    "feedforward_trace": Variable(("time", "joint"), "N m", "what the error model says in the last execution"),
 }
+TRACES = [name for name, about in VARIABLES.items() if "time" in about.dims]
 
 
 @dataclass(frozen=True)
@@ -67,27 +65,12 @@ class ArmGrid:
         if not (self.noise and self.accelerations and self.sources and self.seeds and self.iterations >= 2):
             raise ConfigurationError("a value on every axis and two executions", f"{self}", "add what is missing")
 
-    def labels(self) -> Iterator["Label"]:
-        """All runs, those of one program after the other."""
-        return itertools.starmap(Label, itertools.product(self.accelerations, self.sources, self.noise, self.seeds))
+    def axes(self) -> dict[str, tuple]:
+        """Return the axes by their names in a results file."""
+        return {"acceleration": self.accelerations, "source": self.sources, "noise": self.noise, "seed": self.seeds}
 
 
 QUICK = ArmGrid(noise=(1e-5,), seeds=(1, 2), iterations=4)
-
-
-class Label(NamedTuple):
-    """One run."""
-
-    acceleration: str
-    source: str
-    noise: float
-    seed: int
-
-    @property
-    def name(self) -> str:
-        """Of its piece: runs on direct data, which no estimate made after the execution changes, are the same for both kinds."""
-        acceleration = "any" if self.source == "direct" else self.acceleration
-        return f"{acceleration}-{self.source}-{self.noise!r}-{self.seed}"
 
 
 class Summary(NamedTuple):
@@ -130,77 +113,49 @@ def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite
     )
 
 
-@cache
-def program(study: ArmStudy, source: str, iterations: int, devices: int, width: int) -> Any:
-    """(noise (R,), seeds (R,)) -> :class:`Summary` with leaves (R, ...); devices map over shares, ``width`` side by side."""
-    mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
+@dataclass(frozen=True)
+class ArmLearning:
+    """One learning run on the arm, of ``iterations`` executions: what a sweep computes."""
 
-    def one(run: tuple[Array, Array]) -> Summary:
-        noise, seed = run
+    study: ArmStudy
+    iterations: int
+
+    def __call__(self, *, acceleration: str, source: str, noise: Any, seed: Any) -> dict[str, Array]:
+        """Return :class:`Summary` by name."""
+        study = replace(self.study, acceleration=acceleration)
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs, finite = learn_arm(study, source, noise, jax.random.key(seed), iterations)
-            return summarise(study, noise, runs, finite)
-
-    split, batch = PartitionSpec("runs"), None if width == 1 else width
-    each = lambda *runs: jax.lax.map(one, runs, batch_size=batch)  # noqa: E731
-    share = jax.shard_map(each, mesh=mesh, in_specs=split, out_specs=split, check_vma=False)
-    return jax.jit(share, compiler_options=compiler_options())
+            _, runs, finite = learn_arm(study, source, noise, jax.random.key(seed), self.iterations)
+            return summarise(study, noise, runs, finite)._asdict()
 
 
-def run_study(study: ArmStudy, grid: ArmGrid, parts: Parts, step: Callable[[], None]) -> None:
-    """Compute what ``parts`` has not yet; ``step`` is called after every run."""
-    devices, width = jax.device_count(), WIDTH.get(jax.default_backend(), len(grid.seeds))
-    size = devices * width
-    for acceleration, source in itertools.product(grid.accelerations, grid.sources):
-        run = program(replace(study, acceleration=acceleration), source, grid.iterations, devices, width)
-        group = [label for label in grid.labels() if label[:2] == (acceleration, source)]
-        runs = [label for label in group if parts.load(label.name) is None]
-        for _ in range(len(group) - len(runs)):
-            step()
-        for chunk in (runs[at : at + size] for at in range(0, len(runs), size)):
-            padded = [*chunk, *[chunk[-1]] * (size - len(chunk))]
-            began = time.monotonic()
-            noise, seeds = np.array([x.noise for x in padded], float), np.array([x.seed for x in padded], np.uint32)
-            found = wait(run(noise, seeds))
-            for k, label in enumerate(chunk):
-                arrays = {name: np.asarray(value[k]) for name, value in found._asdict().items()}
-                parts.save(label.name, arrays | {"seconds": np.array((time.monotonic() - began) / len(chunk))})
-                step()
+def run_study(study: ArmStudy, grid: ArmGrid, out: Path, identity: dict[str, Any], quiet: bool = False) -> xr.Dataset:
+    """Run what ``out`` does not hold yet: dims (acceleration, source, noise, seed, ...) of :data:`VARIABLES`.
+
+    Runs on direct data, which no estimate made after the execution changes, are the same for all kinds of acceleration.
+    """
+    width = WIDTH.get(jax.default_backend(), len(grid.seeds))
+    first = grid.accelerations[0]
+    coords = {"iteration": np.arange(grid.iterations), "joint": np.arange(JOINTS) + 1, "execution": [0, grid.iterations - 1]}
+    time = ("time", np.arange(0, study.steps, EVERY) * study.dt, {"units": "s"})
+    return jobs.sweep(
+        ArmLearning(study, grid.iterations),
+        grid.axes(),
+        out,
+        static=("acceleration", "source"),
+        inputs=lambda at: {"seed": np.uint32(at["seed"])},
+        settings=identity,
+        variables=VARIABLES,
+        coords={**coords, "time": time, "noise": ("noise", list(grid.noise), {"units": "rad"})},
+        alike=lambda at: {**at, "acceleration": first} if at["source"] == "direct" else at,
+        per_device=width,
+        width=width,
+        quiet=quiet,
+    )
 
 
-def assemble(study: ArmStudy, grid: ArmGrid, parts: Parts) -> xr.Dataset:
-    """Labelled results of all runs: dims (acceleration, source, noise, seed, iteration), traces of the first seed only."""
-    dims = ("acceleration", "source", "noise", "seed")
-    shape = len(grid.accelerations), len(grid.sources), len(grid.noise), len(grid.seeds)
-    runs = [_needed(parts, label) for label in grid.labels()]
-    over = {"feedback_mse": "iteration", "path_error": "iteration", "feedforward_peak": "iteration"}
-    over |= {"finite": "iteration", "feedback_mse_joint": "iteration joint"}
-    over |= {"model_error_rms": "iteration joint", "unpredicted_rms": "iteration joint"}
-    variables = {}
-    for name, inner in over.items():
-        values = np.stack([run[name] for run in runs])
-        variables[name] = ((*dims, *inner.split()), values.reshape(*shape, *values.shape[1:]), META[name])
-    traces = {"feedback_trace": "execution time joint", "model_error_trace": "time joint", "feedforward_trace": "time joint"}
-    for name, inner in traces.items():
-        values = np.stack([run[name] for run in runs]).astype(np.float32)
-        values = values.reshape(*shape, *values.shape[1:])[:, :, :, 0]
-        variables[name] = ((*dims[:3], *inner.split()), values, META[name])
-    coords = {"acceleration": list(grid.accelerations), "source": list(grid.sources), "noise": list(grid.noise)}
-    coords |= {"seed": list(grid.seeds), "iteration": np.arange(grid.iterations), "joint": np.arange(JOINTS) + 1}
-    coords |= {"execution": [0, grid.iterations - 1], "time": np.arange(0, study.steps, EVERY) * study.dt}
-    data = xr.Dataset(variables, coords)
-    data["noise"].attrs["units"] = "rad"
-    data["time"].attrs["units"] = "s"
-    seconds = {label.name: float(run["seconds"]) for label, run in zip(grid.labels(), runs, strict=True)}
-    data.attrs["seconds"] = sum(seconds.values())  # runs on direct data are counted once
-    return data
-
-
-def _needed(parts: Parts, label: Label) -> Arrays:
-    found = parts.load(label.name)
-    if found is None:
-        raise StoreError(f"a finished run {label.name}", "none", "run it again")
-    return found
+def thinned(data: xr.Dataset) -> xr.Dataset:
+    """Return the results with traces of the first seed only, in single precision."""
+    return data.assign({name: data[name].isel(seed=0, drop=True).astype(np.float32) for name in TRACES})
 
 
 def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:

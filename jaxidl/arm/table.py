@@ -4,20 +4,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-import scipy.stats
 import xarray as xr
 
-LEVEL = 0.95  # of the intervals
+from jaxidl.jobs.statistics import geometric
 
 
 def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
-    """Geometric mean of positive ``values`` (N,) and its 95 % interval by Student's t on logarithms; NaN with fewer than two."""
-    logs = np.log(np.asarray(values, float))
-    if not len(logs):
-        return np.nan, np.nan, np.nan
-    middle, n = logs.mean(), len(logs)
-    half = scipy.stats.t.ppf((1.0 + LEVEL) / 2.0, n - 1) * logs.std(ddof=1) / np.sqrt(n) if n > 1 else np.nan
-    return float(np.exp(middle)), float(np.exp(middle - half)), float(np.exp(middle + half))
+    """Return the geometric mean of positive ``values`` (N,) and its 95 % interval; NaN where there are too few."""
+    mean = geometric(np.asarray(values, float))
+    return (np.nan, np.nan, np.nan) if mean is None else (mean.value, *(mean.interval or (np.nan, np.nan)))
 
 
 def ranking(data: xr.Dataset) -> list[dict[str, Any]]:

@@ -8,10 +8,11 @@ import xarray as xr
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jaxidl.jobs.statistics import geometric
+from jaxidl.paper.ablation import axes as axes_of
+from jaxidl.paper.ablation import chosen, final, panels_of
+from jaxidl.paper.runs import DIMS
 from jaxidl.plot.style import CONTROLLER_NAME, SOURCE_STYLE, house_style, save
-from jaxidl.sweep.ablation import axes as axes_of
-from jaxidl.sweep.ablation import chosen, final, geometric, panels_of
-from jaxidl.sweep.results import DIMS
 
 WORDS = {
     "learner_gain": "learner's gain kp [N/m]",

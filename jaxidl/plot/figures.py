@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxidl.errors import StoreError
-from jaxidl.learning.paper import PaperStudy
+from jaxidl.paper.grid import AXES, Grid
+from jaxidl.paper.runs import settings_of
+from jaxidl.paper.study import PaperStudy
+from jaxidl.paper.view import LAST
 from jaxidl.plot import panels
 from jaxidl.plot.style import CONTROLLER_NAME, house_style, save
-from jaxidl.sweep.grid import AXES, QUICK, Grid
-from jaxidl.sweep.launch import settings_of
-from jaxidl.sweep.view import LAST
 
 
 def finite(data: xr.Dataset, variable: str) -> xr.DataArray:
@@ -47,7 +47,7 @@ def _coverage(data: xr.Dataset) -> str:
         return "whole study"
     if is_grid(Grid(), but="seeds"):
         return "all settings"
-    return "QUICK STUDY" if is_grid(QUICK) else "part of the grid"
+    return "QUICK STUDY" if is_grid(Grid.quick()) else "part of the grid"
 
 
 def illustration(data: xr.Dataset) -> Figure:

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Integer
 
+from jaxidl.arm.setup import ArmStudy
 from jaxidl.control import Doomed, FeedbackLaw, Pid, PidGains
 from jaxidl.effects import EncoderQuantisation
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.learning.arm import ArmStudy
 from jaxidl.learning.iterate import Metrics, learn
-from jaxidl.learning.paper import CONTROLLERS, GAINS, Condition, PaperStudy
 from jaxidl.models import ErrorModel, Training
+from jaxidl.paper.grid import CONTROLLERS, GAINS
+from jaxidl.paper.study import Condition, PaperStudy
 from jaxidl.systems.arm import JOINTS
 from jaxidl.systems.free import pieces
 

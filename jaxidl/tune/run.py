@@ -8,12 +8,13 @@ from typing import Any
 import jax
 import numpy as np
 from jaxtyping import Float
-from scipy import stats
 
+from jaxidl.backend import PRECISION
 from jaxidl.files import as_json, write_bytes
-from jaxidl.sweep.launch import progress_bar
-from jaxidl.sweep.parts import Arrays, Parts
-from jaxidl.sweep.provenance import PRECISION, provenance, revision
+from jaxidl.jobs import Pieces, geometric
+from jaxidl.jobs.pieces import Arrays
+from jaxidl.jobs.progress import Bar
+from jaxidl.jobs.provenance import provenance, revision
 from jaxidl.tune.problem import FACTOR, ROUNDED, SHORT, SMOOTH, Problem
 from jaxidl.tune.search import LONGEST, RATE, WEIGHT, Search, Trail, as_it_is, descend, judged, sample
 
@@ -41,11 +42,10 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
     total = 2 * search.points(problem) + 1
     with (
         jax.enable_x64(True),
-        Parts(out / "points", identity | {"search": searched, "fixed": fixed}) as parts,
-        progress_bar(quiet) as bar,
+        Pieces(out / "points", identity | {"search": searched, "fixed": fixed}) as parts,
+        Bar("learning runs", total * search.seeds, quiet=quiet) as bar,
     ):
-        task = bar.add_task("learning runs", total=total * search.seeds, count="")
-        tick: Callable[[int], None] = lambda runs: bar.update(task, advance=runs * search.seeds)  # noqa: E731
+        tick: Callable[[int], None] = lambda runs: bar.advance(runs * search.seeds)  # noqa: E731
         at = as_it_is(problem, search, parts)
         tick(1)
         limit = float(np.mean(at["effort"])) if bound is None else float(np.log(bound))
@@ -63,6 +63,7 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
         "compared": {f"{a} / {b}": compared(fresh[a], fresh[b]) for a, b in PAIRS},
         "over_bound": mean_ratio(fresh["gradient"]["effort"][0] - limit),
         **provenance(),
+        "precision": PRECISION,
         "git_revision": revision(),
     }
     write_bytes(out / "tune.json", (as_json(result) + "\n").encode())
@@ -93,13 +94,11 @@ def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
 
     What is not finite is left out of mean and interval; None where fewer than two are left.
     """
-    known = logs[np.isfinite(logs)]
+    known = geometric(np.exp(logs[np.isfinite(logs)]))
     found: dict[str, Any] = {"ratio": None, "interval": None, "seeds": len(logs)}
     found |= {"wins": int((logs < 0).sum()), "not_finite": int((~(logs < np.inf)).sum())}
-    if len(known) > 1:
-        half = stats.t.ppf(0.975, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
-        low, found["ratio"], high = (float(np.exp(known.mean() + side * half)) for side in (-1, 0, 1))
-        found["interval"] = [low, high]
+    if known is not None and known.interval is not None:
+        found |= {"ratio": known.value, "interval": list(known.interval)}
     return found
 
 

@@ -15,14 +15,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.sharding import Mesh, PartitionSpec
 from jaxtyping import Float, Integer
 
-from jaxidl.backend import compiler_options
 from jaxidl.errors import ConfigurationError
+from jaxidl.jobs import Pieces
+from jaxidl.jobs.programs import Arrays, mapped, wait
 from jaxidl.models.training import adam
-from jaxidl.sweep.launch import wait
-from jaxidl.sweep.parts import Arrays, Parts
 from jaxidl.tune.problem import Outcome, Problem
 
 WEIGHT = 30.0  # of the squared log excess over the bound in what is descended
@@ -73,7 +71,7 @@ class Trail:
         return int(np.lexsort((error, over))[0])
 
 
-def descend(problem: Problem, search: Search, bound: float, parts: Parts, tick: Callable[[int], None]) -> Trail:
+def descend(problem: Problem, search: Search, bound: float, parts: Pieces, tick: Callable[[int], None]) -> Trail:
     """Projected Adam on error + WEIGHT · max(0, effort − limit)², both in logarithms and of the smooth form.
 
     Its limit is as far from its effort at the beginning as ``bound`` is from the true plant's.
@@ -113,7 +111,7 @@ def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
     return np.mean(slopes * np.minimum(1.0, LONGEST / np.maximum(norm, 1e-12)), axis=0)
 
 
-def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int], None]) -> Trail:
+def sample(problem: Problem, search: Search, parts: Pieces, tick: Callable[[int], None]) -> Trail:
     """Random search: the law as it is, then points drawn evenly between the bounds."""
     low, high = problem.bounds()
     draws = np.random.default_rng(search.seed).uniform(low, high, (search.points(problem), len(low)))
@@ -132,7 +130,7 @@ def sample(problem: Problem, search: Search, parts: Parts, tick: Callable[[int],
     return _trail(draws, rows)
 
 
-def as_it_is(problem: Problem, search: Search, parts: Parts) -> Arrays:
+def as_it_is(problem: Problem, search: Search, parts: Pieces) -> Arrays:
     """:func:`judged` of the law as it is; kept, for it says what the bound is."""
     piece = parts.load("start")
     if piece is None:
@@ -153,7 +151,7 @@ def judged(problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np
 @cache
 def values(problem: Problem) -> Callable[..., Any]:
     """Compiled: points (N, P) and seeds (N,) -> outcomes (N,)."""
-    return _spread(lambda logs, seed: problem.run(logs, seed), 2)
+    return _spread(lambda logs, seed: problem.run(logs, seed))
 
 
 @cache
@@ -164,23 +162,18 @@ def gradients(problem: Problem) -> Callable[..., Any]:
         out = problem.run(logs, seed, True, problem.mode)
         return out.error + WEIGHT * jnp.maximum(out.effort - limit, 0.0) ** 2, out.effort
 
-    each = _spread((jax.jacfwd if problem.mode == "forward" else jax.grad)(penalised, has_aux=True), 3)
+    each = _spread((jax.jacfwd if problem.mode == "forward" else jax.grad)(penalised, has_aux=True))
     return lambda logs, seeds, limit: each(np.tile(logs, (len(seeds), 1)), seeds, np.full(len(seeds), limit))
 
 
-def _spread(one: Callable[..., Any], arguments: int) -> Callable[..., Any]:
+def _spread(one: Callable[..., Any]) -> Callable[..., Any]:
     """``one`` mapped over the rows of its arguments, shared out over all devices; padded to a multiple of them."""
-    devices = jax.devices()
-    split = PartitionSpec("rows")
-    share = lambda *rows: jax.lax.map(lambda row: one(*row), rows)  # noqa: E731
-    shards = jax.shard_map(
-        share, mesh=Mesh(np.array(devices), ("rows",)), in_specs=(split,) * arguments, out_specs=split, check_vma=False
-    )
-    program = jax.jit(shards, compiler_options=compiler_options())
+    devices = len(jax.devices())
+    program = mapped(lambda row: one(*row), devices)
 
     def call(*rows: Any) -> Any:
         count = len(rows[0])
-        padded = [np.concatenate([row, np.repeat(row[-1:], -count % len(devices), axis=0)]) for row in rows]
-        return jax.tree.map(lambda leaf: leaf[:count], program(*padded))
+        padded = tuple(np.concatenate([row, np.repeat(row[-1:], -count % devices, axis=0)]) for row in rows)
+        return jax.tree.map(lambda leaf: leaf[:count], program(padded))
 
     return call

@@ -3,16 +3,12 @@
 import csv
 import io
 import json
-import multiprocessing
-import os
 import shutil
 import time
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
+from functools import partial
 from pathlib import Path
 from typing import Any
-
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from jaxidl.errors import ConfigurationError, JaxidlError, one_of
 from jaxidl.files import as_json, write_bytes
@@ -21,6 +17,7 @@ from jaxidl.gap.benchmark.calibration import training_rows
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
 from jaxidl.gap.benchmark.robots import Robot, robots, store
 from jaxidl.gap.benchmark.score import score
+from jaxidl.jobs.pool import each
 
 FAMILIES = ("single", "none", "pair", "outside", "robot")
 SEVERITIES = ("weak", "medium", "clear")
@@ -159,22 +156,13 @@ def judge_case(case: AnyCase, out: Path) -> None:
 
 
 def _each(work: Callable[[AnyCase, Path], None], cases: list[AnyCase], out: Path, processes: int, done: Any) -> None:
-    """Do ``work`` for each case that is not ``done``, in processes, with a bar that says how long it will take."""
+    """Do ``work`` for each case that is not ``done``, in processes."""
     left = [case for case in cases if not done(case)]
-    bar = (TextColumn("hidden cases"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
-    with Progress(*bar, speed_estimate_period=600) as progress:
-        task = progress.add_task("cases", total=len(cases), completed=len(cases) - len(left))
-        with ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"), _one_core) as pool:
-            waiting = {pool.submit(work, case, out) for case in left}
-            try:
-                while waiting:
-                    ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                    for future in ready:
-                        future.result()
-                    progress.advance(task, len(ready))
-            except BaseException:
-                pool.shutdown(wait=False, cancel_futures=True)
-                raise
+    each(partial(_at, work, out), left, processes, "hidden cases", len(cases))
+
+
+def _at(work: Callable[[AnyCase, Path], None], out: Path, case: AnyCase) -> None:
+    work(case, out)
 
 
 def _claim(out: Path, root: int) -> None:
@@ -210,9 +198,3 @@ def _made(out: Path, case: AnyCase) -> bool:
 
 def _report(out: Path, case: AnyCase) -> Path:
     return out / "reports" / f"{case.id}.json"
-
-
-def _one_core() -> None:
-    """Processes share the cores already: threads within them only get into each other's way."""
-    os.environ["JAX_PLATFORMS"] = "cpu"
-    os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"

@@ -1,0 +1,131 @@
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | tune | arm | gap | …``.
+
+Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130. One module
+for each command; what is heavy (JAX, MuJoCo, matplotlib) is imported when a command runs, so that help is there at once.
+"""
+
+import contextlib
+import functools
+import io
+import itertools
+import os
+import re
+import signal
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+import tyro
+
+from jaxidl import __version__
+from jaxidl.cli.ablate import ablate
+from jaxidl.cli.arm import arm
+from jaxidl.cli.bench import bench
+from jaxidl.cli.gap import gap, gap_benchmark
+from jaxidl.cli.simulate import simulate
+from jaxidl.cli.study import claims, figures, reproduce
+from jaxidl.cli.sweep import sweep
+from jaxidl.cli.tune import tune
+from jaxidl.errors import ConfigurationError, JaxidlError
+from jaxidl.stop import STOP
+
+COMMANDS = {
+    "simulate": simulate,
+    "sweep": sweep,
+    "figures": figures,
+    "claims": claims,
+    "reproduce": reproduce,
+    "ablate": ablate,
+    "tune": tune,
+    "arm": arm,
+    "gap": gap,
+    "gap-benchmark": gap_benchmark,
+    "bench": bench,
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run one command; return its exit status."""
+    STOP.clear()
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a file name that the terminal cannot show is no reason to fail
+        sys.stdout.reconfigure(errors="backslashreplace")
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _stop)
+    try:
+        run = _parse(sys.argv[1:] if arguments is None else arguments)
+        if run is not None:
+            from jaxidl.backend import keep_programs  # JAX: not for a help text
+
+            keep_programs()
+            run()
+            sys.stdout.flush()
+    except JaxidlError as error:
+        print(f"jaxidl: {error}", file=sys.stderr)
+        return 2
+    except BrokenPipeError:  # the reader, `head` for one, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except BaseException:
+        if not STOP.is_set():
+            raise
+        _leave()
+    return 0
+
+
+def _stop(*_: object) -> None:
+    """Signal handler: the first signal ends the command at the next safe place, the second one at once."""
+    if STOP.is_set():
+        _leave()
+    STOP.set()
+    raise KeyboardInterrupt
+
+
+def _leave() -> NoReturn:
+    print(
+        "jaxidl: interrupted; what is finished of a sweep or benchmark is saved, and the same command continues", file=sys.stderr
+    )
+    sys.stderr.flush()
+    sys.stdout.flush()
+    os._exit(130)  # without waiting for the chunk in flight
+
+
+def _parse(arguments: list[str]) -> Callable[[], None] | None:
+    """The command to run with its values, or None where help or the version was asked for."""
+    if arguments == ["--version"]:
+        print(f"jaxidl {__version__}")
+        return None
+
+    def later(command: Callable[..., None]) -> Callable[..., Callable[[], None]]:
+        @functools.wraps(command)
+        def bound(*args: Any, **values: Any) -> Callable[[], None]:
+            return functools.partial(command, *args, **values)
+
+        return bound
+
+    complaint = io.StringIO()
+    try:
+        with contextlib.redirect_stderr(complaint):
+            return tyro.extras.subcommand_cli_from_dict(
+                {name: later(command) for name, command in COMMANDS.items()},
+                prog="jaxidl",
+                description="Learn inverse dynamics; reproduce the study of the two data sources; "
+                "find what a simulation is missing.",
+                args=arguments,
+            )
+    except SystemExit as stop:
+        if not stop.code:
+            return None
+        raise _unboxed(complaint.getvalue(), arguments) from None
+
+
+def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
+    """tyro explains in a framed box of several lines; ours is one line: what stands between the title and the next ruler.
+
+    Where the terminal's encoding has no frames, a ruler stands below the title, too.
+    """
+    lines = [line.strip("│| \t") for line in box.splitlines()[1:]]
+    ruler = re.compile(r"[─+-]*").fullmatch
+    message = itertools.takewhile(lambda line: not ruler(line), itertools.dropwhile(ruler, lines))
+    known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
+    remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
+    return ConfigurationError("a command line that can be understood", " ".join(message), remedy)

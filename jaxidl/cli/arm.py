@@ -1,0 +1,45 @@
+"""The command ``jaxidl arm``."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from jaxidl.arm import EXPERIMENTS
+
+
+def arm(
+    *,
+    out: Annotated[Path, arg(metavar="DIR")],
+    quick: bool = False,
+    seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
+    noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
+    iterations: int | None = None,
+    experiments: Annotated[tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")] = EXPERIMENTS,
+) -> None:
+    """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted run stopped.
+
+    Args:
+        out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for a robot, and the figures.
+        quick: two seeds, one noise level, four executions, less training: minutes.
+        seeds: run seeds of the study (default: 1 to 5).
+        noise: encoder noise scales of the study [rad].
+        iterations: executions of the study (default: 10).
+        experiments: which of them; the same folder takes the others later.
+    """
+    from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
+    from jaxidl.arm.table import as_text
+    from jaxidl.backend import choose_devices
+    from jaxidl.plot.arm_report import write_arm_figures
+    from jaxidl.report import save
+
+    choose_devices(None)
+    run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
+    given = {"seeds": seeds, "noise": noise, "iterations": iterations}
+    run = replace(run, grid=replace(run.grid, **{name: value for name, value in given.items() if value is not None}))
+    result = arms.run_all(run, out, experiments, keep=save)
+    for path in write_arm_figures(run, result, out):
+        print(f"wrote {path}")
+    if "study" in result:
+        print(as_text(result["study"]["ranking"]))

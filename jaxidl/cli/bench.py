@@ -1,0 +1,64 @@
+"""``jaxidl bench``: the benchmarks of ``experiments/bench``, each in a process of its own."""
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import arg
+
+from jaxidl.errors import ConfigurationError, JaxidlError, one_of
+
+FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "bench"
+BENCHMARKS = (
+    "training_step",
+    "control_step",
+    "configuration",
+    "cores",
+    "growth",
+    "compilation",
+    "gradients",
+    "gap",
+    "arm",
+    "real_time",
+    "reliability",
+)
+
+
+class BenchmarkError(JaxidlError):
+    """A benchmark did not come to its end."""
+
+
+def bench(
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...")] = (), /, *, out: Path = Path("out/bench")
+) -> None:
+    """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap finding, reliability.
+
+    Args:
+        names: which benchmarks (default: all): training_step, control_step, configuration, cores, growth, compilation,
+            gradients, gap, arm, real_time, reliability.
+        out: folder for one JSON file of each.
+    """
+    run_benchmarks(names, out)
+
+
+def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
+    """Run the named benchmarks, or all if none is named, one after the other: tables on the terminal, NAME.json in ``out``.
+
+    Raises:
+        ConfigurationError: for an unknown name, or where the package is installed without its ``experiments``.
+        BenchmarkError: if one fails.
+    """
+    for name in names:
+        if name not in BENCHMARKS:
+            raise one_of("benchmark", name, BENCHMARKS)
+    if not FOLDER.is_dir():
+        got = "an installation without the folder experiments/bench"
+        raise ConfigurationError("a checkout of the repository", got, "clone it and install it with `pip install -e .`")
+    for name in names or BENCHMARKS:
+        print(f"{name} ...", file=sys.stderr, flush=True)
+        done = subprocess.run([sys.executable, FOLDER / f"{name}.py", "--json", out.resolve() / f"{name}.json"], check=False)
+        if done.returncode:
+            got = f"exit status {done.returncode}"
+            raise BenchmarkError(f"benchmark {name} to succeed", got, f"see what it said, or run {FOLDER.name}/{name}.py alone")

@@ -1,0 +1,73 @@
+"""The commands ``jaxidl figures``, ``claims`` and ``reproduce``: what a sweep of the paper's grid says."""
+
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+from tyro.conf import arg
+
+from jaxidl.paper.grid import Grid
+
+
+def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated[Path, arg(metavar="DIR")]) -> None:
+    """Draw the study's figures, or an ablation's, from stored results.
+
+    Args:
+        results: a results file of `jaxidl sweep` or `jaxidl ablate`.
+        out: folder for the PNG and PDF files.
+    """
+    from jaxidl.paper.runs import added, read_results
+    from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
+    from jaxidl.plot.figures import draw_all
+
+    data = read_results(results)
+    for path in draw_ablation(data, out, results.stem) if added(data) else draw_all(data, out):
+        print(f"wrote {path}")
+
+
+def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False, markdown: bool = False) -> None:
+    """Check the paper's statements against stored results.
+
+    Args:
+        results: a results file of `jaxidl sweep`.
+        json: print JSON instead of a table.
+        markdown: print a Markdown table.
+    """
+    from jaxidl.paper.runs import read_results
+    from jaxidl.paper.verdicts import as_json, as_markdown, as_table, check_claims
+
+    rows = check_claims(read_results(results))
+    print(as_json(rows) if json else as_markdown(rows) if markdown else as_table(rows))
+
+
+def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | None = None, overwrite: bool = False) -> None:
+    """The paper's whole simulation study: sweep, then figures and claims.
+
+    Args:
+        quick: one seed of the lowest and highest noise: minutes instead of hours.
+        out: folder; results, figures and claims go into its subfolder "study", or "quick".
+        devices: how many CPU cores or accelerators to use (default: all).
+        overwrite: begin anew; the old results are kept beside the new ones.
+    """
+    from jaxidl.backend import choose_devices  # JAX: not for a help text
+    from jaxidl.paper.runs import run_sweep
+
+    choose_devices(devices)
+    folder = out / ("quick" if quick else "study")
+    run_sweep(Grid.quick() if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite)
+    report(folder / "study.nc", folder)
+
+
+def report(results: Path, out: Path) -> None:
+    """Figures, claims.json and the table of claims from a results file into ``out``."""
+    from jaxidl.files import write_bytes
+    from jaxidl.paper.runs import read_results
+    from jaxidl.paper.verdicts import as_json, as_table, check_claims
+    from jaxidl.plot.figures import draw_all
+
+    data = read_results(results)
+    paths = draw_all(data, out)
+    rows = check_claims(data)
+    write_bytes(out / "claims.json", (as_json(rows) + "\n").encode())
+    print(as_table(rows))
+    print(f"results in {results}, {len(paths)} figures and claims.json in {out}")

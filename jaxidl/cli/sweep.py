@@ -1,0 +1,42 @@
+"""The command ``jaxidl sweep``."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import OmitArgPrefixes, arg
+
+from jaxidl.errors import ConfigurationError
+from jaxidl.jobs.options import Options
+from jaxidl.paper.grid import NOISE_LEVELS, Axes, Grid
+
+
+def sweep(
+    axes: Annotated[Axes, OmitArgPrefixes],
+    running: Annotated[Options, OmitArgPrefixes],
+    *,
+    out: Annotated[Path, arg(metavar="RESULTS.nc")],
+    noise_levels: Annotated[str, arg(metavar="program|printed")] = "program",
+    train_on: Annotated[str, arg(metavar="true_state|sensed_state")] = "true_state",
+) -> None:
+    """Run a grid of learning runs; continue where an interrupted one stopped.
+
+    Args:
+        axes: the grid.
+        running: how it is run.
+        out: where the results go; unfinished ones wait in RESULTS.nc.parts beside it.
+        noise_levels: the four noise scales of the reference program, or those printed in the paper; --noise overrides.
+        train_on: the state that the networks are trained on.
+    """
+    from jaxidl.backend import choose_devices  # JAX: not for a help text
+    from jaxidl.paper.runs import run_sweep
+    from jaxidl.paper.study import PaperStudy
+
+    if noise_levels not in NOISE_LEVELS:
+        raise ConfigurationError("--noise-levels program or printed", repr(noise_levels), "choose one of them")
+    if axes.noise == Axes().noise:
+        axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
+    grid, study = Grid(**vars(axes)), PaperStudy(train_on=train_on)
+    choose_devices(running.devices)
+    run_sweep(grid, out, study, **running.keywords())
+    print(f"wrote {out}")

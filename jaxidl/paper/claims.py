@@ -1,0 +1,199 @@
+"""The paper's statements about its simulation study, each with the ratio that tests it.
+
+Every statistic is a positive ratio for each seed, over all settings that the statement speaks of;
+:mod:`jaxidl.sweep.verdicts` computes it twice, with means and with medians over settings, and judges.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jaxidl.paper.view import View
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement, the ratio that tests it, and the range of the ratio in which it is true."""
+
+    name: str
+    statement: str
+    measure: str
+    statistic: Callable[[View], xr.DataArray]
+    low: float = 0.0
+    high: float = np.inf
+
+
+def _both(name: str, statement: str, measure: str, statistic: Callable, low: float = 0.0, high: float = np.inf) -> list[Claim]:
+    """The same claim for either controller, low gain unless the statistic says otherwise."""
+    return [
+        Claim(f"{name}/{who}", f"{who.upper()}: {statement}", measure, lambda v, who=who: statistic(v, who), low, high)
+        for who in ("pid", "doomed")
+    ]
+
+
+def _low(who: str, source: str, **where: Any) -> dict[str, Any]:
+    return {"controller": who, "gain": "low", "source": source, **where}
+
+
+def _better_other(statistic: Callable[..., xr.DataArray], who: str) -> xr.DataArray:
+    """The indirect or the direct value, whichever is smaller over all seeds together."""
+    values = [statistic(**_low(who, source)) for source in ("indirect", "direct")]
+    return min(values, key=lambda value: float(np.nanmean(np.log(value))))
+
+
+IMPROVES = 0.9  # final / first error below it is an improvement, above it is none
+
+CLAIMS: list[Claim] = [
+    Claim(
+        "indirect-low-pid",
+        "PID: with indirect data and low gain, tracking does not improve",
+        "final / first error",
+        lambda v: v.gain(**_low("pid", "indirect")),
+        low=IMPROVES,
+    ),
+    Claim(
+        "joint-low-pid",
+        "PID: with joint data and low gain, tracking improves",
+        "final / first error",
+        lambda v: v.gain(**_low("pid", "joint")),
+        high=IMPROVES,
+    ),
+    *_both(
+        "direct-low-noise",
+        "with direct data, low gain and low noise, tracking improves",
+        "final / first error at the lowest noise",
+        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[0])),
+        high=IMPROVES,
+    ),
+    *_both(
+        "direct-high-noise",
+        "with direct data, low gain and very high noise, tracking does not improve",
+        "final / first error at the highest noise",
+        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[1])),
+        low=IMPROVES,
+    ),
+    Claim(
+        "indirect-low-doomed",
+        "DOOMED: with indirect data and low gain, tracking improves",
+        "final / first error",
+        lambda v: v.gain(**_low("doomed", "indirect")),
+        high=IMPROVES,
+    ),
+    Claim(
+        "indirect-slower",
+        "DOOMED: indirect data improves tracking more slowly than direct data (low gain, low noise)",
+        "mean error over iterations, indirect / direct at the lowest noise",
+        lambda v: v.area(**_low("doomed", "indirect", noise=v.noises[0])) / v.area(**_low("doomed", "direct", noise=v.noises[0])),
+        low=1.0,
+    ),
+    *_both(
+        "direct-erratic",
+        "with direct data alone, convergence is erratic in very high noise",
+        "rises of the log error between late iterations, direct / joint at the highest noise",
+        lambda v, who: v.rises(**_low(who, "direct", noise=v.noises[1])) / v.rises(**_low(who, "joint", noise=v.noises[1])),
+        low=1.0,
+    ),
+    *_both(
+        "indirect-noise",
+        "noise does not affect learning from indirect data much",
+        "mean error over iterations, highest / lowest noise",
+        lambda v, who: v.area(**_low(who, "indirect", noise=v.noises[1])) / v.area(**_low(who, "indirect", noise=v.noises[0])),
+        low=0.8,
+        high=1.25,
+    ),
+    *_both(
+        "direct-noise",
+        "direct data is affected more by noise than indirect data",
+        "(final error, highest / lowest noise) direct / indirect",
+        lambda v, who: (
+            v.end(**_low(who, "direct", noise=v.noises[1]))
+            / v.end(**_low(who, "direct", noise=v.noises[0]))
+            / (v.end(**_low(who, "indirect", noise=v.noises[1])) / v.end(**_low(who, "indirect", noise=v.noises[0])))
+        ),
+        low=1.0,
+    ),
+    *_both(
+        "joint-consistent",
+        "joint data converges most consistently (low gain)",
+        "final / first error that one run in ten exceeds, joint / better of the others",
+        lambda v, who: v.unreliable(**_low(who, "joint")) / _better_other(v.unreliable, who),
+        high=1.0,
+    ),
+    *_both(
+        "direct-variance",
+        "results of direct data have a higher variance than those of joint data (low gain)",
+        "spread of the log final error over settings, direct / joint",
+        lambda v, who: v.spread(**_low(who, "direct")) / v.spread(**_low(who, "joint")),
+        low=1.0,
+    ),
+    *_both(
+        "joint-ordering",
+        "on average joint data ends with the lowest error (low gain)",
+        "final error, joint / better of the others",
+        lambda v, who: v.end(**_low(who, "joint")) / _better_other(v.end, who),
+        high=1.0,
+    ),
+    *_both(
+        "joint-faster",
+        "joint data converges faster than indirect data (low gain)",
+        "mean error over iterations, joint / indirect",
+        lambda v, who: v.area(**_low(who, "joint")) / v.area(**_low(who, "indirect")),
+        high=1.0,
+    ),
+    Claim(
+        "direct-degrades",
+        "PID: with direct data and low gain, mean tracking degrades again after a few iterations",
+        "final error / lowest before",
+        lambda v: v.end(**_low("pid", "direct")) / v.lowest_before(**_low("pid", "direct")),
+        low=1.0,
+    ),
+    *_both(
+        "indirect-feedback",
+        "with low gain, indirect data needs more feedback torque than joint data",
+        "final applied feedback, indirect / joint",
+        lambda v, who: v.end("feedback_applied", **_low(who, "indirect")) / v.end("feedback_applied", **_low(who, "joint")),
+        low=1.0,
+    ),
+    Claim(
+        "joint-torque",
+        "joint data leads to lower exerted torques than indirect data (low gain, both controllers)",
+        "final commanded torque, joint / indirect",
+        lambda v: v.end("torque", gain="low", source="joint") / v.end("torque", gain="low", source="indirect"),
+        high=1.0,
+    ),
+    *_both(
+        "joint-high-gain",
+        "with high gain, joint data is no worse than indirect data",
+        "final error, joint / indirect (10 % allowed)",
+        lambda v, who: v.end(controller=who, gain="high", source="joint") / v.end(controller=who, gain="high", source="indirect"),
+        high=1.1,
+    ),
+    Claim(
+        "high-gain-less",
+        "with high gain, the advantage of joint over indirect data is less pronounced",
+        "(final error, indirect / joint) low gain / high gain",
+        lambda v: (
+            v.end(gain="low", source="indirect")
+            / v.end(gain="low", source="joint")
+            / (v.end(gain="high", source="indirect") / v.end(gain="high", source="joint"))
+        ),
+        low=1.0,
+    ),
+    *_both(
+        "high-gain-first",
+        "high gain tracks well in the very first execution",
+        "first error, high / low gain",
+        lambda v, who: v.start(controller=who, gain="high") / v.start(controller=who, gain="low"),
+        high=0.5,
+    ),
+    Claim(
+        "single-source-can-win",
+        "there are settings in which a single source does better than both",
+        "share of settings in which joint is not best (5 % count)",
+        lambda v: v.not_best("joint"),
+        low=0.05,
+    ),
+]
