@@ -1,11 +1,19 @@
 """Hostile settings for the whole suite: warnings are errors, silent rank promotion raises, signatures are checked."""
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
 
-os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", "")  # compile everything anew, and leave nobody's cache behind
+# Programs are small and run once: compiled without optimisations, and kept for all workers and child processes of this session
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ and tempfile.mkdtemp(prefix="jaxidl-tests-")
+if OWN_CACHE:
+    os.environ["JAX_COMPILATION_CACHE_DIR"] = OWN_CACHE
+    os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
+    os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
 import jax
 import pytest
@@ -18,6 +26,12 @@ jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as th
 install_import_hook("jaxidl", "beartype.beartype")  # in force for as long as the suite runs
 
 REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
+
+
+def pytest_unconfigure(config):
+    """Leave no cache behind."""
+    if OWN_CACHE:
+        shutil.rmtree(OWN_CACHE, ignore_errors=True)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -16,11 +16,12 @@ SWEEP = "--controllers pid --gains low --noise 5e-4 --friction 5 --stiction 5 --
 def child() -> None:
     """Compile every program that the whole grid needs; print how many compilations XLA made of them, and the seconds."""
     import jax
-    from jaxidl.sweep.chunks import chunks, layout
-    from jaxidl.sweep.run import inputs_of, program
 
     from jaxidl.backend import choose_devices
+    from jaxidl.jobs.points import points
+    from jaxidl.jobs.programs import chunks, layout, program
     from jaxidl.paper.grid import Grid
+    from jaxidl.paper.runs import LearningRun
     from jaxidl.paper.study import PaperStudy
 
     choose_devices(None)
@@ -29,11 +30,12 @@ def child() -> None:
     jax.monitoring.register_event_duration_secs_listener(
         lambda event, _, **about: compiled.append(str(about)) if event.endswith("backend_compile_duration") else None
     )
-    study, grid, plan = PaperStudy(), Grid(), layout(None, None, None)
-    first = {chunk.kind: chunk for chunk in chunks(list(grid.labels()), study, plan.devices, plan.per_device)}
+    grid, plan = Grid(), layout(None, None, None)
+    job = LearningRun(PaperStudy(), grid.iterations).job()
+    first = {chunk.kind: chunk for chunk in chunks(list(points(grid.dims())), job, plan.devices, plan.per_device)}
     began = time.perf_counter()
     for kind, chunk in first.items():
-        program(study, kind, plan.devices, plan.width).lower(inputs_of(chunk.padded(), study, grid.iterations)).compile()
+        program(job.run, kind, plan.devices, plan.width).lower(job.traced(chunk.padded())).compile()
     seconds = time.perf_counter() - began
     print(json.dumps([len(first), sum("share" in name for name in compiled), seconds, len(grid)]))
 
@@ -48,7 +50,7 @@ def compile_all(cache: Path) -> tuple[int, int, float, int]:
 def command(out: Path, cache: Path) -> float:
     """Wall time of a tiny `jaxidl sweep` of all three sources: start-up, three programs and the example's."""
     environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(cache), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3"}
-    words = [sys.executable, "-m", "jaxidl.cli", "sweep", "--out", str(out), *SWEEP.split()]
+    words = [sys.executable, "-m", "jaxidl", "sweep", "--out", str(out), *SWEEP.split()]
     began = time.perf_counter()
     subprocess.run(words, env=environment, capture_output=True, check=True)
     return time.perf_counter() - began

@@ -12,9 +12,11 @@ import time
 
 import jax
 import numpy as np
-from jaxidl.sweep.run import Kind, inputs_of, program
 
+from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import program
 from jaxidl.paper.grid import Grid
+from jaxidl.paper.runs import LearningRun
 from jaxidl.paper.study import PaperStudy
 
 jax.config.update("jax_enable_x64", True)
@@ -24,13 +26,13 @@ PAPERS_PROGRAM = (127.0, 184.0)  # [core-seconds]
 def main() -> None:
     options = arguments(__doc__ or "", rounds=3, epochs=20)
     grid = Grid(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,))
-    study, calls, compiling = PaperStudy(), {}, {}
-    for label in grid.labels():
-        inputs, run = inputs_of([label], study, grid.iterations), program(study, Kind.of(label, study))
+    job, calls, compiling = LearningRun(PaperStudy(), grid.iterations).job(), {}, {}
+    for at in points(grid.dims()):
+        inputs, run, source = job.traced([at]), program(job.run, job.kind(at)), dict(at)["source"]
         began = time.perf_counter()
         compiled = run.lower(inputs).compile()
-        compiling[label.source] = time.perf_counter() - began
-        calls[label.source] = lambda compiled=compiled, inputs=inputs: compiled(inputs)
+        compiling[source] = time.perf_counter() - began
+        calls[source] = lambda compiled=compiled, inputs=inputs: compiled(inputs)
     seconds = {source: float(np.median(values)) for source, values in in_turns(calls, options.rounds).items()}
     table = [{"source": source, "core-seconds": seconds[source], "compilation": compiling[source]} for source in calls]
     total = sum(seconds.values())

@@ -20,19 +20,20 @@ def child(devices: int, chunks: int) -> None:
     import time
 
     import jax
-    from jaxidl.sweep.chunks import Chunk, dispatch
-    from jaxidl.sweep.run import Kind
 
     from jaxidl.backend import choose_devices
+    from jaxidl.jobs.points import points
+    from jaxidl.jobs.programs import Chunk, dispatch
     from jaxidl.paper.grid import Grid
+    from jaxidl.paper.runs import LearningRun
     from jaxidl.paper.study import PaperStudy
 
     choose_devices(devices)
     jax.config.update("jax_enable_x64", True)
     grid = Grid(("pid",), ("low", "high"), (5e-4, 8e-4), (5.0,), (5.0,), (20,), tuple(range(1, 1 + devices)), ("indirect",))
-    labels = list(grid.labels())  # 4 on each device
-    chunk = Chunk(Kind.of(labels[0], PaperStudy()), labels, len(labels))
-    run = lambda: jax.block_until_ready(dispatch(PaperStudy(), chunk, ITERATIONS, devices, 1))
+    at, job = list(points(grid.dims())), LearningRun(PaperStudy(), ITERATIONS).job()  # 4 on each device
+    chunk = Chunk(job.kind(at[0]), at, len(at))
+    run = lambda: jax.block_until_ready(dispatch(job, chunk, devices, 1))
     run()
     print("ready", flush=True)
     for _ in sys.stdin:

@@ -13,27 +13,27 @@ import time
 import jax
 import numpy as np
 from common import arguments, machine, report
-from jaxidl.sweep import run as programs
-from jaxidl.sweep.chunks import Chunk, chunks, layout, without_padding
-from jaxidl.sweep.run import inputs_of, program
 
+from jaxidl.jobs.points import points
+from jaxidl.jobs.programs import Chunk, Job, chunks, layout, program, without_padding
+from jaxidl.paper import runs
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.study import PaperStudy
 
 jax.config.update("jax_enable_x64", True)
 
 
-def whole_grid(study: PaperStudy, grid: Grid, plan, profile: bool) -> tuple[float, float, int]:
+def whole_grid(job: Job, grid: Grid, plan, profile: bool) -> tuple[float, float, int]:
     """Seconds of compilation, of everything else, and the number of chunks."""
-    todo = list(chunks(list(grid.labels()), study, plan.devices, plan.per_device))
+    todo = list(chunks(list(points(grid.dims())), job, plan.devices, plan.per_device))
     began, compiled = time.perf_counter(), {}
     for chunk in todo:
         if chunk.kind not in compiled:
-            run = program(study, chunk.kind, plan.devices, plan.width)
-            compiled[chunk.kind] = run.lower(inputs_of(chunk.padded(), study, grid.iterations)).compile()
+            run = program(job.run, chunk.kind, plan.devices, plan.width)
+            compiled[chunk.kind] = run.lower(job.traced(chunk.padded())).compile()
     compiling, began = time.perf_counter() - began, time.perf_counter()
     for index, chunk in enumerate(todo):
-        inputs = inputs_of(chunk.padded(), study, grid.iterations)
+        inputs = job.traced(chunk.padded())
         if profile and index == len(todo) // 2:
             with jax.profiler.trace("gpu_profile"):
                 jax.block_until_ready(compiled[chunk.kind](inputs))
@@ -44,17 +44,17 @@ def whole_grid(study: PaperStudy, grid: Grid, plan, profile: bool) -> tuple[floa
     return compiling, time.perf_counter() - began, len(todo)
 
 
-def precision_rows(study: PaperStudy, plan) -> list[dict]:
+def precision_rows(study: PaperStudy) -> list[dict]:
     """The same 32 runs in TF32 and in full single precision: relative difference of q_error at three executions."""
     grid = Grid(("pid",), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3, 4), sources=("joint",))
-    labels = list(grid.labels())
-    chunk = Chunk(programs.Kind.of(labels[0], study), labels, len(labels))
+    at, job = list(points(grid.dims())), runs.LearningRun(study, grid.iterations).job()
+    chunk = Chunk(job.kind(at[0]), at, len(at))
     found = {}
-    for precision in (programs.MATMUL_PRECISION, "tensorfloat32"):
-        programs.MATMUL_PRECISION = precision
+    for precision in (runs.MATMUL_PRECISION, "tensorfloat32"):
+        runs.MATMUL_PRECISION = precision
         program.cache_clear()
-        run = program(study, chunk.kind, 1, len(labels))
-        found[precision] = np.asarray(without_padding(run(inputs_of(labels, study, grid.iterations)), chunk).q_error)
+        run = program(job.run, chunk.kind, 1, len(at))
+        found[precision] = without_padding(run(job.traced(at)), chunk)["q_error"]
     full, tf32 = found.values()
     return [
         {
@@ -75,8 +75,9 @@ def main() -> int:
         return 2
     study, grid = PaperStudy(), Grid(seeds=tuple(range(1, 1 + options.seeds)))
     plan = layout(None, options.runs_per_device, None)
-    kinds = len({programs.Kind.of(label, study) for label in grid.labels()})
-    compiling, running, count = whole_grid(study, grid, plan, bool(options.profile))
+    job = runs.LearningRun(study, grid.iterations).job()
+    kinds = len(set(map(job.kind, points(grid.dims()))))
+    compiling, running, count = whole_grid(job, grid, plan, bool(options.profile))
     memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0) / 2**30
     table = [
         {
@@ -85,7 +86,7 @@ def main() -> int:
         },
         {"what": f"{len(grid)} learning runs in {count} chunks [s]", "figure": running},
         {"what": "peak memory of the first GPU [GiB]", "figure": memory},
-        *precision_rows(study, plan),
+        *precision_rows(study),
     ]
     report(f"The grid on {plan.devices} GPU(s), {plan.per_device} runs on each", table, options.json, machine=machine())
     return 0

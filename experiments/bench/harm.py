@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from jaxidl.sweep.launch import identity
-from jaxidl.sweep.store import Store
 
-from jaxidl import Grid, Label, PaperStudy
+from jaxidl import Grid, PaperStudy
 from jaxidl.errors import StoreError
-from jaxidl.paper.runs import read_results
+from jaxidl.jobs.points import Point
+from jaxidl.jobs.store import Store
+from jaxidl.paper.runs import META, identity, read_results
 
 GRID = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (10,), (1, 2, 3, 4, 5, 6), ("joint",), 2)
 WORDS = ["--controllers", "pid", "--noise", "1e-4", "8e-4", "--friction", "5", "--stiction", "5", "--epochs", "10"]
@@ -72,7 +72,7 @@ class Life:
 
     def __init__(self, out: Path, seeds: Sequence[str] = SEEDS, code: Sequence[str] = (), limit: int = 0, **env: str):
         """``code``: Python to run instead of the command line, and its words; ``limit``: the largest file it can write [B]."""
-        start = ["-c", *code] if code else ["-m", "jaxidl.cli"]
+        start = ["-c", *code] if code else ["-m", "jaxidl"]
         self.out, self.before, self.seen = out, parts_of(out), set(parts_of(out).items())
         self.began = time.monotonic()
         self.process = subprocess.Popen(
@@ -197,13 +197,13 @@ def harmed(content: bytes, chance: random.Random) -> bytes:
 def harm_parts(parts: dict[str, bytes], folder: Path, count: int, chance: random.Random) -> Counter:
     """What the store makes of that many damaged parts: detected, harmless, or silently wrong."""
 
-    def load(changed: dict[str, bytes]) -> tuple[dict[Label, bytes], bool]:
+    def load(changed: dict[str, bytes]) -> tuple[dict[Point, bytes], bool]:
         out = folder / "harmed.nc"
         shutil.rmtree(f"{out}.parts", ignore_errors=True)
         Path(f"{out}.parts").mkdir(parents=True)
         for name, content in changed.items():
             Path(f"{out}.parts", name).write_bytes(content)
-        with Store(out, identity(PaperStudy(), GRID)) as store:
+        with Store(out, identity(PaperStudy(), GRID), META) as store:
             runs = {label: b"".join(run[name].tobytes() for name in sorted(run)) for label, run in store.runs.items()}
             return runs, bool(store.damaged)
 

@@ -48,7 +48,7 @@ def alone(folder: Path, where: Path | None = None) -> Iterator[None]:
 def write_piece(path: Path, identity: str, arrays: Mapping[str, Any]) -> None:
     """Write arrays and texts with a checksum over them and what made them, safe at once."""
     buffer, whole = io.BytesIO(), {"identity": identity, **arrays}
-    np.savez_compressed(buffer, allow_pickle=False, **whole, digest=digest(whole))
+    np.savez(buffer, allow_pickle=False, **whole, digest=digest(whole))
     write_bytes(path, buffer.getvalue())
 
 

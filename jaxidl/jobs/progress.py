@@ -19,7 +19,9 @@ class Bar:
         transient: leave nothing behind at the end.
     """
 
-    def __init__(self, what: str, total: float = 1.0, done: float = 0.0, *, quiet: bool = False, transient: bool = False):
+    def __init__(
+        self, what: str, total: float | int = 1.0, done: float | int = 0.0, *, quiet: bool = False, transient: bool = False
+    ):
         columns = [TextColumn("{task.description} {task.fields[count]}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%")]
         times = [TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left")]
         console = Console(stderr=True)
@@ -36,11 +38,11 @@ class Bar:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def advance(self, by: float = 1.0, count: str | None = None, what: str | None = None) -> None:
+    def advance(self, by: float | int = 1.0, count: str | None = None, what: str | None = None) -> None:
         """Move on by so much; ``count`` says in words what is done, ``what`` what is being done now."""
         self._show(count, what, advance=by)
 
-    def at(self, completed: float, what: str | None = None) -> None:
+    def at(self, completed: float | int, what: str | None = None) -> None:
         """Move to ``completed`` of the total."""
         self._show(None, what, completed=completed)
 

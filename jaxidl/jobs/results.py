@@ -80,7 +80,7 @@ def runs_of(data: xr.Dataset, variables: Mapping[str, Variable]) -> Runs:
     table: Runs = {}
     for at in points(axes):
         index = tuple(values.index(dict(at)[name]) for name, values in axes.items())
-        table[point(dict(at))] = {name: column[index] for name, column in columns.items()}
+        table[point(dict(at))] = {name: np.asarray(column[index]) for name, column in columns.items()}
     return table
 
 

@@ -101,7 +101,7 @@ class Store:
             return True
         self._parts[part] = held, origin
         for row, at in enumerate(held):
-            self.runs[at] = {name: column[row] for name, column in arrays.items()}
+            self.runs[at] = {name: np.asarray(column[row]) for name, column in arrays.items()}
         return True
 
     def add(self, points: Sequence[Point], arrays: Mapping[str, np.ndarray], origin: Origin) -> None:

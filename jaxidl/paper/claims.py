@@ -1,7 +1,7 @@
 """The paper's statements about its simulation study, each with the ratio that tests it.
 
 Every statistic is a positive ratio for each seed, over all settings that the statement speaks of;
-:mod:`jaxidl.sweep.verdicts` computes it twice, with means and with medians over settings, and judges.
+:mod:`jaxidl.paper.verdicts` computes it twice, with means and with medians over settings, and judges.
 """
 
 from collections.abc import Callable
