@@ -32,7 +32,7 @@ def run(name: str, folder: Path, seeds: int) -> None:
     """One ablation, and its line in ablations.json."""
     out = folder / f"ablation_{name}.nc"
     words = f"{ABLATIONS[name]} --seeds {' '.join(map(str, range(1, 1 + seeds)))}"
-    command = [sys.executable, "-m", "jaxidl.cli", "ablate", *shlex.split(words), "--out", str(out)]
+    command = [sys.executable, "-m", "jaxidl", "ablate", *shlex.split(words), "--out", str(out)]
     status = subprocess.run(command, check=False).returncode  # a process each: compiled programs stay in memory until it ends
     if status:
         sys.exit(status)

@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import secrets
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,12 @@ def write_bytes(path: Path, content: bytes) -> None:
 def as_json(value: Any, indent: int | None = 1) -> str:
     """Return strict JSON of what :func:`plain` makes of ``value``."""
     return json.dumps(plain(value), indent=indent, allow_nan=False)
+
+
+def markdown(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """Return a Markdown table."""
+    line = lambda cells: "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"  # noqa: E731
+    return "\n".join([line(heads), line("---" for _ in heads), *map(line, rows)])
 
 
 def plain(value: Any) -> Any:

@@ -71,11 +71,8 @@ EIGHT_DEVICES = """
     from jaxidl.paper.study import PaperStudy
     from jaxidl.models import ErrorModel, Training
     from jaxidl.jobs.points import points
-from jaxidl.jobs.programs import program
-from jaxidl.paper.grid import Grid
-from jaxidl.paper.runs import LearningRun
-    from jaxidl.jobs.points import points
     from jaxidl.jobs.programs import program
+    from jaxidl.paper.grid import Grid
     from jaxidl.paper.runs import LearningRun
 
     study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))

@@ -62,7 +62,9 @@ def test_the_papers_story_holds_where_it_is_put_in():
 
 def test_the_opposite_does_not_hold():
     opposite = {"indirect": "joint", "joint": "indirect", "direct": "direct"}
-    found = verdicts(results(lambda label, k: as_in_the_paper(label._replace(source=opposite[label.source]), k)))
+    found = verdicts(
+        results(lambda label, k: as_in_the_paper(SimpleNamespace(**{**vars(label), "source": opposite[label.source]}), k))
+    )
     for name in ("indirect-low-pid", "joint-ordering/pid", "joint-faster/pid", "joint-faster/doomed"):
         assert found[name].verdict == "does not hold", found[name]
 

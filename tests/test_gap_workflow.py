@@ -170,7 +170,7 @@ def test_wrong_options_are_explained(tmp_path, options, words):
 def test_command_line_ends_bad_input_in_one_line_and_writes_nothing(tmp_path):
     (tmp_path / "model.xml").write_text(SLIDER.format(mass=1))
     (tmp_path / "log.csv").write_text("time,q0\n0,1\n")
-    command = [sys.executable, "-m", "jaxidl.cli", "gap", str(tmp_path / "log.csv"), "--model", str(tmp_path / "model.xml")]
+    command = [sys.executable, "-m", "jaxidl", "gap", str(tmp_path / "log.csv"), "--model", str(tmp_path / "model.xml")]
     done = subprocess.run([*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "tau0" in done.stderr

@@ -10,7 +10,7 @@ BUILDERS = (  # they put effects into plants, or inject them by an engine of the
     "__init__.py",
     "learning",
     "arm",
-    "sweep",
+    "paper",
     "tune",
     "gap/benchmark",
     "models",  # a network's scale of torques has the same name

@@ -81,7 +81,7 @@ def asked(tmp_path, monkeypatch):
 
     (tmp_path / "empty").mkdir()
     monkeypatch.chdir(tmp_path / "empty")
-    monkeypatch.setattr("jaxidl.cli.run_sweep", run)
+    monkeypatch.setattr("jaxidl.paper.runs.run_sweep", run)
     monkeypatch.setattr("jaxidl.paper.simulate.draw_noise", lambda seed, *shape: np.zeros((*shape, 2)))
     for name in ("_execution", "_learning"):
         monkeypatch.setattr(f"jaxidl.paper.simulate.{name}", lambda study, label, draws: {"draws": draws})

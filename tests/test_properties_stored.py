@@ -31,9 +31,8 @@ IDENTITY = {"study": "any", "größe": [1, 2.5, None]}
 TEXT = st.text(max_size=5)
 LEVEL = st.floats(allow_nan=False, allow_infinity=False)
 COUNT = st.integers(-(2**62), 2**62)
-POINT = st.builds(
-    lambda *values: point(dict(zip(AXES, values, strict=True))), TEXT, TEXT, LEVEL, LEVEL, LEVEL, COUNT, COUNT, TEXT
-)
+VALUES = (TEXT, TEXT, LEVEL, LEVEL, LEVEL, COUNT, COUNT, TEXT)
+POINT = st.tuples(*VALUES).map(lambda values: tuple(sorted(zip(AXES, values, strict=True))))
 LABELS = st.lists(POINT, min_size=1, max_size=4, unique=True)
 CUT = 8
 PLACE, BIT = st.integers(0, 2**20), st.integers(0, CUT)

@@ -7,7 +7,7 @@ import pytest
 from jax.flatten_util import ravel_pytree
 from scipy.optimize import least_squares
 
-from jaxidl.effects import Parameter, Scale, regressor
+from jaxidl.effects import Parameter, Scale
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
 from tests.numeric import quick
@@ -45,6 +45,18 @@ def record(effect, axes):
     qdd = (log["next_qd"] - log["qd"]) / DT
     missing = jax.vmap(plant.body.inverse_dynamics)(log["q"], log["qd"], qdd) - tau
     return log | {"tau": tau, "noise": noise, "qdd": qdd, "missing": missing}
+
+
+def regressor(effect, q, qd, tau, body, qdd):
+    """Derivative of the torque (J,) that the effect adds at one instant by its flattened parameters (P,): (J, P)."""
+    flat, unravel = ravel_pytree(effect)
+
+    def added(parameters):
+        now = unravel(parameters)
+        total = now.torque(q, qd, tau) - now.dry(q, qd, tau, qd) * jnp.sign(qd)
+        return total - now.alter(body).inverse_dynamics(q, qd, qdd)
+
+    return jax.jacfwd(added)(flat)
 
 
 LINEAR = {name: effect for name, effect in EXAMPLES.items() if type(effect).linear and name not in TURNING}

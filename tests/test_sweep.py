@@ -390,7 +390,13 @@ def test_a_full_disk_ends_in_one_line_and_leaves_the_old_file(tmp_path):
     out = tmp_path / "t.npz"
     out.write_bytes(b"old")
     code = [sys.executable, "-c", textwrap.dedent(FULL_DISK), str(out)]
-    done = subprocess.run(code, capture_output=True, text=True, env={**os.environ, "JAX_PLATFORMS": "cpu"}, check=False)
+    done = subprocess.run(
+        code,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": ""},
+        check=False,
+    )
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert "file too large" in done.stderr

@@ -59,7 +59,7 @@ def moved(text: str) -> dict[str, np.ndarray]:
 def seconds(log: Path, model: Path, out: Path, cores: int) -> float:
     """Wall time of the command in a process that has compiled nothing."""
     among = sorted(os.sched_getaffinity(0))[:cores]
-    words = [sys.executable, "-m", "jaxidl.cli", "gap", str(log), "--model", str(model), "--out", str(out)]
+    words = [sys.executable, "-m", "jaxidl", "gap", str(log), "--model", str(model), "--out", str(out)]
     began = time.perf_counter()
     environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": ""}
     subprocess.run(words, env=environment, capture_output=True, check=True, preexec_fn=lambda: os.sched_setaffinity(0, among))

@@ -15,7 +15,7 @@ AXES = "--controllers pid --gains low high --noise 5e-4 8e-4 --friction 5 --stic
 def sweep(folder: Path, seeds: int, iterations: int) -> tuple[float, float]:
     """Seconds and peak memory [MB] of one command with 4 · seeds configurations."""
     words = [*AXES.split(), "--iterations", str(iterations), "--seeds", *map(str, range(1, seeds + 1))]
-    command = [sys.executable, "-m", "jaxidl.cli", "sweep", "--out", str(folder / f"{seeds}.nc"), *words]
+    command = [sys.executable, "-m", "jaxidl", "sweep", "--out", str(folder / f"{seeds}.nc"), *words]
     environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(folder / "programs")}
     began = time.perf_counter()
     process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

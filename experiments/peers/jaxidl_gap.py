@@ -17,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from cases import CASES, Case, cut_log, save
 
+JAXIDL = [sys.executable, "-c", "import sys; from jaxidl.cli import main; sys.exit(main())"]  # of older versions, too
 WORDS = {"viscous_friction": "viscous", "coulomb_friction": "dry", "inertia_error": "rotor", "constant_offset": "offset"}
 
 
 def command(*words: str) -> float:
     """Run ``jaxidl`` and return its CPU seconds; what it prints goes on."""
-    child = subprocess.Popen([sys.executable, "-m", "jaxidl.cli", *words])
+    child = subprocess.Popen([*JAXIDL, *words])
     _, status, usage = os.wait4(child.pid, 0)
     child.returncode = os.waitstatus_to_exitcode(status)
     if child.returncode:
@@ -31,7 +32,7 @@ def command(*words: str) -> float:
 
 
 def has_reference() -> bool:
-    told = subprocess.run([sys.executable, "-m", "jaxidl.cli", "gap", "--help"], capture_output=True, text=True, check=False)
+    told = subprocess.run([*JAXIDL, "gap", "--help"], capture_output=True, text=True, check=False)
     return "--reference" in told.stdout
 
 

@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxidl.files import markdown
 from jaxidl.gap.diagnosis import SURE
 
 TOO_SMALL = 2.0  # noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
@@ -73,12 +74,12 @@ def size_of(effect: dict[str, Any]) -> float:
 
 def as_text(report: dict[str, Any]) -> str:
     """The judgement as a Markdown table."""
-    lines = ["| effect | joint | hidden | found | | why |", "| --- | --- | --- | --- | --- | --- |"]
+    cells = []
     for row in judge(report):
         joint = "" if row.joint is None else row.joint + 1
         sizes = ("" if x is None else f"{x:.3g}" for x in (row.hidden, row.found))
-        lines.append(f"| {row.effect} | {joint} | {' | '.join(sizes)} | {STATES[row.state]} | {row.why} |")
-    return "\n".join(lines)
+        cells.append((row.effect, joint, *sizes, STATES[row.state], row.why))
+    return markdown(("effect", "joint", "hidden", "found", "", "why"), cells)
 
 
 def _words(key: tuple[str, int | None]) -> str:

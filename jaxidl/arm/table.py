@@ -6,7 +6,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxidl.files import markdown
 from jaxidl.jobs.statistics import geometric
+
+HEADINGS = ("accelerations", "encoder noise", "source", "after 1 iteration", "over all later ones", "against the best")
 
 
 def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
@@ -81,14 +84,11 @@ def falls(data: xr.Dataset) -> list[dict[str, Any]]:
 
 def as_text(rows: list[dict[str, Any]]) -> str:
     """The ranking as a table for terminals and Markdown."""
-    lines = [
-        "| accelerations | encoder noise | source | after 1 iteration | over all later ones | against the best |",
-        "| --- | --- | --- | --- | --- | --- |",
-    ]
+    cells = []
     for row in rows:
         first, later, worse = (f"{m:.3g} [{a:.3g}, {b:.3g}]" for m, a, b in (row["after_first"], row["later"], row["worse"]))
         against = "best" if row["rank"] == 1 else f"{worse} times" + ("" if row["apart"] else " (a tie)")
         name = row["acceleration"].replace("_", "-")
         against += f"; {row['diverged']} of the runs diverged" if row["diverged"] else ""
-        lines.append(f"| {name} | {row['noise']:g} rad | {row['source']} | {first} | {later} | {against} |")
-    return "\n".join(lines)
+        cells.append((name, f"{row['noise']:g} rad", row["source"], first, later, against))
+    return markdown(HEADINGS, cells)

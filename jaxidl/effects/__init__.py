@@ -1,7 +1,7 @@
 """The catalogue of named physical effects."""
 
 from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueCurve, TorqueSaturation, TorqueScale
-from jaxidl.effects.base import Effect, regressor
+from jaxidl.effects.base import Effect
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
@@ -68,7 +68,6 @@ __all__ = [
     "paper_stiction",
     "placed",
     "register",
-    "regressor",
     "searchable",
     "searched",
 ]

@@ -5,9 +5,8 @@ methods are pure functions of one instant of one mechanism and default to "does 
 
 * *simulates*: the plant takes its body through ``alter``, its command through ``actuate`` (which may keep a hidden state that
   ``start`` begins), adds ``torque``, brakes by up to ``dry``, obeys ``holds`` and reads its encoders through ``sense``;
-* *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, where ``linear`` is true
-  ``regressor`` gives the matrix of a linear least-squares problem, where it is not ``guesses`` says where to begin, and
-  ``true_position`` undoes what it does to the encoders;
+* *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in ``parameters``, where ``linear`` is
+  not true ``guesses`` says where to begin, and ``true_position`` undoes what it does to the encoders;
 * *is searched for*: ``variants`` are the shapes that are tried, ``prior`` how likely it is, ``common`` whether every fit has it,
   ``contains`` what is not looked for beside it, ``friction`` whether it must dissipate, ``seen`` which command it is judged by;
 * *is named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person, ``advice`` how to tell it from others;
@@ -24,7 +23,6 @@ import jax.numpy as jnp
 import numpy as np
 from flax import struct
 from jax.interpreters.partial_eval import dce_jaxpr
-from jaxtyping import Array, Float
 
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, JointMask, Joints
@@ -189,24 +187,3 @@ class Effect(struct.PyTreeNode):
 def _plain(value: Any) -> Any:
     """A number or list of numbers that JSON has: infinity, which it has not, as the text "inf"."""
     return jax.tree.map(lambda x: x if np.isfinite(x) else str(x), np.asarray(value, float).tolist())
-
-
-def regressor(
-    effect: Effect, q: Joints, qd: Joints, tau: Joints, body: Any = None, qdd: Joints | None = None
-) -> Float[Array, "J P"]:
-    """Derivative of the torque (J,) that the effect adds with respect to its flattened parameters (P,), in the pytree's order.
-
-    Dry friction is that of a moving joint, −level·sign(qd), and nothing where ``qd`` is zero. Given ``body`` and the acceleration
-    ``qdd`` (J,) [m/s^2 or rad/s^2], what it alters in the body counts as well: minus the inverse dynamics of what it adds.
-
-    For an effect with ``linear`` true, ``regressor(...) @ parameters`` *is* the torque: the row block of one instant in a
-    least-squares fit. For the others it is the Gauss-Newton row at the present parameters.
-    """
-    flat, unravel = jax.flatten_util.ravel_pytree(effect)
-
-    def added(parameters: Float[Array, " P"]) -> Joints:
-        now = unravel(parameters)
-        total = now.torque(q, qd, tau) - now.dry(q, qd, tau, qd) * jnp.sign(qd)
-        return total if qdd is None else total - now.alter(body).inverse_dynamics(q, qd, qdd)
-
-    return jax.jacfwd(added)(flat)

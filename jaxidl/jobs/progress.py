@@ -25,7 +25,8 @@ class Bar:
         columns = [TextColumn("{task.description} {task.fields[count]}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%")]
         times = [TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left")]
         console = Console(stderr=True)
-        self._lines = not (console.is_terminal or quiet or transient)
+        quiet |= transient and not console.is_terminal
+        self._lines = not (console.is_terminal or quiet)
         self._bar = Progress(*columns, *times, console=console, disable=quiet, transient=transient, speed_estimate_period=600)
         self._task = self._bar.add_task(what, total=total, count="")
         self._bar.update(self._task, completed=done)

@@ -16,6 +16,10 @@ class Mean:
     interval: tuple[float, float] | None  # 95 %, Student's, of the logarithm; None with fewer than two seeds
     seeds: int  # that it is made of
 
+    def __str__(self) -> str:
+        low, high = self.interval or (None, None)
+        return f"{self.value:.2g}" + ("" if low is None else f" [{low:.2g}, {high:.2g}]")
+
 
 def geometric(values: np.ndarray) -> Mean | None:
     """Return the geometric mean of positive ``values`` (seeds,), NaN left out; None if there are none."""

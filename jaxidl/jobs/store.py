@@ -9,7 +9,7 @@ import contextlib
 import glob
 import json
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,14 +33,22 @@ class Store:
         identity: everything besides the axes that determines a result, ready for JSON.
         variables: what each run holds.
         overwrite: begin anew; what lies there is moved to ``RESULTS.nc.old``.
+        alike: the point whose run stands for another one's, which is not kept.
 
     Raises:
         StoreError: when another process is at work on the file, or what lies there is unreadable or of other settings.
     """
 
-    def __init__(self, path: Path, identity: Mapping[str, Any], variables: Mapping[str, Variable], overwrite: bool = False):
+    def __init__(
+        self,
+        path: Path,
+        identity: Mapping[str, Any],
+        variables: Mapping[str, Variable],
+        overwrite: bool = False,
+        alike: Callable[[Point], Point] = lambda at: at,
+    ):
         self.path, self.parts = Path(path), Path(f"{path}.parts")
-        self.variables, self.overwrite = variables, overwrite
+        self.variables, self.overwrite, self.alike = variables, overwrite, alike
         self.identity = json.dumps({"format": FORMAT, **identity}, sort_keys=True)
         self.runs: Runs = {}
         self.finished: set[Point] = set()  # those in the results file itself
@@ -68,7 +76,7 @@ class Store:
         if self.path.exists():
             data = read(self.path)
             self._check_identity(self.path, data.attrs["identity"], "choose another --out, or --overwrite it")
-            self.runs.update(runs_of(data, self.variables))
+            self.runs.update({at: run for at, run in runs_of(data, self.variables).items() if self.alike(at) == at})
             self.finished.update(self.runs)
             self._origins += [Origin(*row) for row in json.loads(data.attrs["origins"])]
         self.damaged += [part for part in sorted(self.parts.glob("*.npz")) if not self._load_part(part)]

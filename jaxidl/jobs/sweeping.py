@@ -103,7 +103,7 @@ def sweep(
         wanted = list(dict.fromkeys(map(stands, points(axes))))
         plan = layout(devices, per_device, width) if cluster is None else None
         identity = json.loads(json.dumps(plain(dict(settings or {}))))
-        with Store(out, identity, variables, overwrite) as store:
+        with Store(out, identity, variables, overwrite, stands) as store:
             if store.holds(wanted):
                 return read(out)
             for part in store.damaged:

@@ -52,7 +52,6 @@ class Signals(NamedTuple):
     peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: last instant and largest torque withstood of each rest [N or Nm]
 
     body: Any  # the modelled rigid body
-    held: bool  # is a command held over the interval that follows it, rather than measured at its instant?
     notes: tuple[str, ...] = ()  # what of the log was not used, and why
     late: int = 0  # instants at the end of each run whose true positions only later readings would have told
 
@@ -61,10 +60,8 @@ class Signals(NamedTuple):
         return _by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """H applied to delivered torques (T, ...); what is held acts half an interval later on average."""
-        if self.held:
-            x = _by_run(x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0)
-        return self.smooth(x)
+        """H applied to delivered torques (T, ...); a command is held, so that it acts half an interval later on average."""
+        return self.smooth(_by_run(x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0))
 
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """First derivative by time of each run of ``x`` (T, ...)."""
@@ -79,14 +76,13 @@ class Signals(NamedTuple):
         return self._replace(q=q, qd=qd, qdd=qdd, late=self.late + lateness(effects, self.q, self.dt))
 
 
-def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = True, narrower: float = 1.0) -> Signals:
+def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: float = 1.0) -> Signals:
     """Signals of a log and its modelled rigid body.
 
     Args:
         log: what was measured.
         body: the modelled rigid body.
         effects: the model's own, of which those on the encoders are undone; :func:`jaxidl.gap.rows.rows_of` must know them, too.
-        held: is a command held over the interval that follows it, rather than measured at its instant?
         narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
@@ -119,7 +115,7 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), held: bool = 
     kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
     none = np.zeros((len(kept), log.joints))
     found = Signals(
-        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body, held
+        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body
     )
     return found._replace(
         balance=found.command(found.tau)[kept] - table.torque[kept],

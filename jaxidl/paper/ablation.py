@@ -4,7 +4,8 @@ import numpy as np
 import xarray as xr
 
 from jaxidl.errors import StoreError
-from jaxidl.jobs.statistics import Mean, geometric
+from jaxidl.files import markdown
+from jaxidl.jobs.statistics import geometric
 from jaxidl.paper.runs import META, added
 from jaxidl.paper.view import LAST
 
@@ -61,14 +62,8 @@ def as_markdown(data: xr.Dataset) -> str:
     table = rows(data)
     units = {name: about.units for name, about in META.items()}
     heads = [f"{name} [{units[name]}]" if name in units else name for name in table[0]]
-    lines = ["| " + " | ".join(heads) + " |", "|" + " --- |" * len(heads)]
-    return "\n".join([*lines, *("| " + " | ".join(_cell(value) for value in row.values()) + " |" for row in table)])
+    return markdown(heads, ([_cell(value) for value in row.values()] for row in table))
 
 
 def _cell(value: object) -> str:
-    if value is None:
-        return "-"
-    if isinstance(value, Mean):
-        interval = value.interval
-        return f"{value.value:.2g}" + (f" [{interval[0]:.2g}, {interval[1]:.2g}]" if interval else "")
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return "-" if value is None else f"{value:g}" if isinstance(value, float) else str(value)

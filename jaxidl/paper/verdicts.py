@@ -19,6 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from jaxidl.errors import StoreError
+from jaxidl.files import markdown
 from jaxidl.jobs.statistics import Mean, geometric
 from jaxidl.paper.claims import CLAIMS, Claim
 from jaxidl.paper.runs import added
@@ -98,14 +99,13 @@ def _cells(row: Verdict) -> tuple[str, ...]:
     verdict = row.verdict + (f": {row.why}" if row.why else "")
     if row.average and row.average.interval is None:
         verdict += " (one seed)"
-    return row.statement, row.measure, row.true_if, _text(row.average), _text(row.typical), verdict
-
-
-def _text(number: Mean | None) -> str:
-    if number is None:
-        return "-"
-    interval = number.interval
-    return f"{number.value:.2g}" + (f" [{interval[0]:.2g}, {interval[1]:.2g}]" if interval else "")
+    return (
+        row.statement,
+        row.measure,
+        row.true_if,
+        *("-" if number is None else str(number) for number in (row.average, row.typical)),
+        verdict,
+    )
 
 
 def as_table(rows: list[Verdict]) -> str:
@@ -123,9 +123,7 @@ def as_table(rows: list[Verdict]) -> str:
 
 def as_markdown(rows: list[Verdict]) -> str:
     """The verdicts as a Markdown table."""
-    lines = ["| " + " | ".join(HEADINGS) + " |", "| " + " | ".join("---" for _ in HEADINGS) + " |"]
-    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in _cells(row)) + " |" for row in rows]
-    return "\n".join(lines) + "\n\n" + _footnote(rows)
+    return markdown(HEADINGS, map(_cells, rows)) + "\n\n" + _footnote(rows)
 
 
 def _footnote(rows: list[Verdict]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.backend import PRECISION
-from jaxidl.files import as_json, write_bytes
+from jaxidl.files import as_json, markdown, write_bytes
 from jaxidl.jobs import Pieces, geometric
 from jaxidl.jobs.pieces import Arrays
 from jaxidl.jobs.progress import Bar
@@ -104,14 +104,15 @@ def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
 
 def as_text(result: dict[str, Any]) -> str:
     """The comparison as a Markdown table, with what it means in a line."""
-    lines = ["| compared on fresh seeds | position error | applied feedback | wins | not finite |", "| --- " * 5 + "|"]
+    rows = []
     for pair, numbers in result["compared"].items():
         cells = [_cell(number) for number in numbers.values()]
         error = numbers["error"]
-        lines.append(f"| {pair} | {' | '.join(cells)} | {error['wins']} of {error['seeds']} | {error['not_finite']} |")
+        rows.append((pair, *cells, f"{error['wins']} of {error['seeds']}", error["not_finite"]))
     seconds = {way: course["seconds"] for way, course in result["course"].items()}
     cost = f"Descent took {seconds['gradient']:.0f} s, random search {seconds['random']:.0f} s, compiling included."
-    return "\n".join([*lines, "", verdict(result), cost])
+    heads = ("compared on fresh seeds", "position error", "applied feedback", "wins", "not finite")
+    return "\n".join([markdown(heads, rows), "", verdict(result), cost])
 
 
 def _cell(number: dict[str, Any]) -> str:
@@ -127,7 +128,7 @@ def verdict(result: dict[str, Any]) -> str:
         error = result["compared"][pair]["error"]
         low, high = error["interval"] or (0.0, np.inf)
         better, worse = high < 1.0 and not error["not_finite"], low > 1.0
-        return "better than" if better else "worse than" if worse else "not told apart from"
+        return "better than" if better else "worse than" if worse else "not distinguishable from"
 
     over = result["over_bound"]["ratio"]
     keeps = "within the bound on feedback" if over is not None and over <= 1.0 else "but above the bound on feedback"
