@@ -28,6 +28,37 @@ install_import_hook("jaxidl", "beartype.beartype")  # in force for as long as th
 REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
 
 
+SLOW = (  # variants of tests of which another variant stays with the quick ones
+    "test_derivatives_through_learning[pid-direct]",
+    "test_derivatives_through_learning[doomed-indirect]",
+    "test_no_derivative_is_nan_where_effects_have_kinks[pid",
+    "test_the_arm_learns_what_its_model_lacks[indirect]",
+    "test_the_arm_learns_what_its_model_lacks[direct]",
+    "test_a_traced_number_does_what_the_same_number_in_the_study_does[learn",
+    "test_a_traced_number_does_what_the_same_number_in_the_study_does[p",
+    "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGINT: 2>]]",
+    "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGTERM: 15>]]",
+    "test_hidden_effect_is_named_with_its_parameter[case0]",
+    "test_hidden_effect_is_named_with_its_parameter[case4]",
+    "test_hidden_effect_is_named_with_its_parameter[case5]",
+    "test_model_patched_with_what_the_encoder_does_lacks_nothing[delay",
+    "test_what_changed_between_two_logs_is_the_load_alone[put-down]",
+    "test_a_whole_learning_run_equals_its_steps_taken_one_by_one[0]",
+    "test_plain_mujoco_moves_the_exported_model_as_our_plant_moves[two_link]",
+    "test_results_do_not_depend_on_chunks[3]",
+    "test_results_do_not_depend_on_devices[8]",
+    "test_a_damaged_part_is_named_and_computed_again[cut",
+    "test_a_damaged_part_is_named_and_computed_again[empty",
+)
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the slow variants."""
+    for item in items:
+        if item.name.startswith(SLOW):
+            item.add_marker(pytest.mark.slow)
+
+
 def pytest_unconfigure(config):
     """Leave no cache behind."""
     if OWN_CACHE:

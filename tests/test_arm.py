@@ -86,6 +86,7 @@ def test_energy_is_kept_but_for_the_integrator():
     assert coarse.sum() / fine.sum() == pytest.approx(2.0, rel=0.01)
 
 
+@pytest.mark.slow
 def test_derivatives_of_an_execution_forward_reverse_and_numeric():
     """Of where the arm is after 150 steps, by all that the true arm has and by what DOOMED and the policy are tuned with.
 

@@ -234,6 +234,7 @@ def tiny() -> ArmRun:
     return ArmRun(small(ArmStudy()), grid, task, laps, Logged(goals=2), 50)
 
 
+@pytest.mark.slow
 def test_a_whole_run_is_kept_piece_by_piece_and_drawn(tmp_path, monkeypatch):
     for part in (pick.PickAndPlace, limits.Ambiguity):
         whole = part.study

@@ -15,6 +15,7 @@ from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import META, settings_of
 from jaxidl.paper.study import PaperStudy
 from jaxidl.paper.verdicts import as_json, as_markdown, as_table, check_claims
+from jaxidl.paper.view import View
 
 GRID = Grid(noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3))
 
@@ -166,6 +167,7 @@ def test_every_claim_is_computed_on_the_whole_grid_and_printed():
         assert "3 seeds" in text
 
 
+@pytest.mark.slow
 def test_no_claim_is_decided_by_its_form():
     """Every statement can come out either way."""
     rng, seen = np.random.default_rng(0), {claim.name: set() for claim in CLAIMS}
@@ -188,3 +190,26 @@ def test_no_claim_is_decided_by_its_form():
         if all({"holds", "does not hold"} <= found for found in seen.values()):
             return
     pytest.fail(f"decided: { {name: found for name, found in seen.items() if not {'holds', 'does not hold'} <= found} }")
+
+
+def test_what_would_hold_for_other_sources_too_stands_beside():
+    found = verdicts(results(as_in_the_paper))
+    assert found["joint-low-pid"].beside.keys() == {"indirect", "direct"}
+    assert found["direct-low-noise/pid"].beside["joint"].endswith("(true)")
+    assert not found["joint-low-pid"].beside["indirect"].endswith("(true)")
+    assert found["joint-faster/pid"].beside.keys() == {"direct"}  # indirect against itself says nothing
+    assert "(true)" in as_markdown(list(found.values()))
+
+
+def test_no_worse_is_judged_setting_by_setting():
+    """One setting with a huge error decides an average; it does not decide in how many settings a source is worse."""
+
+    def error(label, k):
+        if label.source != "joint":
+            return 100.0 if label.noise > 5e-4 else 1.0
+        return 50.0 if label.noise > 5e-4 else 3.0
+
+    assert float(View(results(error), typical=False).end(controller="pid", gain="high", source="joint").mean()) < 50.5
+    verdict = verdicts(results(error))["joint-high-gain/pid"]
+    assert verdict.average.value == pytest.approx(np.sqrt(0.5 * 3.0))
+    assert verdict.average.value > 1.1

@@ -69,6 +69,7 @@ def run_script(folder, code, iterations=3):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_a_cluster_that_loses_one_of_two_nodes_midway_gives_the_same_bits(tmp_path):
     result = run_script(tmp_path, TWO_NODES, iterations=150)
     assert result["same"]
@@ -101,6 +102,7 @@ UNSHARED = """
 """
 
 
+@pytest.mark.slow
 def test_a_folder_that_is_not_shared_and_versions_that_differ_are_told(tmp_path):
     unshared, unlike = run_script(tmp_path, UNSHARED)
     assert "folder that all machines share" in unshared

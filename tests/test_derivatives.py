@@ -129,6 +129,7 @@ def test_no_derivative_is_nan_where_effects_have_kinks(law, stiction):
         compare(function, (values,), 0.0 * NOISE, smooth=False)
 
 
+@pytest.mark.slow
 def test_checkpoints_change_neither_values_nor_derivatives():
     values, of = split(CASES["law doomed"])
     plain, kept = (partial(outcome, of, checkpoint=on) for on in (False, True))
@@ -146,6 +147,7 @@ def test_a_checkpointed_scan_is_the_scan(length):
     jax.tree.map(np.testing.assert_array_equal, plain, kept)
 
 
+@pytest.mark.slow
 def test_a_checkpointed_execution_takes_a_fraction_of_the_memory():
     """Reverse mode's temporary memory, as compiled, of 2000 steps."""
     values, of = split(CASES["law pid"])

@@ -362,11 +362,13 @@ def test_case_on_disk_holds_nothing_of_the_truth(tmp_path):
     assert json.loads(json.dumps(truth(CASES))) == truth(CASES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [c for c in CASES if c.family == "pair"][3::22], ids=lambda case: case.id)
 def test_shipped_pairs_do_not_diverge(case):
     assert np.isfinite(case.measure().tau).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [c for c in CASES if c.family == "single"][7::70], ids=lambda case: case.id)
 def test_severity_is_about_what_it_says(case):
     hidden = case.hidden[0]

@@ -85,6 +85,7 @@ def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
     assert yy == pytest.approx(0.02, rel=0.05)
 
 
+@pytest.mark.slow
 def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load(tmp_path):
     """A joint that hardly has inertia: its command is its friction, of which any share "explains" the rest."""
     t = np.arange(8000) * 0.002
@@ -146,6 +147,7 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
         assert again.gap.before.rollout_rms[horizon][0] < 1.1 * errors[0]
 
 
+@pytest.mark.slow
 def test_result_depends_on_log_and_model_alone(tmp_path):
     files = hidden(tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}))
     names = ("coulomb_friction", "viscous_friction", "stiction")
@@ -206,6 +208,7 @@ def test_measured_drive_in_its_published_form_has_its_published_parameters(emps,
     assert found.gap.after.torque_relative[0] <= 0.045
 
 
+@pytest.mark.slow
 def test_measured_drives_mass_is_found_from_a_wrong_one(emps, tmp_path):
     (tmp_path / "slider.xml").write_text(SLIDER.format(mass=80))
     found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)

@@ -1,5 +1,6 @@
 """One configuration: execution, sources, and learning on systems whose answer is known."""
 
+import warnings
 from dataclasses import replace
 
 import jax
@@ -9,7 +10,7 @@ import pytest
 
 from jaxidl.control import Doomed, PdPolicy, Pid, PidGains, lqr
 from jaxidl.effects import ConstantOffset, ViscousFriction
-from jaxidl.learning.execute import Task, desired_trajectory, execute
+from jaxidl.learning.execute import Task, _warn_of_single_precision, desired_trajectory, execute
 from jaxidl.learning.iterate import Setting, learn
 from jaxidl.learning.sources import SOURCES, direct, indirect, joint
 from jaxidl.models import ErrorModel, Training
@@ -88,10 +89,15 @@ def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kep
 
 def test_everything_works_in_single_precision_without_x64(small_study):
     with jax.enable_x64(False):
-        setting = small_study.setting("pid", Condition(1, 5e-4, 5.0, 5.0))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the setting's own execution
+            setting = small_study.setting("pid", Condition(1, 5e-4, 5.0, 5.0))
         noise = jnp.asarray(draw_noise(1, 2, small_study.steps), jnp.float32)
         how = {"source": "direct", "error_model": small_study.error_model, "training": small_study.training}
-        metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
+        _warn_of_single_precision.cache_clear()
+        with pytest.warns(UserWarning, match="jax_enable_x64") as said:
+            metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
+        assert len(said) == 1
         assert metrics.q_error.dtype == jnp.float32
         assert bool(metrics.finite.all())
 

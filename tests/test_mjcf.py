@@ -102,6 +102,7 @@ def test_a_batch_is_its_instants(tmp_path):
     np.testing.assert_allclose(many, inverse_dynamics(body, *map(np.asarray, log)), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
     body, rng = read_model(stored(tmp_path, TWO_LINK)).plant.body, np.random.default_rng(1)
     sizes = {"q": 2, "qd": 2, "qdd": 2, "extra": 2, "mass": 2, "load": 1, "com": 3}

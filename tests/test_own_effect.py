@@ -42,6 +42,7 @@ def script(tmp_path_factory, clean_module):
 # the example
 
 
+@pytest.mark.slow
 def test_the_brake_spoils_tracking_and_learning_restores_it(script):
     first, last = np.moveaxis(np.asarray(script["errors"]), 2, 0)[[0, -1]]  # (strengths, seeds)
     assert np.all(np.diff(first, axis=0) > 0.0)  # the stronger, the worse

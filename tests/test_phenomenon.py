@@ -28,6 +28,7 @@ def test_the_first_execution_is_the_reference_programs(setting):
     assert abs(float(metrics.q_error) - FIRST[setting]) < 0.0006  # the page rounds to three digits
 
 
+@pytest.mark.slow
 def test_low_gain_learning_goes_as_on_the_reference_page(tmp_path):
     """The page's rows at low gain and low noise, with two seeds: whole learning runs of the study as it is."""
     grid = Grid(

@@ -1,6 +1,8 @@
 """Algorithm 1 of the paper: execute the task once and record what happened."""
 
+import warnings
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import jax
@@ -47,6 +49,13 @@ def desired_trajectory(task: Task) -> State:
     return states
 
 
+@cache
+def _warn_of_single_precision() -> None:
+    """Say it once: accelerations from two differences of positions at 1 ms lose most of their digits in single precision."""
+    remedy = 'call jax.config.update("jax_enable_x64", True) before anything else'
+    warnings.warn(f"jaxidl executes in single precision, where accelerations are mostly rounding; {remedy}", stacklevel=3)
+
+
 def execute(
     plant: Plant,
     model: RigidBody,
@@ -73,7 +82,12 @@ def execute(
     The trajectory can be differentiated, forward and in reverse, by every number in ``plant``, ``model``, ``law``, ``task`` and
     in what ``feedforward`` closes over. The derivative is that of the branches taken: see the effects' docstrings for what that
     means where they jump or stick. A torque at its bound passes no derivative.
+
+    Warns once if 64-bit mode is off.
     """
+
+    if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+        _warn_of_single_precision()
 
     def instant(carry, inputs):
         true, hidden, sensed, memory, estimate = carry

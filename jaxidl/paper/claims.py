@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jaxidl.paper.grid import SOURCES
 from jaxidl.paper.view import View
 
 
@@ -24,62 +25,116 @@ class Claim:
     statistic: Callable[[View], xr.DataArray]
     low: float = 0.0
     high: float = np.inf
+    beside: tuple[tuple[str, Callable[[View], xr.DataArray]], ...] = ()  # the same of the other sources, by name
 
 
-def _both(name: str, statement: str, measure: str, statistic: Callable, low: float = 0.0, high: float = np.inf) -> list[Claim]:
-    """The same claim for either controller, low gain unless the statistic says otherwise."""
-    return [
-        Claim(f"{name}/{who}", f"{who.upper()}: {statement}", measure, lambda v, who=who: statistic(v, who), low, high)
-        for who in ("pid", "doomed")
-    ]
+def _of(
+    name: str,
+    statement: str,
+    measure: str,
+    source: str,
+    statistic: Callable[[View, str], xr.DataArray],
+    *,
+    but: str = "",
+    **within: float,
+) -> Claim:
+    """A claim about one source, with the same statistic of the others beside it: what holds for all says nothing about one.
+
+    ``but``: the source that it is compared with, of which it would say nothing.
+    """
+    by = {other: lambda v, other=other: statistic(v, other) for other in SOURCES}
+    beside = tuple((other, by[other]) for other in SOURCES if other not in (source, but))
+    return Claim(name, statement, measure, by[source], beside=beside, **within)
+
+
+def _both(
+    name: str,
+    statement: str,
+    measure: str,
+    statistic: Callable,
+    low: float = 0.0,
+    high: float = np.inf,
+    source: str = "",
+    but: str = "",
+) -> list[Claim]:
+    """The same claim for either controller, low gain unless the statistic says otherwise; with ``source`` about that one."""
+    found = []
+    for who in ("pid", "doomed"):
+        words = f"{name}/{who}", f"{who.upper()}: {statement}", measure
+        if source:
+            found.append(_of(*words, source, lambda v, of, who=who: statistic(v, who, of), but=but, low=low, high=high))
+        else:
+            found.append(Claim(*words, lambda v, who=who: statistic(v, who), low, high))
+    return found
 
 
 def _low(who: str, source: str, **where: Any) -> dict[str, Any]:
     return {"controller": who, "gain": "low", "source": source, **where}
 
 
-def _better_other(statistic: Callable[..., xr.DataArray], who: str) -> xr.DataArray:
-    """The indirect or the direct value, whichever is smaller over all seeds together."""
-    values = [statistic(**_low(who, source)) for source in ("indirect", "direct")]
+def _best_other(statistic: Callable[..., xr.DataArray], source: str, **where: Any) -> xr.DataArray:
+    """The value of another source, whichever is smallest over all seeds together."""
+    values = [statistic(source=other, **where) for other in SOURCES if other != source]
     return min(values, key=lambda value: float(np.nanmean(np.log(value))))
 
 
 IMPROVES = 0.9  # final / first error below it is an improvement, above it is none
 
 CLAIMS: list[Claim] = [
-    Claim(
+    _of(
+        "joint-overall-faster",
+        "on average over all settings, joint data is faster",
+        "mean error over iterations, source / best of the others, all settings",
+        "joint",
+        lambda v, source: v.area(source=source) / _best_other(v.area, source),
+        high=1.0,
+    ),
+    _of(
+        "joint-overall-consistent",
+        "over all settings, joint data is more consistent",
+        "final / first error that one run in ten exceeds, source / best of the others, all settings",
+        "joint",
+        lambda v, source: v.unreliable(source=source) / _best_other(v.unreliable, source),
+        high=1.0,
+    ),
+    _of(
         "indirect-low-pid",
         "PID: with indirect data and low gain, tracking does not improve",
         "final / first error",
-        lambda v: v.gain(**_low("pid", "indirect")),
+        "indirect",
+        lambda v, source: v.gain(**_low("pid", source)),
         low=IMPROVES,
     ),
-    Claim(
+    _of(
         "joint-low-pid",
         "PID: with joint data and low gain, tracking improves",
         "final / first error",
-        lambda v: v.gain(**_low("pid", "joint")),
+        "joint",
+        lambda v, source: v.gain(**_low("pid", source)),
         high=IMPROVES,
     ),
     *_both(
         "direct-low-noise",
         "with direct data, low gain and low noise, tracking improves",
         "final / first error at the lowest noise",
-        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[0])),
+        lambda v, who, source: v.gain(**_low(who, source, noise=v.noises[0])),
         high=IMPROVES,
+        source="direct",
     ),
     *_both(
         "direct-high-noise",
         "with direct data, low gain and very high noise, tracking does not improve",
         "final / first error at the highest noise",
-        lambda v, who: v.gain(**_low(who, "direct", noise=v.noises[1])),
+        lambda v, who, source: v.gain(**_low(who, source, noise=v.noises[1])),
         low=IMPROVES,
+        source="direct",
     ),
-    Claim(
+    _of(
         "indirect-low-doomed",
         "DOOMED: with indirect data and low gain, tracking improves",
         "final / first error",
-        lambda v: v.gain(**_low("doomed", "indirect")),
+        "indirect",
+        lambda v, source: v.gain(**_low("doomed", source)),
         high=IMPROVES,
     ),
     Claim(
@@ -100,9 +155,10 @@ CLAIMS: list[Claim] = [
         "indirect-noise",
         "noise does not affect learning from indirect data much",
         "mean error over iterations, highest / lowest noise",
-        lambda v, who: v.area(**_low(who, "indirect", noise=v.noises[1])) / v.area(**_low(who, "indirect", noise=v.noises[0])),
+        lambda v, who, source: v.area(**_low(who, source, noise=v.noises[1])) / v.area(**_low(who, source, noise=v.noises[0])),
         low=0.8,
         high=1.25,
+        source="indirect",
     ),
     *_both(
         "direct-noise",
@@ -118,9 +174,10 @@ CLAIMS: list[Claim] = [
     *_both(
         "joint-consistent",
         "joint data converges most consistently (low gain)",
-        "final / first error that one run in ten exceeds, joint / better of the others",
-        lambda v, who: v.unreliable(**_low(who, "joint")) / _better_other(v.unreliable, who),
+        "final / first error that one run in ten exceeds, source / best of the others",
+        lambda v, who, source: v.unreliable(**_low(who, source)) / _best_other(v.unreliable, source, controller=who, gain="low"),
         high=1.0,
+        source="joint",
     ),
     *_both(
         "direct-variance",
@@ -132,22 +189,26 @@ CLAIMS: list[Claim] = [
     *_both(
         "joint-ordering",
         "on average joint data ends with the lowest error (low gain)",
-        "final error, joint / better of the others",
-        lambda v, who: v.end(**_low(who, "joint")) / _better_other(v.end, who),
+        "final error, source / best of the others",
+        lambda v, who, source: v.end(**_low(who, source)) / _best_other(v.end, source, controller=who, gain="low"),
         high=1.0,
+        source="joint",
     ),
     *_both(
         "joint-faster",
         "joint data converges faster than indirect data (low gain)",
-        "mean error over iterations, joint / indirect",
-        lambda v, who: v.area(**_low(who, "joint")) / v.area(**_low(who, "indirect")),
+        "mean error over iterations, source / indirect",
+        lambda v, who, source: v.area(**_low(who, source)) / v.area(**_low(who, "indirect")),
         high=1.0,
+        source="joint",
+        but="indirect",
     ),
-    Claim(
+    _of(
         "direct-degrades",
         "PID: with direct data and low gain, mean tracking degrades again after a few iterations",
         "final error / lowest before",
-        lambda v: v.end(**_low("pid", "direct")) / v.lowest_before(**_low("pid", "direct")),
+        "direct",
+        lambda v, source: v.end(**_low("pid", source)) / v.lowest_before(**_low("pid", source)),
         low=1.0,
     ),
     *_both(
@@ -167,9 +228,11 @@ CLAIMS: list[Claim] = [
     *_both(
         "joint-high-gain",
         "with high gain, joint data is no worse than indirect data",
-        "final error, joint / indirect (10 % allowed)",
-        lambda v, who: v.end(controller=who, gain="high", source="joint") / v.end(controller=who, gain="high", source="indirect"),
+        "final error, source / indirect, setting by setting (10 % allowed)",
+        lambda v, who, source: v.paired(source, "indirect", controller=who, gain="high"),
         high=1.1,
+        source="joint",
+        but="indirect",
     ),
     Claim(
         "high-gain-less",

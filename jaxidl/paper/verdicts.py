@@ -10,6 +10,7 @@ both agree, *only partly* otherwise, with what each says. Iterations that diverg
 
 import json
 import warnings
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -47,6 +48,7 @@ class Verdict:
     verdict: str  # holds, does not hold, only partly, not in these results
     why: str  # of "only partly": what each of the two numbers says
     left_out: int  # diverged iterations in the whole file
+    beside: dict[str, str]  # the same statistic on average for each other source, and whether the statement is true of it, too
 
 
 def check_claims(data: xr.Dataset) -> list[Verdict]:
@@ -65,18 +67,23 @@ def check_claims(data: xr.Dataset) -> list[Verdict]:
 
 
 def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
-    numbers = average, typical = _number(claim, mean), _number(claim, median)
+    numbers = average, typical = _number(claim.statistic, mean), _number(claim.statistic, median)
     verdict, why = "not in these results", ""
     if average and typical:
         found = [within(number, claim.low, claim.high) for number in (average, typical)]
         verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
         why = f"on average {found[0]}, typically {found[1]}" if verdict == "only partly" else ""
-    return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, why, left_out)
+    beside = {source: _same(_number(statistic, mean), claim) for source, statistic in claim.beside}
+    return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, why, left_out, beside)
 
 
-def _number(claim: Claim, view: View) -> Mean | None:
+def _same(number: Mean | None, claim: Claim) -> str:
+    return "-" if number is None else f"{number.value:.2g}" + " (true)" * (within(number, claim.low, claim.high) == "holds")
+
+
+def _number(statistic: Callable[[View], xr.DataArray], view: View) -> Mean | None:
     try:
-        return geometric(np.atleast_1d(claim.statistic(view).values).astype(float))
+        return geometric(np.atleast_1d(statistic(view).values).astype(float))
     except KeyError:
         return None
 
@@ -92,20 +99,15 @@ def as_json(rows: list[Verdict]) -> str:
     return json.dumps([asdict(row) for row in rows], indent=1)
 
 
-HEADINGS = ("statement", "measured as", "true if", "on average", "typically", "verdict")
+HEADINGS = ("statement", "measured as", "true if", "on average", "typically", "verdict", "the same for others")
 
 
 def _cells(row: Verdict) -> tuple[str, ...]:
     verdict = row.verdict + (f": {row.why}" if row.why else "")
     if row.average and row.average.interval is None:
         verdict += " (one seed)"
-    return (
-        row.statement,
-        row.measure,
-        row.true_if,
-        *("-" if number is None else str(number) for number in (row.average, row.typical)),
-        verdict,
-    )
+    numbers = ("-" if number is None else str(number) for number in (row.average, row.typical))
+    return row.statement, row.measure, row.true_if, *numbers, verdict, ", ".join(f"{k} {v}" for k, v in row.beside.items())
 
 
 def as_table(rows: list[Verdict]) -> str:

@@ -87,6 +87,12 @@ class View:
             return (runs.quantile(0.75, dims) - runs.quantile(0.25, dims)) / 1.349  # in units of a normal's deviation
         return runs.std(dims)
 
+    def paired(self, source: str, other: str, **where: Any) -> xr.DataArray:
+        """(seed,) final error of one source over another one's in the same setting: geometric mean, or median, over settings."""
+        ends = self.ends(**where)
+        ratio = ends.sel(source=source, drop=True) / ends.sel(source=other, drop=True)
+        return xr.ufuncs.exp(self.over(xr.ufuncs.log(ratio)))
+
     def not_best(self, source: str, **where: Any) -> xr.DataArray:
         """(seed,) share of settings in which ``source`` does not have the lowest final error of the three."""
         if self.data.sizes["source"] < 3:
