@@ -130,6 +130,7 @@ def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
         run(path, small_study, SMALL)
 
 
+@pytest.mark.slow
 def test_with_many_programs_each_is_dropped_when_its_runs_are_done(small_study, tmp_path, monkeypatch):
     grid = replace(SMALL, seeds=(1, 2, 3), vary=(("kept", (0, 1, 2)),))
     study = replace(small_study, target=(0.7, 0.9))

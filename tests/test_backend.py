@@ -88,6 +88,7 @@ EIGHT_DEVICES = """
 """
 
 
+@pytest.mark.slow
 def test_runs_sharded_over_eight_devices_are_those_of_one():
     """Simulated devices; recorded averages may differ in the last bit (XLA sums them in another order)."""
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8", "JAX_PLATFORMS": "cpu"}

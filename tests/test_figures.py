@@ -93,6 +93,7 @@ def test_results_without_an_example_run_are_named(tmp_path):
         draw_all(results(as_in_the_paper), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_study_of_one_execution_is_drawn_too(quick, tmp_path):
     data = shown(replace(Grid.quick(), iterations=1))
     assert len(draw_all(data, tmp_path)) == 2 * len(FIGURES)

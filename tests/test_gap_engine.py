@@ -102,7 +102,7 @@ def test_effect_is_the_torque_of_its_formula(name):
     parameters, formula = FORMULAS[name]
     name, _, kind = name.partition("/")
     hidden = make(name, 0, parameters | ({"kind": kind} if name == "outside" else {}))
-    log = run(MECHANISMS["pendulum"], [hidden], 4, SHORT)
+    log = run(MECHANISMS["pendulum"], [hidden], 4, SHORT / 2)
     error, _ = residual(MECHANISMS["pendulum"], log)
     q, qd, tau = motion(log)
     moving = np.abs(qd) > 0.05

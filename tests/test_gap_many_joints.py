@@ -60,6 +60,7 @@ def files(tmp_path_factory):
     return folder / "log.npz", folder / "model.xml"
 
 
+@pytest.mark.slow
 def test_nothing_is_named_where_nothing_is_hidden(tmp_path):
     np.savez(tmp_path / "log.npz", allow_pickle=False, **moved(chain(LOAD), 0.0))
     (tmp_path / "model.xml").write_text(chain(LOAD))

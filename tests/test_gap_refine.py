@@ -87,6 +87,7 @@ def _problem(pendulum, signals, *factors):
     return Problem(Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH)
 
 
+@pytest.mark.slow
 def test_parameters_a_quarter_off_are_found_again(pendulum, signals):
     found = refine(pendulum.plant, effects(*WRONG), signals, FREE)
     assert found.accepted

@@ -438,6 +438,7 @@ def test_a_diagnosis_is_saved_without_its_model_file(tmp_path, after):
     assert (tmp_path / "two" / "model.xml").read_text() == (tmp_path / "one" / "model.xml").read_text()
 
 
+@pytest.mark.slow
 def test_the_same_diagnosis_gives_the_same_files(tmp_path):
     d = made_up(tmp_path)
     save(d, tmp_path / "out")

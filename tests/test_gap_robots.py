@@ -96,6 +96,7 @@ def test_hidden_torques_are_the_gap(measured):
         assert rms(found[moving[:, j]])[j] < 0.06 * rms(run.command)[j]
 
 
+@pytest.mark.slow
 def test_cases_do_not_depend_on_each_other(measured):
     robot = measured[0]
     assert robots(2026, 3) == robots(2026, 9)[:3]

@@ -69,6 +69,7 @@ def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp
     assert "known mass" in found.ambiguous[0].experiment
 
 
+@pytest.mark.slow
 @LINKS
 def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
     """Found first are a wrong inertia and Coulomb friction, each of which looks right as long as the other is there."""

@@ -50,6 +50,7 @@ def test_the_brake_spoils_tracking_and_learning_restores_it(script):
     assert np.all(last[0] < 0.003)  # nothing to learn: only noise is added
 
 
+@pytest.mark.slow
 def test_derivatives_by_its_parameters_agree(script):
     forward, reverse, numeric = (np.asarray(script[name]) for name in ("forward", "reverse", "numeric"))
     assert np.all(forward > 0.0)  # a stronger brake, or one that fades later
@@ -57,6 +58,7 @@ def test_derivatives_by_its_parameters_agree(script):
     np.testing.assert_allclose(forward, numeric, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_without_it_others_stand_in_and_with_it_the_gap_is_smaller(script):
     before, found = script["before"], script["found"]
     assert "sublinear_friction" in {f.name for f in before.findings}  # what the catalogue has that is most like it
@@ -72,6 +74,7 @@ def test_without_it_others_stand_in_and_with_it_the_gap_is_smaller(script):
     assert (script["folder"] / "own_effect.png").stat().st_size > 20_000
 
 
+@pytest.mark.slow
 def test_what_was_found_is_written_and_read_again(script, tmp_path):
     found, cls = script["found"], script["EddyBrake"]
     assert "eddy brake" in report.save(found, tmp_path / "out").read_text(encoding="utf-8").lower()
@@ -80,6 +83,7 @@ def test_what_was_found_is_written_and_read_again(script, tmp_path):
     assert brake.to_dict() == next(f.effect for f in found.findings if f.name == "eddy_brake").to_dict()
 
 
+@pytest.mark.slow
 def test_it_is_not_named_where_plain_friction_is_hidden(script):
     columns = simulate(PENDULUM, [make("viscous_friction", 0, {"coefficient": 0.3})], 3)
     log = gap.from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])

@@ -104,7 +104,7 @@ def same(a, b) -> bool:
     return repr(tuple(a)) == repr(tuple(b))
 
 
-@examples(600)
+@examples(250)
 @given(axis=st.sampled_from([*FLOATS, *COUNTS]), words=st.lists(NUMBER, max_size=3), before=st.lists(NUMBER, max_size=2))
 def test_numbers_on_an_axis_become_just_those_values_or_are_refused(asked, axis, words, before):
     asked.clear()
@@ -120,7 +120,7 @@ def test_numbers_on_an_axis_become_just_those_values_or_are_refused(asked, axis,
     assert not os.listdir()
 
 
-@examples(150)
+@examples(80)
 @given(axis=st.sampled_from([*NAMES, *LINES]), data=st.data())
 def test_names_on_an_axis_are_taken_once_each_or_refused(asked, axis, data):
     asked.clear()
@@ -135,7 +135,7 @@ def test_names_on_an_axis_are_taken_once_each_or_refused(asked, axis, data):
         assert [asked[0][1].train_on] == words
 
 
-@examples(150)
+@examples(80)
 @given(
     devices=st.none() | st.integers(-1, 3).map(str) | NUMBER,
     per_device=st.none() | st.integers(0, 6).map(str) | NUMBER,
@@ -159,7 +159,7 @@ PIECES += [f"--{name}" for name in (*FLOATS, *COUNTS, *NAMES, *LINES, "devices",
 BEGIN = {"sweep": ["--out", "r.nc"], "simulate": ["--out", "t.npz", "--controller", "pid", "--gain", "low"]}
 
 
-@examples(400)
+@examples(200)
 @given(
     start=st.sampled_from([[], ["sweep"], ["claims"], ["figures"], *([name, *words] for name, words in BEGIN.items())]),
     words=st.lists(st.sampled_from(PIECES) | st.sampled_from(SPOILT + ODD) | WORD | WORD.map("--{}".format), max_size=6),
@@ -215,7 +215,7 @@ SIMULATE = ["simulate", *BEGIN["simulate"], "--standard-normal", "../z.npy"]
 
 
 @h5netcdf_may_stumble
-@examples(150)
+@examples(80)
 @given(
     begin=st.sampled_from(MAGIC) | st.integers(0, len(DRAWS) - 300).map(lambda size: DRAWS[:size]),
     rest=st.binary(max_size=200),

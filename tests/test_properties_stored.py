@@ -61,7 +61,7 @@ def axes(draw) -> dict:
     return found | {"iterations": draw(st.integers(-1, 3) | ANY)}
 
 
-@examples(300)
+@examples(150)
 @given(keywords=axes())
 def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survives_json(keywords):
     try:
@@ -165,7 +165,7 @@ def harmed(content: bytes, place: int, bit: int) -> bytes:
     return content[:place] + (b"" if bit == CUT else bytes([content[place] ^ 1 << bit]) + content[place + 1 :])
 
 
-@examples(400)
+@examples(200)
 @given(which=st.integers(0, 1), place=PLACE, bit=BIT)
 def test_a_flipped_bit_or_a_cut_in_a_part_changes_no_number_without_notice(parts, which, place, bit):
     files, sound, names = parts
@@ -201,7 +201,7 @@ def grid(noise, friction, stiction, gains, seeds) -> Grid:
 
 
 @h5netcdf_may_stumble
-@examples(150)
+@examples(80)
 @given(place=PLACE, bit=BIT)
 def test_a_flipped_bit_or_a_cut_in_the_results_changes_nothing_without_notice(results, tmp_path, place, bit):
     (path, sound), other = results, tmp_path / "other.nc"
@@ -218,7 +218,7 @@ def values(strategy, size=2):
     return st.lists(strategy, min_size=1, max_size=size, unique=True)
 
 
-@examples(12)
+@examples(6)
 @given(
     chosen=st.tuples(
         values(st.floats(0, 1) | st.sampled_from([0.0, -0.0, 5e-324, 1.0])),
