@@ -236,6 +236,7 @@ def test_where_the_mechanism_truly_begins_is_seen_from_the_first_reading_on():
     np.testing.assert_array_equal(same.q, told.q)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", SOURCES)
 def test_the_arm_learns_what_its_model_lacks(source):
     """Two goals of 0.2 s and small networks: one iteration takes away about 90 % of the feedback's mean square."""

@@ -104,6 +104,7 @@ def test_networks_that_know_circumstances_are_told_them():
     assert np.abs(told - untold).min() > 1e-3
 
 
+@pytest.mark.slow
 def test_latency_is_measured_in_a_process_of_its_own(parts, tmp_path):
     write_bytes(tmp_path / "good.jaxexport", export_feedforward(*parts))
     rows = latency(tmp_path / "good.jaxexport", 30)

@@ -274,6 +274,7 @@ def both_ways(run, x):
     return np.asarray(forward), np.asarray(reverse)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("controller", "source"), [("pid", "direct"), ("doomed", "joint"), ("doomed", "indirect")])
 def test_derivatives_through_learning(controller, source):
     """Error and feedback of three executions with two trainings between them, by gains, filter, prior mass and learning rate."""

@@ -236,6 +236,7 @@ def commanded(tmp_path_factory):
     return folder / "out", made[0]
 
 
+@pytest.mark.slow
 def test_command_line_fits_to_motion_and_reports_it(commanded):
     folder, _ = commanded
     report = json.loads((folder / "report.json").read_text())

@@ -222,6 +222,7 @@ def test_rank_decides_which_link_errors_are_one():
     assert links.left(shift, [("payload", None)]) < 1e-6 * links.left(shift, [])
 
 
+@pytest.mark.slow
 def test_folder_of_a_robot(measured, tmp_path):
     robot, _, run, record = measured
     make_case(robot, tmp_path)

@@ -102,6 +102,7 @@ def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load
     assert set(named(found)) == {("viscous_friction", 0), ("coulomb_friction", 0)}
 
 
+@pytest.mark.slow
 @LINKS
 def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
     log, model = hidden(

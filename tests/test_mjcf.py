@@ -149,6 +149,7 @@ def test_tables_between_their_instants(tmp_path):
         np.testing.assert_allclose(b, a, atol=2e-3 * np.abs(a).max(), err_msg=name)  # chords of 7 ms
 
 
+@pytest.mark.slow
 def test_a_body_may_be_a_programs_argument(tmp_path):
     """Compiled once for all masses, and what does not change is a constant of the program."""
     body, traces = read_model(stored(tmp_path, URDF, "chain.urdf")).plant.body, []

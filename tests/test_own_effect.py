@@ -194,6 +194,7 @@ class Rail(Effect):
         return "joint/damping"
 
 
+@pytest.mark.slow
 def test_effects_of_a_users_own_go_into_mjcf_as_those_of_the_package_do(clean, tmp_path):
     for cls in (Shell, Rail):
         register(cls)
