@@ -43,8 +43,6 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_hidden_effect_is_named_with_its_parameter[case4]",
     "test_hidden_effect_is_named_with_its_parameter[case5]",
     "test_model_patched_with_what_the_encoder_does_lacks_nothing[delay",
-    "test_what_changed_between_two_logs_is_the_load_alone[put-down]",
-    "test_a_whole_learning_run_equals_its_steps_taken_one_by_one[0]",
     "test_plain_mujoco_moves_the_exported_model_as_our_plant_moves[two_link]",
     "test_the_learner_removes_what_is_known_to_be_missing[constant bias-direct]",
     "test_the_learner_removes_what_is_known_to_be_missing[constant bias-joint]",

@@ -96,6 +96,7 @@ def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small
     assert abs(plain.q_error - other.q_error).max() > 1e-6
 
 
+@pytest.mark.slow
 def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(small_study, tmp_path):
     study = replace(small_study, target=(0.8, 0.9))  # nobody else's program
     compiled = []

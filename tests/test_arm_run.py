@@ -32,6 +32,7 @@ def small(study: ArmStudy) -> ArmStudy:
     return replace(study, seconds_each=0.05, error_model=model, training=Training(epochs=1, batch=64))
 
 
+@pytest.mark.slow
 def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_accelerations_only(tmp_path, monkeypatch):
     study, path = small(ArmStudy()), tmp_path / "study.nc"
     grid = replace(GRID, accelerations=("causal", "zero_phase"), sources=("direct",), seeds=(1, 2))

@@ -200,6 +200,7 @@ def end_of_50_steps(effect, push):
     return jnp.concatenate([state.q, plant.sense(hidden, state.q, jnp.full(joints, 0.3))])
 
 
+@pytest.mark.slow
 @of({f"{name}, 1 axis": e for name, e in SINGLE.items()} | {f"{name}, 2 axes": e for name, e in EXAMPLES.items()})
 def test_derivatives_through_50_steps_of_a_plant(effect, request):
     push = PUSH[: 1 if "1 axis" in request.node.name else 2]

@@ -108,6 +108,7 @@ def test_simulate_a_learning_run(tmp_path):
     assert data["tau_feedforward"][1].any()
 
 
+@pytest.mark.slow
 def test_sweep_then_figures_then_claims(tmp_path, capsys):
     out = str(tmp_path / "r.nc")
     words = ["--noise", "1e-4", "8e-4", "--seeds", "1", "--friction", "5", "--stiction", "5", "--epochs", "1"]

@@ -62,6 +62,7 @@ def on_the_robot(parts, tmp_path_factory):
     return torques
 
 
+@pytest.mark.slow
 def test_the_file_gives_the_torques_of_python_in_a_process_without_this_package(parts, on_the_robot):
     states = np.random.default_rng(0).normal(size=(300, 3, JOINTS)) * np.array([1.0, 2.0, 20.0])[:, None]
     states = states.astype(np.float32)

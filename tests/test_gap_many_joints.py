@@ -127,6 +127,7 @@ def test_a_joint_without_torque_leaves_the_others_alone(files, tmp_path):
     assert (found.verdict, found.unexplained) == ("unexplained", (3,))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["picked-up", "put-down"])
 def test_what_changed_between_two_logs_is_the_load_alone(files, tmp_path, sign):
     """Friction of every joint is in both logs, and not in the model: it is no finding."""

@@ -101,6 +101,7 @@ def test_parameters_a_quarter_off_are_found_again(pendulum, signals):
     assert found.effects[2].effect.steps == 20
 
 
+@pytest.mark.slow
 def test_right_parameters_are_left_alone(pendulum, signals):
     right = effects()
     found = refine(pendulum.plant, right, signals, FREE)
@@ -253,6 +254,7 @@ def test_command_line_fits_to_motion_and_reports_it(commanded):
     assert record["reason"] in (folder / "report.html").read_text()
 
 
+@pytest.mark.slow
 def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
     _, found = commanded
     assert "refined" not in found.to_dict()

@@ -284,6 +284,7 @@ def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
     assert report.plot_parameters(d) is not None
 
 
+@pytest.mark.slow
 def test_thirty_findings_on_seven_joints(tmp_path):
     names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
     many = [make(7, j) for make in (viscous, inertia) for j in range(1, 7)] + [friction(7, 1.0 + j, j, 0.5) for j in range(7)]

@@ -59,6 +59,7 @@ def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", [0, 2])
 def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kept):
     from jaxidl.models import draw_batches, fit, start

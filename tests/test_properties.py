@@ -104,7 +104,7 @@ def same(a, b) -> bool:
     return repr(tuple(a)) == repr(tuple(b))
 
 
-@examples(250)
+@examples(120)
 @given(axis=st.sampled_from([*FLOATS, *COUNTS]), words=st.lists(NUMBER, max_size=3), before=st.lists(NUMBER, max_size=2))
 def test_numbers_on_an_axis_become_just_those_values_or_are_refused(asked, axis, words, before):
     asked.clear()
@@ -159,7 +159,7 @@ PIECES += [f"--{name}" for name in (*FLOATS, *COUNTS, *NAMES, *LINES, "devices",
 BEGIN = {"sweep": ["--out", "r.nc"], "simulate": ["--out", "t.npz", "--controller", "pid", "--gain", "low"]}
 
 
-@examples(200)
+@examples(100)
 @given(
     start=st.sampled_from([[], ["sweep"], ["claims"], ["figures"], *([name, *words] for name, words in BEGIN.items())]),
     words=st.lists(st.sampled_from(PIECES) | st.sampled_from(SPOILT + ODD) | WORD | WORD.map("--{}".format), max_size=6),
@@ -172,7 +172,7 @@ def test_no_heap_of_words_gets_a_traceback_or_leaves_a_file(asked, start, words,
         made.unlink()
 
 
-@examples(200)
+@examples(100)
 @given(
     values=st.fixed_dictionaries({"friction": NUMBER, "stiction": NUMBER, "noise": NUMBER, "seeds": NUMBER, "epochs": NUMBER}),
     given_names=st.sets(st.sampled_from(["friction", "stiction", "noise", "seeds", "epochs"]), max_size=2),

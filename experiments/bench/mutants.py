@@ -1,0 +1,130 @@
+"""Do the tests notice when the code is wrong? Small changes to six modules, and which tests fail because of them.
+
+    python experiments/bench/mutants.py [--each 6] [--json FILE]
+
+Each mutant is the module with one operator, comparison or number changed, drawn from a fixed seed. The quick tests of the
+module run first; where they all pass, the slow ones run, too. What neither notices survived: it is printed, to be looked at.
+"""
+
+import ast
+import copy
+import os
+import random
+import shutil
+import subprocess
+import sys
+import tempfile
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+from common import arguments, machine, report
+
+ROOT = Path(__file__).resolve().parents[2]
+MODULES = {
+    "systems/plant.py": ("plant", "golden", "effects"),
+    "learning/execute.py": ("golden", "learning"),
+    "learning/sources.py": ("golden", "learning"),
+    "models/training.py": ("training", "golden"),
+    "gap/score.py": ("gap_score", "gap_workflow"),
+    "jobs/store.py": ("jobs", "sweep", "properties_stored"),
+}
+OPPOSITE = {
+    ast.Add: ast.Sub,
+    ast.Sub: ast.Add,
+    ast.Mult: ast.Div,
+    ast.Div: ast.Mult,
+    ast.Lt: ast.GtE,
+    ast.GtE: ast.Lt,
+    ast.Gt: ast.LtE,
+    ast.LtE: ast.Gt,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.And: ast.Or,
+    ast.Or: ast.And,
+}
+
+
+def places(tree: ast.Module) -> list[tuple[int, str]]:
+    """Nodes that can be changed, by their number in a walk, and what the change is called. Annotations are left alone."""
+    hints = {id(x) for node in ast.walk(tree) for part in ("annotation", "returns") for x in _under(getattr(node, part, None))}
+    found = []
+    for number, node in enumerate(ast.walk(tree)):
+        line = getattr(node, "lineno", 0)
+        if id(node) in hints:
+            continue
+        if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OPPOSITE:
+            found.append((number, f"line {line}: {type(node.op).__name__} -> {OPPOSITE[type(node.op)].__name__}"))
+        elif isinstance(node, ast.Compare) and type(node.ops[0]) in OPPOSITE:
+            found.append((number, f"line {line}: {type(node.ops[0]).__name__} -> {OPPOSITE[type(node.ops[0])].__name__}"))
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            found.append((number, f"line {line}: {node.value} -> {node.value + 1}"))
+        elif isinstance(node, ast.Constant) and type(node.value) is bool:
+            found.append((number, f"line {line}: {node.value} -> {not node.value}"))
+    return found
+
+
+def _under(node: ast.AST | None) -> list[ast.AST]:
+    return [] if node is None else list(ast.walk(node))
+
+
+def mutated(tree: ast.Module, number: int) -> str:
+    """The module's text with one node changed."""
+    tree = copy.deepcopy(tree)
+    node = list(ast.walk(tree))[number]
+    if isinstance(node, ast.BinOp | ast.BoolOp):
+        node.op = OPPOSITE[type(node.op)]()
+    elif isinstance(node, ast.Compare):
+        node.ops[0] = OPPOSITE[type(node.ops[0])]()
+    elif isinstance(node, ast.Constant):
+        node.value = not node.value if isinstance(node.value, bool) else node.value + 1
+    return ast.unparse(tree)
+
+
+def noticed(module: str, text: str, cache: str) -> str:
+    """ "quick" or "slow": the tests that fail on this mutant; "" if none does."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for part in ("jaxidl", "tests", "experiments"):
+            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copy(ROOT / "pyproject.toml", folder)
+        (folder / "jaxidl" / module).write_text(text)
+        files = [f"tests/test_{test}.py" for test in MODULES[module]]
+        environment = os.environ | {"PYTHONPATH": name, "JAX_COMPILATION_CACHE_DIR": cache, "JAX_PLATFORMS": "cpu"}
+        environment |= {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
+        for which, marked in (("quick", "not slow"), ("slow", "slow")):
+            words = [sys.executable, "-m", "pytest", "-x", "-q", "-o", "addopts=", "-p", "no:cacheprovider", "-m", marked, *files]
+            try:
+                done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, check=False, timeout=900)
+            except subprocess.TimeoutExpired:
+                return which
+            if done.returncode not in (0, 5):  # 5: there are none of these
+                return which
+    return ""
+
+
+def main() -> None:
+    options = arguments(__doc__ or "", each=6, workers=2)
+    table, survivors = [], []
+    with tempfile.TemporaryDirectory() as cache, ThreadPoolExecutor(options.workers) as pool:
+        for module in MODULES:
+            tree = ast.parse((ROOT / "jaxidl" / module).read_text())
+            chosen = random.Random(0).sample(places(tree), options.each)
+            texts = [mutated(tree, number) for number, _ in chosen]
+            found = list(pool.map(lambda text, module=module: noticed(module, text, cache), texts))
+            counts = {which: found.count(which) for which in ("quick", "slow", "")}
+            table.append({"module": module, "mutants": len(found), "quick": counts["quick"], "slow": counts["slow"]})
+            survivors += [f"{module} {what}" for (_, what), by in zip(chosen, found, strict=True) if not by]
+            print(table[-1], file=sys.stderr, flush=True)
+    print("survived:", *survivors or ["none"], sep="\n  ", file=sys.stderr)
+    report(
+        "Mutants noticed by the quick and, where these pass, by the slow tests",
+        table,
+        options.json,
+        machine=machine(),
+        survived=survivors,
+    )
+
+
+if __name__ == "__main__":
+    main()
