@@ -33,8 +33,6 @@ REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / 
 
 SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_no_derivative_is_nan_where_effects_have_kinks[pid",
-    "test_a_traced_number_does_what_the_same_number_in_the_study_does[learn",
-    "test_a_traced_number_does_what_the_same_number_in_the_study_does[p",
     "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGINT: 2>]]",
     "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGTERM: 15>]]",
     "test_hidden_effect_is_named_with_its_parameter[case0]",
@@ -54,6 +52,8 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_scan_vmap_and_a_python_loop_give_the_same_execution[doomed]",
     "test_derivatives_of_an_execution_and_its_data[law",
     "test_derivatives_of_an_execution_and_its_data[policy",
+    "test_fast_training_is_plain_training[float32",
+    "test_nothing_is_named_where_nothing_is_hidden[slider]",
     "test_results_do_not_depend_on_chunks[3]",
     "test_results_do_not_depend_on_devices[8]",
     "test_a_damaged_part_is_named_and_computed_again[cut",

@@ -76,6 +76,7 @@ CHANGES = {
 VALUES = {"alpha": 0.3, "prior_mass": 2.0, "learner_gain": 100.0, "learning_rate": 3e-3, "policy_gains.1": 15.0}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", VALUES)
 def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small_study, tmp_path):
     changed = replace(

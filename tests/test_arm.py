@@ -203,6 +203,7 @@ def test_an_acceleration_made_afterwards_has_no_lag_and_a_causal_one_has():
     assert jnp.abs(zero_phase(steady, point_mass(2.0), task, 30.0).qdd_actual).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_load_is_there_just_while_the_circumstances_say_so():
     """Each recorded step is taken again by an arm that always carries the load, and by one that never does."""
     steps, plant = 60, Plant(arm().plant.body, (Payload(jnp.array(0.0), COM),))

@@ -20,6 +20,7 @@ from jaxidl.paper.runs import LearningRun
 GRID = Grid(("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3)
 
 
+@pytest.mark.slow
 def test_compiler_options_change_no_bit(small_study):
     learning, at = LearningRun(small_study, GRID.iterations), list(points(GRID.dims()))
     inputs, kind = learning.job().traced(at), dict(learning.job().kind(at[0]))

@@ -124,7 +124,7 @@ def test_sweep_then_figures_then_claims(tmp_path, capsys):
 
 @pytest.mark.parametrize("sent", [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]], ids=str)
 def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_path, sent):
-    words = ["sweep", "--out", str(tmp_path / "r.nc"), "--epochs", "20", "--seeds", "1", "--runs-per-device", "1"]
+    words = ["sweep", "--out", str(tmp_path / "r.nc"), "--epochs", "1", "--seeds", "1", "--runs-per-device", "1"]
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}
     process = subprocess.Popen([sys.executable, "-m", "jaxidl", *words], stderr=subprocess.PIPE, text=True, env=env)
     parts = tmp_path / "r.nc.parts"

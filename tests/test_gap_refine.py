@@ -111,6 +111,7 @@ def test_right_parameters_are_left_alone(pendulum, signals):
     np.testing.assert_allclose([next(iter(v.values()))[0] for v in found.refined], list(TRUE.values()), rtol=0.01)
 
 
+@pytest.mark.slow
 def test_parameters_stay_within_their_bounds(pendulum, signals):
     bounds = ({"coefficient": (0.0, 10.0)}, {"level": (0.0, 0.27)}, {"delay": (0.0145, 0.1)})
     found = refine(pendulum.plant, effects(*WRONG), signals, bounds)
@@ -275,6 +276,7 @@ def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
     assert refined.to_dict()["refined"]["accepted"]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_without_its_signals_cannot_be_refined(commanded):
     with pytest.raises(ConfigurationError, match="signals"):
         replace(commanded[1], signals=None).refined()

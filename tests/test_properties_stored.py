@@ -201,7 +201,7 @@ def grid(noise, friction, stiction, gains, seeds) -> Grid:
 
 
 @h5netcdf_may_stumble
-@examples(80)
+@examples(50)
 @given(place=PLACE, bit=BIT)
 def test_a_flipped_bit_or_a_cut_in_the_results_changes_nothing_without_notice(results, tmp_path, place, bit):
     (path, sound), other = results, tmp_path / "other.nc"
@@ -218,7 +218,7 @@ def values(strategy, size=2):
     return st.lists(strategy, min_size=1, max_size=size, unique=True)
 
 
-@examples(6)
+@examples(4)
 @given(
     chosen=st.tuples(
         values(st.floats(0, 1) | st.sampled_from([0.0, -0.0, 5e-324, 1.0])),
