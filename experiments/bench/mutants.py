@@ -46,8 +46,12 @@ OPPOSITE = {
 
 
 def places(tree: ast.Module) -> list[tuple[int, str]]:
-    """Nodes that can be changed, by their number in a walk, and what the change is called. Annotations are left alone."""
+    """Nodes that can be changed, by their number in a walk, and what the change is called.
+
+    Annotations and ``zip``'s strict are left alone.
+    """
     hints = {id(x) for node in ast.walk(tree) for part in ("annotation", "returns") for x in _under(getattr(node, part, None))}
+    hints |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "strict"}
     found = []
     for number, node in enumerate(ast.walk(tree)):
         line = getattr(node, "lineno", 0)
