@@ -32,8 +32,8 @@ def command(*words: str) -> float:
 
 
 def has_reference() -> bool:
-    told = subprocess.run([*JAXIDL, "gap", "--help"], capture_output=True, text=True, check=False)
-    return "--reference" in told.stdout
+    helped = subprocess.run([*JAXIDL, "gap", "--help"], capture_output=True, text=True, check=False)
+    return "--reference" in helped.stdout
 
 
 def held_out(case: Case, folder: Path, model: Path) -> list[float]:

@@ -115,17 +115,11 @@ def run_sweep(
     grid: Grid,
     path: Path,
     study: PaperStudy | None = None,
-    *,
-    devices: int | None = None,
-    per_device: int | None = None,
-    width: int | None = None,
-    cluster: str | None = None,
-    overwrite: bool = False,
-    quiet: bool = False,
+    **running: Any,
 ) -> xr.Dataset:
     """Run every configuration of ``grid`` that ``path`` does not hold yet, write the results there and return them.
 
-    A client of :func:`jaxidl.jobs.sweep`, which says what the other arguments do.
+    ``running``: devices, per_device, width, cluster, overwrite and quiet, as :func:`jaxidl.jobs.sweep` has them.
 
     Raises:
         ConfigurationError: for an impossible layout, no such cluster, or numbers to vary that cannot be.
@@ -147,12 +141,7 @@ def run_sweep(
         also=xr.Dataset if grid.vary else partial(example, run, grid),
         cost=partial(_cost, study, grid.iterations),
         about={"title": TITLE, "precision": PRECISION},
-        devices=devices,
-        per_device=per_device,
-        width=width,
-        cluster=cluster,
-        overwrite=overwrite,
-        quiet=quiet,
+        **running,
     )
 
 
