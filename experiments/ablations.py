@@ -1,8 +1,9 @@
-"""The ablations that the paper's argument rests on: ``python experiments/ablations.py FOLDER [NAME ...]``.
+"""The ablations that the paper's argument rests on: ``python experiments/ablations.py FOLDER [NAME
+...]``.
 
-Each is one ``jaxidl ablate`` command, and continues where an interrupted run of it stopped. FOLDER gets ablation_NAME.nc, .md,
-.png and .pdf of each, and ablations.json with its command, number of runs, compiled programs, and seconds. ``--seeds N`` gives
-each N seeds instead of 5.
+Each is one ``jaxidl ablate`` command, and continues where an interrupted run of it stopped. FOLDER
+gets ablation_NAME.nc, .md, .png and .pdf of each, and ablations.json with its command, number of
+runs, compiled programs, and seconds. ``--seeds N`` gives each N seeds instead of 5.
 """
 
 import argparse
@@ -33,7 +34,8 @@ def run(name: str, folder: Path, seeds: int) -> None:
     out = folder / f"ablation_{name}.nc"
     words = f"{ABLATIONS[name]} --seeds {' '.join(map(str, range(1, 1 + seeds)))}"
     command = [sys.executable, "-m", "jaxidl", "ablate", *shlex.split(words), "--out", str(out)]
-    status = subprocess.run(command, check=False).returncode  # a process each: compiled programs stay in memory until it ends
+    # a process each: compiled programs stay in memory until it ends
+    status = subprocess.run(command, check=False).returncode
     if status:
         sys.exit(status)
     data, table = read_results(out), folder / "ablations.json"
@@ -50,13 +52,19 @@ def run(name: str, folder: Path, seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("folder", type=Path)
-    parser.add_argument("names", nargs="*", metavar="NAME", help=f"{', '.join(ABLATIONS)}; all unless told")
+    parser.add_argument(
+        "names", nargs="*", metavar="NAME", help=f"{', '.join(ABLATIONS)}; all unless told"
+    )
     parser.add_argument("--seeds", type=int, default=5)
     options = parser.parse_args()
     for name in options.names or ABLATIONS:
         if name not in ABLATIONS:
-            parser.error(f"an ablation among {', '.join(ABLATIONS)}; got {name!r}; name one of these")
+            parser.error(
+                f"an ablation among {', '.join(ABLATIONS)}; got {name!r}; name one of these"
+            )
         print(f"{name} ...", flush=True)
         run(name, options.folder, options.seeds)

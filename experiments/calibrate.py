@@ -1,7 +1,8 @@
-"""Fit the confidence of the gap finder's findings to finished benchmarks: ``python experiments/calibrate.py DIR ...``.
+"""Fit the confidence of the gap finder's findings to finished benchmarks: ``python
+experiments/calibrate.py DIR ...``.
 
-Each DIR is one of ``jaxidl gap-benchmark --out DIR``. The weights go to ``jaxidl/gap/calibration.json``. What is reported about
-them comes from a benchmark of another root.
+Each DIR is one of ``jaxidl gap-benchmark --out DIR``. The weights go to
+``jaxidl/gap/calibration.json``. What is reported about them comes from a benchmark of another root.
 """
 
 import json
@@ -25,7 +26,11 @@ def main(folders: list[Path]) -> None:
             for effect in report.get("effects", []):
                 rows.append((truth["family"], effect["signs"], is_right(truth, report, effect)))
     counts = Counter(family for family, _, _ in rows)
-    result = {"weights": fitted(rows), "roots": sorted(roots), "findings": dict(sorted(counts.items()))}
+    result = {
+        "weights": fitted(rows),
+        "roots": sorted(roots),
+        "findings": dict(sorted(counts.items())),
+    }
     write_bytes(calibration.WEIGHTS, (json.dumps(result, indent=1) + "\n").encode())
     print(f"{len(rows)} findings of roots {sorted(roots)}: {calibration.WEIGHTS}")
 

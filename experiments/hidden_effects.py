@@ -1,7 +1,9 @@
-"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose motor is late, unknown to the model.
+"""A log to try ``jaxidl gap`` on: a pendulum whose bearing rubs and whose motor is late, unknown to
+the model.
 
-``python experiments/hidden_effects.py FOLDER`` writes ``log.csv`` and ``model.xml``. The data come from the benchmark's engine:
-plain MuJoCo at a step ten times finer than the log's, with encoder noise and quantisation.
+``python experiments/hidden_effects.py FOLDER`` writes ``log.csv`` and ``model.xml``. The data come
+from the benchmark's engine: plain MuJoCo at a step ten times finer than the log's, with encoder
+noise and quantisation.
 """
 
 import sys
@@ -23,7 +25,9 @@ def main(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     columns = run(MECHANISMS["pendulum"], HIDDEN, 7).log()
     table = np.column_stack(list(columns.values()))
-    np.savetxt(folder / "log.csv", table, fmt="%.8g", delimiter=",", header=",".join(columns), comments="")
+    np.savetxt(
+        folder / "log.csv", table, fmt="%.8g", delimiter=",", header=",".join(columns), comments=""
+    )
     (folder / "model.xml").write_text(MECHANISMS["pendulum"])
 
 

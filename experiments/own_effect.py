@@ -1,8 +1,10 @@
-"""An effect of your own, from its definition to its discovery: a script with cells, to be read from top to bottom.
+"""An effect of your own, from its definition to its discovery: a script with cells, to be read from
+top to bottom.
 
-A simulation lacks an eddy-current brake, which the package does not know. We write it down, put it into a plant, sweep over its
-strength, differentiate through it, and let the gap workflow find it in a log. ``python experiments/own_effect.py FOLDER`` takes
-about a minute, prints what each cell finds and writes ``own_effect.png`` and ``.pdf``. As a notebook: run it cell by cell.
+A simulation lacks an eddy-current brake, which the package does not know. We write it down, put it
+into a plant, sweep over its strength, differentiate through it, and let the gap workflow find it in
+a log. ``python experiments/own_effect.py FOLDER`` takes about a minute, prints what each cell finds
+and writes ``own_effect.png`` and ``.pdf``. As a notebook: run it cell by cell.
 """
 
 # %%
@@ -34,10 +36,9 @@ jax.config.update("jax_enable_x64", True)
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_effect")
 folder.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown]
-# ## Define it
-# The fields are what is swept, differentiated and fitted. `torque` is for one instant and all joints. `guesses` says where a
-# search may begin: here several speeds, each with the strength that would explain the size of what the model lacks.
+# %% [markdown] ## Define it The fields are what is swept, differentiated and fitted. `torque` is
+# for one instant and all joints. `guesses` says where a search may begin: here several speeds, each
+# with the strength that would explain the size of what the model lacks.
 
 
 # %%
@@ -60,22 +61,28 @@ class EddyBrake(Effect):
 
     @classmethod
     def guesses(cls, scale):
-        return [{"k": 2.0 * scale.residual / v, "v": v} for v in scale.speed * np.array([0.05, 0.1, 0.2, 0.4, 0.8])]
+        return [
+            {"k": 2.0 * scale.residual / v, "v": v}
+            for v in scale.speed * np.array([0.05, 0.1, 0.2, 0.4, 0.8])
+        ]
 
 
-# %% [markdown]
-# ## Add it to a plant
-# The paper's point mass on two axes, whose model is right but for the brake, moves by 1 m within a second at up to 5 m/s.
+# %% [markdown] ## Add it to a plant The paper's point mass on two axes, whose model is right but
+# for the brake, moves by 1 m within a second at up to 5 m/s.
 
 # %%
-study = PaperStudy(modelled_mass=5.0, error_model=ErrorModel(layers=(24, 12, 1)), training=Training(epochs=40))
+study = PaperStudy(
+    modelled_mass=5.0, error_model=ErrorModel(layers=(24, 12, 1)), training=Training(epochs=40)
+)
 NOISE = 1e-6  # of the encoders [m]
 setting = study.setting("pid", Condition(gain=1, noise=NOISE, friction=0.0, stiction=0.0))
 STRENGTH, SPEED = 100.0, 2.0  # k [N s/m], v [m/s]
 
 
 def braked(k, v):
-    """The point mass with a brake of strength ``k`` and speed ``v`` on both axes, and noisy encoders."""
+    """The point mass with a brake of strength ``k`` and speed ``v`` on both axes, and noisy
+    encoders.
+    """
     brake = EddyBrake(k * jnp.ones(2), v * jnp.ones(2))
     return Plant(point_mass(study.true_mass), (brake, SensingNoise(jnp.asarray(NOISE))))
 
@@ -88,13 +95,14 @@ def run_once(k, v):
 
 
 free, slowed = run_once(0.0, SPEED), run_once(STRENGTH, SPEED)
-print(f"tracking error without the brake {1e3 * measure(free, setting.reference).q_error:.2f} mm, "
-      f"with it {1e3 * measure(slowed, setting.reference).q_error:.2f} mm")  # fmt: skip
+print(
+    f"tracking error without the brake {1e3 * measure(free, setting.reference).q_error:.2f} mm, "
+    f"with it {1e3 * measure(slowed, setting.reference).q_error:.2f} mm"
+)
 
-# %% [markdown]
-# ## Sweep over it
-# Whole learning runs (eight executions with small networks trained between them) for every strength and seed, as one program.
-# Where no brake is, there is nothing to learn but noise, and the error grows a little.
+# %% [markdown] ## Sweep over it Whole learning runs (eight executions with small networks trained
+# between them) for every strength and seed, as one program. Where no brake is, there is nothing to
+# learn but noise, and the error grows a little.
 
 # %%
 strengths, seeds, iterations = jnp.linspace(0.0, 200.0, 5), (1, 2, 3), 8
@@ -108,9 +116,14 @@ def learning_run(k, noise, key):
 
 noise = jnp.stack([jnp.asarray(draw_noise(seed, iterations, study.steps)) for seed in seeds])
 over_seeds = jax.vmap(learning_run, in_axes=(None, 0, 0))
-errors = jax.jit(jax.vmap(over_seeds, in_axes=(0, None, None)))(strengths, noise, jax.vmap(jax.random.key)(jnp.array(seeds)))
+errors = jax.jit(jax.vmap(over_seeds, in_axes=(0, None, None)))(
+    strengths, noise, jax.vmap(jax.random.key)(jnp.array(seeds))
+)
 for k, row in zip(strengths, jnp.median(errors, axis=1), strict=True):
-    print(f"k = {k:5.0f} N s/m: tracking error {1e3 * row[0]:6.2f} mm at first, {1e3 * row[-1]:6.2f} mm after learning")
+    print(
+        f"k = {k:5.0f} N s/m: tracking error {1e3 * row[0]:6.2f} mm at first, {1e3 * row[-1]:6.2f}"
+        " mm after learning"
+    )
 
 # %% [markdown]
 # ## Differentiate through it
@@ -124,15 +137,24 @@ def tracking_error(parameters):
 
 
 here, nudges = jnp.array([STRENGTH, SPEED]), jnp.array([1e-2, 1e-4])
-forward, reverse = jax.jit(jax.jacfwd(tracking_error))(here), jax.jit(jax.jacrev(tracking_error))(here)
-numeric = jnp.array([(tracking_error(here + h) - tracking_error(here - h)) / (2.0 * h.sum()) for h in jnp.diag(nudges)])
+forward, reverse = (
+    jax.jit(jax.jacfwd(tracking_error))(here),
+    jax.jit(jax.jacrev(tracking_error))(here),
+)
+numeric = jnp.array(
+    [
+        (tracking_error(here + h) - tracking_error(here - h)) / (2.0 * h.sum())
+        for h in jnp.diag(nudges)
+    ]
+)
 for name, f, r, n in zip(("k", "v"), forward, reverse, numeric, strict=True):
-    print(f"d(tracking error)/d{name}: forward {f:.9e}, reverse {r:.9e}, central differences {n:.9e}")
+    print(
+        f"d(tracking error)/d{name}: forward {f:.9e}, reverse {r:.9e}, central differences {n:.9e}"
+    )
 
-# %% [markdown]
-# ## Let the gap workflow find it
-# The "real machine" is the benchmark's engine: plain MuJoCo at a step ten times finer than the log's, noisy and quantised
-# encoders, and the brake written down a second time, in plain floats. Its bearing rubs, too. The model knows of neither.
+# %% [markdown] ## Let the gap workflow find it The "real machine" is the benchmark's engine: plain
+# MuJoCo at a step ten times finer than the log's, noisy and quantised encoders, and the brake
+# written down a second time, in plain floats. Its bearing rubs, too. The model knows of neither.
 
 
 # %%
@@ -151,7 +173,9 @@ columns = simulate(PENDULUM, [RealBrake(0, **TRUE), RealFriction(0, RUB)], 7)
 log = gap.from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])
 (folder / "model.xml").write_text(PENDULUM)
 
-before = gap.diagnose(log, folder / "model.xml", effects=[n for n in searched() if n != "eddy_brake"], rollouts=False)
+before = gap.diagnose(
+    log, folder / "model.xml", effects=[n for n in searched() if n != "eddy_brake"], rollouts=False
+)
 print(f"without the new effect: {before.summary}")
 found = gap.diagnose(log, folder / "model.xml")
 print(f"with it: {found.summary}")
@@ -162,13 +186,23 @@ print(f"with it: {found.summary}")
 
 # %%
 def drag(effects, speed):
-    """Torque (S,) [Nm] that the effects ask of a pendulum's motor at a steady ``speed`` (S, 1) [rad/s]."""
+    """Torque (S,) [Nm] that the effects ask of a pendulum's motor at a steady ``speed`` (S, 1)
+    [rad/s].
+    """
     rest = jnp.zeros(1)
-    each = [jax.vmap(lambda qd, e=e: e.dry(rest, qd, rest, qd) * jnp.sign(qd) - e.torque(rest, qd, rest))(speed) for e in effects]
+    each = [
+        jax.vmap(
+            lambda qd, e=e: e.dry(rest, qd, rest, qd) * jnp.sign(qd) - e.torque(rest, qd, rest)
+        )(speed)
+        for e in effects
+    ]
     return sum(each)[:, 0]
 
 
-real = (EddyBrake(**{name: jnp.array([value]) for name, value in TRUE.items()}), CoulombFriction(jnp.array([RUB])))
+real = (
+    EddyBrake(**{name: jnp.array([value]) for name, value in TRUE.items()}),
+    CoulombFriction(jnp.array([RUB])),
+)
 with house_style():
     figure = Figure(figsize=(8.6, 2.9), layout="constrained")
     over_time, over_strength, over_speed = figure.subplots(1, 3)
@@ -181,18 +215,37 @@ with house_style():
     for label, which, style in (("before learning", 0, "s--"), ("after learning", -1, "o-")):
         values = 1e3 * np.asarray(errors[:, :, which])
         (line,) = over_strength.plot(strengths, np.median(values, axis=1), style, label=label)
-        over_strength.fill_between(strengths, values.min(1), values.max(1), color=line.get_color(), alpha=0.2)
+        over_strength.fill_between(
+            strengths, values.min(1), values.max(1), color=line.get_color(), alpha=0.2
+        )
     tangent = 1e3 * (tracking_error(here) + forward[0] * (strengths - STRENGTH))
     over_strength.plot(strengths, tangent, "k:", label=f"derivative at k = {STRENGTH:g}")
     title = f"Learning: median, range of {len(seeds)} seeds"
-    over_strength.set(xlabel="strength of the brake k [N s/m]", ylabel="tracking error [mm]", title=title, ylim=(-4, 105))
+    over_strength.set(
+        xlabel="strength of the brake k [N s/m]",
+        ylabel="tracking error [mm]",
+        title=title,
+        ylim=(-4, 105),
+    )
     over_strength.legend(loc="upper left")
 
     seen, where = found.traces, found.traces.counted[:, 0]
-    over_speed.plot(seen.qd[where, 0], seen.before[where, 0], ".", color="0.75", markersize=1.5, label="log minus model")
+    over_speed.plot(
+        seen.qd[where, 0],
+        seen.before[where, 0],
+        ".",
+        color="0.75",
+        markersize=1.5,
+        label="log minus model",
+    )
     speed = jnp.linspace(-3.5, 3.5, 401)[:, None]
-    for label, effects, style in (("hidden", real, "-"), ("found", [f.effect for f in found.findings], "--")):
+    for label, effects, style in (
+        ("hidden", real, "-"),
+        ("found", [f.effect for f in found.findings], "--"),
+    ):
         over_speed.plot(speed[:, 0], drag(effects, speed), style, label=label)
-    over_speed.set(xlabel="speed [rad/s]", ylabel="torque [Nm]", title="What the model lacks", ylim=(-0.7, 1.1))
+    over_speed.set(
+        xlabel="speed [rad/s]", ylabel="torque [Nm]", title="What the model lacks", ylim=(-0.7, 1.1)
+    )
     over_speed.legend(loc="upper left", markerscale=5)
     save(figure, folder, "own_effect")

@@ -1,8 +1,10 @@
-"""What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the corrected model.
+"""What is hidden in the paper's own plant, found from a log of it; then the paper's learning on the
+corrected model.
 
-The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a stiff position controller
-from place to place; the model one believes in is a free mass of 0.5 kg. ``python experiments/paper_gap.py FOLDER`` takes some
-four minutes, writes log, report, ``learning.json`` and ``learning.png`` into the folder, and prints what was found.
+The measured data are the paper's point mass (5 kg, friction level 5, stiction level 5), moved by a
+stiff position controller from place to place; the model one believes in is a free mass of 0.5 kg.
+``python experiments/paper_gap.py FOLDER`` takes some four minutes, writes log, report,
+``learning.json`` and ``learning.png`` into the folder, and prints what was found.
 """
 
 import json
@@ -53,41 +55,78 @@ class Tour(struct.PyTreeNode):
 
 
 def places() -> np.ndarray:
-    """(M, 2) targets: three low ones, each a little higher, where the mass sticks; two where axis 0 is high and axis 1 is not, so
-    that it shows which of the two positions brakes axis 0; and four where both are. The border at 0.2 m is passed slowly.
+    """(M, 2) targets: three low ones, each a little higher, where the mass sticks; two where axis 0
+    is high and axis 1 is not, so that it shows which of the two positions brakes axis 0; and four
+    where both are. The border at 0.2 m is passed slowly.
 
-    A resting mass leaves a low place upwards only: the paper's stiction holds against every negative torque. On the way up axis
-    0 passes 0.2 m before axis 1 passes 0.4 m, as in the paper's own task: otherwise its rules let the coupling overwrite the
-    friction of axis 0, which is no sum of two effects.
+    A resting mass leaves a low place upwards only: the paper's stiction holds against every
+    negative torque. On the way up axis 0 passes 0.2 m before axis 1 passes 0.4 m, as in the paper's
+    own task: otherwise its rules let the coupling overwrite the friction of axis 0, which is no sum
+    of two effects.
     """
     rng = np.random.default_rng(1)
-    first = [(-0.3, -0.2), (-0.1, 0.0), (0.05, 0.15), (0.3, 0.35), (0.9, 1.1), (0.4, 0.6), (0.9, 1.1), (0.3, 0.35)]
-    second = [(-0.3, -0.2), (-0.1, 0.0), (0.05, 0.15), (0.16, 0.17), (0.18, 0.19), (0.8, 1.1), (0.6, 0.9), (0.8, 1.1)]
+    first = [
+        (-0.3, -0.2),
+        (-0.1, 0.0),
+        (0.05, 0.15),
+        (0.3, 0.35),
+        (0.9, 1.1),
+        (0.4, 0.6),
+        (0.9, 1.1),
+        (0.3, 0.35),
+    ]
+    second = [
+        (-0.3, -0.2),
+        (-0.1, 0.0),
+        (0.05, 0.15),
+        (0.16, 0.17),
+        (0.18, 0.19),
+        (0.8, 1.1),
+        (0.6, 0.9),
+        (0.8, 1.1),
+    ]
     bands = np.stack([first, second])[:, np.arange(MOVES) % len(first)]  # (2, M, 2)
     return rng.uniform(bands[..., 0], bands[..., 1]).T
 
 
 def measured() -> gap.Log:
     """The log that one would have recorded."""
-    plant = Plant(point_mass(5.0), (PaperFriction(FRICTION), paper_stiction(STICTION), SensingNoise(ENCODER)))
+    plant = Plant(
+        point_mass(5.0), (PaperFriction(FRICTION), paper_stiction(STICTION), SensingNoise(ENCODER))
+    )
     gains = PidGains(20000.0, 600.0, 0.0)
     tour, steps = jnp.asarray(places()), STAY * MOVES
     task = Task(State(tour[0], jnp.zeros(2)), Tour(tour), jnp.asarray(5000.0), steps=steps)
     noise = np.random.default_rng(2).standard_normal((steps, 2))
     run = jax.jit(execute)(plant, point_mass(5.0), Pid(gains, gains, 0.1), task, noise)
-    return gap.from_arrays(np.arange(steps) * task.dt, np.asarray(run.q_sensing), np.asarray(run.tau))
+    return gap.from_arrays(
+        np.arange(steps) * task.dt, np.asarray(run.q_sensing), np.asarray(run.tau)
+    )
 
 
-def learning(corrected: Plant, study: PaperStudy, seeds: tuple[int, ...]) -> dict[str, dict[str, list]]:
-    """Tracking error (K,) of each seed, model and source, with the low-gain PID that the stiction stops."""
+def learning(
+    corrected: Plant, study: PaperStudy, seeds: tuple[int, ...]
+) -> dict[str, dict[str, list]]:
+    """Tracking error (K,) of each seed, model and source, with the low-gain PID that the stiction
+    stops.
+    """
     condition = Condition(0, 5e-5, FRICTION, STICTION)
     curves: dict[str, dict[str, list]] = {}
-    for name, model in (("0.5 kg, nothing else", point_mass(study.modelled_mass)), ("corrected", corrected)):
+    for name, model in (
+        ("0.5 kg, nothing else", point_mass(study.modelled_mass)),
+        ("corrected", corrected),
+    ):
         for source in SOURCE_STYLE:
             setting = study.setting("pid", condition).replace(model=model)
-            run = jax.jit(lambda s, z, k, source=source: learn(
-                s, z, k, source=source, error_model=study.error_model, training=study.training)[0])  # fmt: skip
-            errors = [run(setting, draw_noise(s, 20, study.steps), jax.random.key(s)).q_error.tolist() for s in seeds]
+            run = jax.jit(
+                lambda s, z, k, source=source: learn(
+                    s, z, k, source=source, error_model=study.error_model, training=study.training
+                )[0]
+            )
+            errors = [
+                run(setting, draw_noise(s, 20, study.steps), jax.random.key(s)).q_error.tolist()
+                for s in seeds
+            ]
             curves.setdefault(name, {})[source] = errors
     return curves
 
@@ -102,7 +141,11 @@ def draw(curves: dict[str, dict[str, list]], folder: Path) -> None:
                 values = np.array(errors)
                 axes.plot(np.median(values, 0), label=source, **SOURCE_STYLE[source])
                 axes.fill_between(
-                    range(values.shape[1]), values.min(0), values.max(0), alpha=0.15, color=SOURCE_STYLE[source]["color"]
+                    range(values.shape[1]),
+                    values.min(0),
+                    values.max(0),
+                    alpha=0.15,
+                    color=SOURCE_STYLE[source]["color"],
                 )
             axes.set_title(f"model: {name}")
             axes.set_xlabel("learning iteration")
@@ -125,7 +168,10 @@ def main(folder: Path) -> None:
     for name, sources in curves.items():
         for source, errors in sources.items():
             middle = np.median(errors, axis=0)
-            print(f"{name:>22} {source:>9}: tracking error {middle[0]:.4f} m at first, {middle[-1]:.4f} m at last")
+            print(
+                f"{name:>22} {source:>9}: tracking error {middle[0]:.4f} m at first,"
+                f" {middle[-1]:.4f} m at last"
+            )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""The paper's simulation study from Python, in its quick form: declare the grid, run it, draw, check.
+"""The paper's simulation study from Python, in its quick form: declare the grid, run it, draw,
+check.
 
-What ``jaxidl reproduce --quick`` does. Change an axis, or any number of ``PaperStudy``, to ask a question of your own:
-``python experiments/paper_study.py FOLDER``.
+What ``jaxidl reproduce --quick`` does. Change an axis, or any number of ``PaperStudy``, to ask a
+question of your own: ``python experiments/paper_study.py FOLDER``.
 """
 
 import os
@@ -10,7 +11,8 @@ from pathlib import Path
 
 import jax
 
-jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)  # one device a core, before the first computation
+# one device a core, before the first computation
+jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
 
 from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
 from jaxidl.paper.verdicts import as_table  # noqa: E402

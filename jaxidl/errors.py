@@ -1,7 +1,8 @@
 """Errors a user can cause.
 
-Each carries three things in one line: what was expected, what came instead, and what to do. The command line prints that
-line and leaves with status 2; inside jit nothing raises, failure is a ``finite`` flag in the result.
+Each carries three things in one line: what was expected, what came instead, and what to do. The
+command line prints that line and leaves with status 2; inside jit nothing raises, failure is a
+``finite`` flag in the result.
 """
 
 
@@ -16,7 +17,8 @@ class JaxidlError(Exception):
 
     def __init__(self, expected: str, got: str, remedy: str):
         self.expected, self.got, self.remedy = expected, got, remedy
-        super().__init__(expected, got, remedy)  # so that it can be pickled, and raised again in another process
+        # so that it can be pickled, and raised again in another process
+        super().__init__(expected, got, remedy)
 
     def __str__(self) -> str:
         return " ".join(f"expected {self.expected}; got {self.got}; {self.remedy}".split())

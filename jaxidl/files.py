@@ -14,10 +14,12 @@ from jaxidl.errors import StoreError
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a whole file or nothing: temporary name beside it, flush to disk, rename. Missing folders are made.
+    """Write a whole file or nothing: temporary name beside it, flush to disk, rename. Missing
+    folders are made.
 
     Raises:
-        StoreError: if the disk is full or the place cannot be written; an existing file is left as it was.
+        StoreError: if the disk is full or the place cannot be written; an existing file is left as
+            it was.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
@@ -29,7 +31,9 @@ def write_bytes(path: Path, content: bytes) -> None:
         os.replace(temporary, path)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise StoreError(f"to write {path}", reason, "make room or choose another place, then run it again") from None
+        raise StoreError(
+            f"to write {path}", reason, "make room or choose another place, then run it again"
+        ) from None
     finally:
         with contextlib.suppress(OSError):  # renamed, or never made
             temporary.unlink()
@@ -42,12 +46,14 @@ def as_json(value: Any, indent: int | None = 1) -> str:
 
 def markdown(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     """Return a Markdown table."""
-    line = lambda cells: "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"  # noqa: E731
+    line = lambda cells: "| " + " | ".join(str(cell).replace("|", "\\|") for cell in cells) + " |"
     return "\n".join([line(heads), line("---" for _ in heads), *map(line, rows)])
 
 
 def plain(value: Any) -> Any:
-    """Return plain numbers, lists and dictionaries as JSON has them; what is not finite becomes None."""
+    """Return plain numbers, lists and dictionaries as JSON has them; what is not finite becomes
+    None.
+    """
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):

@@ -12,13 +12,17 @@ Carry = TypeVar("Carry")
 
 
 def scan(
-    step: Callable[[Carry, Any], tuple[Carry, Any]], carry: Carry, xs: Any, *, checkpoint: bool = False
+    step: Callable[[Carry, Any], tuple[Carry, Any]],
+    carry: Carry,
+    xs: Any,
+    *,
+    checkpoint: bool = False,
 ) -> tuple[Carry, Any]:
     """``jax.lax.scan`` of ``step`` over the leading axis of ``xs``, of length n.
 
-    Reverse mode keeps what every step computes. With ``checkpoint`` it keeps the carry of each √n-th step only and computes the
-    rest again, stretch by stretch: memory in proportion to √n instead of n, for at most one more forward pass. The values are
-    the same.
+    Reverse mode keeps what every step computes. With ``checkpoint`` it keeps the carry of each
+    √n-th step only and computes the rest again, stretch by stretch: memory in proportion to √n
+    instead of n, for at most one more forward pass. The values are the same.
     """
     if not checkpoint:
         return jax.lax.scan(step, carry, xs)
@@ -26,8 +30,11 @@ def scan(
     stretch = max(1, math.isqrt(length))
     whole = length // stretch
     cut = whole * stretch
-    along = jax.checkpoint(partial(jax.lax.scan, step), prevent_cse=False)  # within a scan XLA cannot merge the two passes
-    carry, first = jax.lax.scan(along, carry, jax.tree.map(lambda x: x[:cut].reshape(whole, stretch, *x.shape[1:]), xs))
+    # within a scan XLA cannot merge the two passes
+    along = jax.checkpoint(partial(jax.lax.scan, step), prevent_cse=False)
+    carry, first = jax.lax.scan(
+        along, carry, jax.tree.map(lambda x: x[:cut].reshape(whole, stretch, *x.shape[1:]), xs)
+    )
     first = jax.tree.map(lambda x: x.reshape(cut, *x.shape[2:]), first)
     if cut == length:
         return carry, first

@@ -2,7 +2,9 @@
 
 
 class Flag:
-    """Set by a signal handler; without a lock, on which a handler that interrupts another one would wait forever."""
+    """Set by a signal handler; without a lock, on which a handler that interrupts another one would
+    wait forever.
+    """
 
     def __init__(self) -> None:
         self._on = False

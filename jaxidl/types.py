@@ -1,8 +1,9 @@
 """Array aliases and the records that travel between floors.
 
-Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one execution, **K** learning
-iterations, **N** rows of a data set, **F** network inputs, **B** rows of a batch, **S** training steps of one iteration, **C**
-circumstances. No signature below the sweep has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
+Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one
+execution, **K** learning iterations, **N** rows of a data set, **F** network inputs, **B** rows of
+a batch, **S** training steps of one iteration, **C** circumstances. No signature below the sweep
+has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
 """
 
 from typing import NamedTuple
@@ -12,8 +13,10 @@ from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
-History = Float[Array, "*T J"]  # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
-Circumstances = Float[Array, "*T C"]  # (T, C) what changes from outside; inside a scan one instant (C,)
+# (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
+History = Float[Array, "*T J"]
+# (T, C) what changes from outside; inside a scan one instant (C,)
+Circumstances = Float[Array, "*T C"]
 Scalar = Float[Array, ""] | float  # float: a constant of the program
 Key = PRNGKeyArray
 
@@ -27,7 +30,9 @@ class State(NamedTuple):
 
 @struct.dataclass
 class Trajectory:
-    """One execution: entry t of every field belongs to control step t, states are those *before* the step."""
+    """One execution: entry t of every field belongs to control step t, states are those *before*
+    the step.
+    """
 
     q: History  # (T, J) true position [m]
     qd: History  # (T, J) true velocity [m/s]
@@ -47,5 +52,6 @@ class Trajectory:
 class Dataset(NamedTuple):
     """Rows that an error model is trained on."""
 
-    x: Float[Array, "N F"]  # (N, F = 3J + C) position, velocity, acceleration, circumstances if there are any
+    # (N, F = 3J + C) position, velocity, acceleration, circumstances if there are any
+    x: Float[Array, "N F"]
     y: Float[Array, "N J"]  # (N, J) torque that the modelled rigid body lacks [N]

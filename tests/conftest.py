@@ -1,4 +1,6 @@
-"""Hostile settings for the whole suite: warnings are errors, silent rank promotion raises, signatures are checked."""
+"""Hostile settings for the whole suite: warnings are errors, silent rank promotion raises,
+signatures are checked.
+"""
 
 import os
 import shutil
@@ -7,9 +9,12 @@ from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
 
-# Programs are small and run once: compiled without optimisations, and kept for all workers and child processes of this session
+# Programs are small and run once: compiled without optimisations, and kept for all workers and
+# child processes of this session
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
-OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ and tempfile.mkdtemp(prefix="jaxidl-tests-")
+OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ and tempfile.mkdtemp(
+    prefix="jaxidl-tests-"
+)
 if OWN_CACHE:
     os.environ["JAX_COMPILATION_CACHE_DIR"] = OWN_CACHE
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
@@ -23,18 +28,33 @@ jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as the programs run it
 
-# Signatures are checked for as long as the suite runs, but for the benchmark's engine, a plain Python loop of 10⁵ small steps
-CHECKED = [f"jaxidl.{path.stem}" for path in Path(__file__).parents[1].glob("jaxidl/[a-z]*") if path.stem != "gap"]
-CHECKED += [f"jaxidl.gap.{path.stem}" for path in Path(__file__).parents[1].glob("jaxidl/gap/[a-z]*.py")]
+# Signatures are checked for as long as the suite runs, but for the benchmark's engine, a plain
+# Python loop of 10⁵ small steps
+CHECKED = [
+    f"jaxidl.{path.stem}"
+    for path in Path(__file__).parents[1].glob("jaxidl/[a-z]*")
+    if path.stem != "gap"
+]
+CHECKED += [
+    f"jaxidl.gap.{path.stem}" for path in Path(__file__).parents[1].glob("jaxidl/gap/[a-z]*.py")
+]
 install_import_hook(CHECKED, "beartype.beartype")
 
-REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference"))
+REFERENCE = Path(
+    os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference")
+)
 
 
 SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_no_derivative_is_nan_where_effects_have_kinks[pid",
-    "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGINT: 2>]]",
-    "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGTERM: 15>]]",
+    (
+        "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGINT:"
+        " 2>]]"
+    ),
+    (
+        "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGTERM:"
+        " 15>]]"
+    ),
     "test_hidden_effect_is_named_with_its_parameter[case0]",
     "test_hidden_effect_is_named_with_its_parameter[case1]",
     "test_hidden_effect_is_named_with_its_parameter[case3]",
@@ -76,7 +96,9 @@ def pytest_unconfigure(config):
 
 @pytest.fixture(autouse=True, scope="module")
 def drop_programs():
-    """Compiled programs of a finished file: all of the suite's together need more memory maps than a process may have."""
+    """Compiled programs of a finished file: all of the suite's together need more memory maps than
+    a process may have.
+    """
     yield
     jax.clear_caches()
 
@@ -95,4 +117,6 @@ def small_study():
     from jaxidl.models import ErrorModel, Training
     from jaxidl.paper.study import PaperStudy
 
-    return PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
+    return PaperStudy(
+        steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16)
+    )

@@ -8,8 +8,11 @@ from jax.flatten_util import ravel_pytree
 
 from jaxidl import backend
 
-HASTY = {"xla_llvm_disable_expensive_passes": True, "xla_cpu_use_fusion_emitters": False}  # a quarter of the time to compile
-OPTIONS = {"xla_backend_optimization_level": 0} | {name: on for name, on in HASTY.items() if backend._known(name, on)}
+# a quarter of the time to compile
+HASTY = {"xla_llvm_disable_expensive_passes": True, "xla_cpu_use_fusion_emitters": False}
+OPTIONS = {"xla_backend_optimization_level": 0} | {
+    name: on for name, on in HASTY.items() if backend._known(name, on)
+}
 quick = partial(jax.jit, compiler_options=OPTIONS)  # for programs that run a few times only
 
 
@@ -26,7 +29,9 @@ def slopes(function, rebuild, x, fixed):
 
 
 def compare(function, arguments, fixed, smooth=True):
-    """The derivative forward, after comparing it with reverse mode and, if ``smooth``, differences."""
+    """The derivative forward, after comparing it with reverse mode and, if ``smooth``,
+    differences.
+    """
     x, rebuild = ravel_pytree(arguments)
     x, size = np.asarray(x), 1e-3 + np.abs(value(function, rebuild, x, fixed))[:, None]
     forward, reverse = map(np.asarray, slopes(function, rebuild, x, fixed))
@@ -36,7 +41,9 @@ def compare(function, arguments, fixed, smooth=True):
     np.testing.assert_allclose(reverse * share, forward * share, rtol=1e-9, atol=1e-10)
     if smooth:
         steps = np.diag(1e-5 * np.abs(x) + 1e-9)
-        up, down = ([value(function, rebuild, x + sign * step, fixed) for step in steps] for sign in (1, -1))
+        up, down = (
+            [value(function, rebuild, x + sign * step, fixed) for step in steps] for sign in (1, -1)
+        )
         numeric = (np.stack(up, 1) - np.stack(down, 1)) / (2.0 * np.diagonal(steps))
         np.testing.assert_allclose(numeric * share, forward * share, rtol=1e-5, atol=1e-6)
     return forward

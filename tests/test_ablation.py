@@ -32,7 +32,10 @@ def run(path, study, grid, **options):
 def programs(study, grid):
     """Those of a sweep on two devices, one a kind."""
     run = LearningRun(study, grid.iterations)
-    return [program(run, kind, 2, 1) for kind in {run.job(grid.vary).kind(at) for at in points(grid.dims())}]
+    return [
+        program(run, kind, 2, 1)
+        for kind in {run.job(grid.vary).kind(at) for at in points(grid.dims())}
+    ]
 
 
 def test_every_number_of_the_study_has_a_name_and_can_be_replaced_by_itself():
@@ -43,8 +46,16 @@ def test_every_number_of_the_study_has_a_name_and_can_be_replaced_by_itself():
         assert varied(study, {name: parsed(study, name, str(value))}) == study, name
     numbers = jax.tree.leaves(study.to_dict())
     named = leaves(study)
-    assert len(numbers) - len(study.error_model.layers) - 2 <= len(named)  # layers are one, joints and epochs none
-    assert {"alpha", "learner_gain", "pid_gains.1.2", "training.learning_rate", "train_on", "kept"} <= named.keys()
+    # layers are one, joints and epochs none
+    assert len(numbers) - len(study.error_model.layers) - 2 <= len(named)
+    assert {
+        "alpha",
+        "learner_gain",
+        "pid_gains.1.2",
+        "training.learning_rate",
+        "train_on",
+        "kept",
+    } <= named.keys()
 
 
 def test_gains_keep_their_proportions():
@@ -60,9 +71,26 @@ def test_gains_keep_their_proportions():
 
 def test_what_sets_no_size_is_traced():
     study = PaperStudy()
-    for name in ("alpha", "prior_mass", "learner_gain", "applied_gain", "pid_gains.0.1", "learning_rate", "target.0"):
+    for name in (
+        "alpha",
+        "prior_mass",
+        "learner_gain",
+        "applied_gain",
+        "pid_gains.0.1",
+        "learning_rate",
+        "target.0",
+    ):
         assert traced(study, name)
-    for name in ("layers", "kept", "steps", "dt", "batch", "train_on", "error_model.torque_scale", "training.holdout_every"):
+    for name in (
+        "layers",
+        "kept",
+        "steps",
+        "dt",
+        "batch",
+        "train_on",
+        "error_model.torque_scale",
+        "training.holdout_every",
+    ):
         assert not traced(study, name)
 
 
@@ -70,10 +98,18 @@ CHANGES = {
     "alpha": replace(PaperStudy(), smoothing=0.3),
     "prior_mass": replace(PaperStudy(), modelled_mass=2.0),
     "learner_gain": replace(PaperStudy(), pid_learner=(100.0, 10.0, 0.002), doomed_learner=0.1),
-    "learning_rate": replace(PaperStudy(), training=replace(PaperStudy().training, learning_rate=3e-3)),
+    "learning_rate": replace(
+        PaperStudy(), training=replace(PaperStudy().training, learning_rate=3e-3)
+    ),
     "policy_gains.1": replace(PaperStudy(), policy_gains=(100.0, 15.0)),
 }
-VALUES = {"alpha": 0.3, "prior_mass": 2.0, "learner_gain": 100.0, "learning_rate": 3e-3, "policy_gains.1": 15.0}
+VALUES = {
+    "alpha": 0.3,
+    "prior_mass": 2.0,
+    "learner_gain": 100.0,
+    "learning_rate": 3e-3,
+    "policy_gains.1": 15.0,
+}
 
 
 @pytest.mark.slow
@@ -88,8 +124,11 @@ def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small
     assert varied(small_study, {name: VALUES[name]}) == changed
     grid = replace(ONE, vary=((name, (leaves(small_study)[name], VALUES[name])),))
     data = run(tmp_path / "a.nc", small_study, grid)
-    plain, other = (run(tmp_path / f"{i}.nc", study, ONE) for i, study in enumerate((small_study, changed)))
-    for place, wanted in enumerate((plain, other)):  # other programs, whose rounding training amplifies
+    plain, other = (
+        run(tmp_path / f"{i}.nc", study, ONE) for i, study in enumerate((small_study, changed))
+    )
+    # other programs, whose rounding training amplifies
+    for place, wanted in enumerate((plain, other)):
         got = data.isel({name: place})
         for metric in ("q_error", "feedback_applied"):
             np.testing.assert_allclose(got[metric][..., 0], wanted[metric][..., 0], rtol=1e-9)
@@ -98,10 +137,14 @@ def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small
 
 
 @pytest.mark.slow
-def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(small_study, tmp_path):
+def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(
+    small_study, tmp_path
+):
     study = replace(small_study, target=(0.8, 0.9))  # nobody else's program
     compiled = []
-    jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: compiled.append(event))
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, *_, **__: compiled.append(event)
+    )
     try:
         before = program.cache_info().misses
         grid = replace(SMALL, vary=(("alpha", (0.1, 0.2, 0.4)), ("prior_mass", (0.0, 0.5))))
@@ -109,7 +152,9 @@ def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(
         assert program.cache_info().misses - before == 1 == int(data.attrs["programs"])
         assert [p._cache_size() for p in programs(study, grid)] == [1]
         before = program.cache_info().misses
-        grid = replace(ONE, vary=(("layers", ("4,1", "6,1")), ("kept", (0, 1)), ("alpha", (0.1, 0.3))))
+        grid = replace(
+            ONE, vary=(("layers", ("4,1", "6,1")), ("kept", (0, 1)), ("alpha", (0.1, 0.3)))
+        )
         data = run(tmp_path / "b.nc", study, grid)
         assert program.cache_info().misses - before == 4 == int(data.attrs["programs"])
     finally:
@@ -117,7 +162,9 @@ def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(
 
 
 def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
-    grid = replace(SMALL, vary=(("train_on", ("true_state", "sensed_state")), ("alpha", (0.1, 0.2))))
+    grid = replace(
+        SMALL, vary=(("train_on", ("true_state", "sensed_state")), ("alpha", (0.1, 0.2)))
+    )
     path = tmp_path / "a.nc"
     data = run(path, small_study, grid, per_device=1)
     assert data.q_error.dims[-3:] == ("train_on", "alpha", "iteration")
@@ -133,7 +180,9 @@ def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
 
 
 @pytest.mark.slow
-def test_with_many_programs_each_is_dropped_when_its_runs_are_done(small_study, tmp_path, monkeypatch):
+def test_with_many_programs_each_is_dropped_when_its_runs_are_done(
+    small_study, tmp_path, monkeypatch
+):
     grid = replace(SMALL, seeds=(1, 2, 3), vary=(("kept", (0, 1, 2)),))
     study = replace(small_study, target=(0.7, 0.9))
     plain = run(tmp_path / "a.nc", study, grid, per_device=1)
@@ -146,7 +195,13 @@ def test_with_many_programs_each_is_dropped_when_its_runs_are_done(small_study, 
 
 def test_earlier_data_come_back_as_evenly_as_can_be():
     memory = Dataset(jnp.arange(4.0).reshape(4, 1, 1), 10.0 * jnp.arange(4.0).reshape(4, 1, 1))
-    for k, wanted in ((1, [0, 0, 0, 0]), (2, [0, 1, 0, 1]), (3, [0, 1, 2, 0]), (4, [0, 1, 2, 3]), (9, [0, 1, 2, 3])):
+    for k, wanted in (
+        (1, [0, 0, 0, 0]),
+        (2, [0, 1, 0, 1]),
+        (3, [0, 1, 2, 0]),
+        (4, [0, 1, 2, 3]),
+        (9, [0, 1, 2, 3]),
+    ):
         rows = recall(memory, jnp.array(k))
         np.testing.assert_array_equal(rows.x[:, 0], wanted)
         np.testing.assert_array_equal(rows.y[:, 0], 10.0 * np.array(wanted))
@@ -197,14 +252,19 @@ def test_what_cannot_be_varied_is_refused_in_one_line(words, complaint, tmp_path
 @pytest.mark.parametrize(
     ("vary", "complaint"),
     [
-        ((("doomed_learner", (0.2, 0.3)), ("learner_gain", (500.0, 1000.0))), "axes that set different numbers"),
+        (
+            (("doomed_learner", (0.2, 0.3)), ("learner_gain", (500.0, 1000.0))),
+            "axes that set different numbers",
+        ),
         ((("pid_gains.0.1", (1.0,)), ("applied_gain", (50.0,))), "axes that set different numbers"),
         ((("steps", (80, 20)), ("batch", (16, 30))), "a batch no larger than"),
         ((("learner_gian", (1.0,)),), "one of alpha"),
         ((("alpha", (7.0,)),), "smoothing"),
     ],
 )
-def test_axes_that_do_not_fit_are_refused_before_anything_is_computed(vary, complaint, small_study, tmp_path):
+def test_axes_that_do_not_fit_are_refused_before_anything_is_computed(
+    vary, complaint, small_study, tmp_path
+):
     with pytest.raises(ConfigurationError, match=complaint):
         run(tmp_path / "a.nc", small_study, replace(ONE, vary=vary))
     assert not list(tmp_path.iterdir())
@@ -222,7 +282,9 @@ def test_axes_that_do_not_fit_are_refused_before_anything_is_computed(vary, comp
         ("--vary noise 1e-4 --vary noise 5e-4 --out a.nc", "each name to vary once"),
     ],
 )
-def test_command_lines_that_would_lose_something_are_refused(words, complaint, tmp_path, monkeypatch, capsys):
+def test_command_lines_that_would_lose_something_are_refused(
+    words, complaint, tmp_path, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
     assert main(["ablate", *words.split()]) == 2
     assert complaint in capsys.readouterr().err
@@ -236,14 +298,29 @@ def test_one_number_under_two_names_is_refused():
 
 
 def test_the_grids_own_axes_can_be_varied_too():
-    grid = varying(Grid(), PaperStudy(), (("controller", "doomed"), ("noise", "1e-4"), ("epochs", "5", "7"), ("alpha", "0.5")))
+    grid = varying(
+        Grid(),
+        PaperStudy(),
+        (("controller", "doomed"), ("noise", "1e-4"), ("epochs", "5", "7"), ("alpha", "0.5")),
+    )
     assert (grid.controllers, grid.noise, grid.epochs) == (("doomed",), (1e-4,), (5, 7))
     assert grid.vary == (("alpha", (0.5,)),)
 
 
 def made(values, seeds=(0, 1, 2, 3), sources=("indirect", "joint"), **axes):
     """Results whose final error is 0.1·value·(1 + seed/10), ten times as much for indirect data."""
-    grid = Grid(("pid",), ("low",), (1e-4,), (5.0,), (5.0,), (20,), seeds, sources, 12, (("alpha", tuple(values)),))
+    grid = Grid(
+        ("pid",),
+        ("low",),
+        (1e-4,),
+        (5.0,),
+        (5.0,),
+        (20,),
+        seeds,
+        sources,
+        12,
+        (("alpha", tuple(values)),),
+    )
     grid = replace(grid, **axes)
 
     def run(at):
@@ -251,13 +328,17 @@ def made(values, seeds=(0, 1, 2, 3), sources=("indirect", "joint"), **axes):
         curve = size * np.ones(12)
         return {name: np.ones(12, bool) if name == "finite" else curve for name in META}
 
-    return assemble(grid.dims(), META, {at: run(dict(at)) for at in points(grid.dims())}).assign_coords(iteration=np.arange(12))
+    return assemble(
+        grid.dims(), META, {at: run(dict(at)) for at in points(grid.dims())}
+    ).assign_coords(iteration=np.arange(12))
 
 
 def test_the_table_is_the_geometric_mean_of_the_final_errors():
     data = made((0.1, 0.5))
     table = rows(data)
-    assert [(row["alpha"], row["source"]) for row in table] == [(a, s) for a in (0.1, 0.5) for s in ("indirect", "joint")]
+    assert [(row["alpha"], row["source"]) for row in table] == [
+        (a, s) for a in (0.1, 0.5) for s in ("indirect", "joint")
+    ]
     seeds = 1 + np.arange(4) / 10
     mean = table[3]["q_error"]
     assert mean.value == pytest.approx(0.05 * np.exp(np.log(seeds).mean()))
@@ -274,7 +355,13 @@ def test_a_diverged_run_is_left_out_and_counted():
 
 
 @pytest.mark.parametrize(
-    "axes", [{}, {"controllers": ("pid", "doomed")}, {"noise": (1e-4, 8e-4), "epochs": (5, 20)}, {"seeds": (1,)}]
+    "axes",
+    [
+        {},
+        {"controllers": ("pid", "doomed")},
+        {"noise": (1e-4, 8e-4), "epochs": (5, 20)},
+        {"seeds": (1,)},
+    ],
 )
 def test_the_figure_has_a_panel_for_each_other_setting_and_draws_what_is_there(axes):
     from jaxidl.plot.ablation import ablation
@@ -284,7 +371,11 @@ def test_the_figure_has_a_panel_for_each_other_setting_and_draws_what_is_there(a
     panels = figure.axes
     others = int(np.prod([len(values) for name, values in axes.items() if name != "seeds"]))
     assert len(panels) == 2 * others
-    lines = {line.get_label(): line for line in panels[0].get_lines() if not line.get_label().startswith("_")}
+    lines = {
+        line.get_label(): line
+        for line in panels[0].get_lines()
+        if not line.get_label().startswith("_")
+    }
     assert lines.keys() == {"indirect", "joint"}
     wanted = [row["q_error"].value for row in rows(data) if row["source"] == "joint"][:3]
     np.testing.assert_allclose(lines["joint"].get_ydata(), wanted)
@@ -297,8 +388,25 @@ def test_nothing_varied_is_refused():
 
 
 def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypatch, small_study):
-    monkeypatch.setattr("jaxidl.paper.runs.run_sweep", lambda grid, out, **how: run_sweep(grid, out, small_study, quiet=True))
-    words = ["--vary", "alpha", "0.1", "0.2", "--seeds", "1", "2", "--iterations", "2", "--epochs", "1", "--sources", "joint"]
+    monkeypatch.setattr(
+        "jaxidl.paper.runs.run_sweep",
+        lambda grid, out, **how: run_sweep(grid, out, small_study, quiet=True),
+    )
+    words = [
+        "--vary",
+        "alpha",
+        "0.1",
+        "0.2",
+        "--seeds",
+        "1",
+        "2",
+        "--iterations",
+        "2",
+        "--epochs",
+        "1",
+        "--sources",
+        "joint",
+    ]
     assert main(["ablate", *words, "--out", str(tmp_path / "a.nc")]) == 0
     assert {path.name for path in tmp_path.iterdir()} == {"a.nc", "a.md", "a.png", "a.pdf"}
     assert (tmp_path / "a.md").read_text() in capsys.readouterr().out

@@ -1,4 +1,6 @@
-"""The seven-joint arm: its body against MuJoCo in C, derivatives of an execution, and what estimates and learning make of it."""
+"""The seven-joint arm: its body against MuJoCo in C, derivatives of an execution, and what
+estimates and learning make of it.
+"""
 
 import copy
 
@@ -23,7 +25,11 @@ from jaxidl.types import State, Trajectory
 
 QUICK = {"xla_backend_optimization_level": 0}  # these programs take longer to compile than to run
 DT = 1e-3
-BENT, MOVING, STILL = jnp.linspace(0.9, -0.4, JOINTS), jnp.linspace(-1.0, 2.0, JOINTS), jnp.zeros(JOINTS)
+BENT, MOVING, STILL = (
+    jnp.linspace(0.9, -0.4, JOINTS),
+    jnp.linspace(-1.0, 2.0, JOINTS),
+    jnp.zeros(JOINTS),
+)
 COM, LIMITS = jnp.array([0.02, 0.0, 0.1]), jnp.asarray(torque_limits())
 
 
@@ -55,7 +61,9 @@ def test_a_second_of_free_swing_is_mujocos():
 
 def test_torques_and_inertia_are_mujocos_in_any_state():
     body, states = arm().plant.body, np.random.default_rng(3).uniform(-2.0, 2.0, (20, 3, JOINTS))
-    ask = jax.jit(jax.vmap(lambda s: (body.equation_of_motion(s[0], s[1])[0], body.inverse_dynamics(*s))))
+    ask = jax.jit(
+        jax.vmap(lambda s: (body.equation_of_motion(s[0], s[1])[0], body.inverse_dynamics(*s)))
+    )
     for (q, qd, qdd), inertia, torque in zip(states, *ask(states), strict=True):
         (model, data), expected = in_c(qpos=q, qvel=qd, qacc=qdd), np.zeros((JOINTS, JOINTS))
         mujoco.mj_inverse(model, data)
@@ -65,7 +73,9 @@ def test_torques_and_inertia_are_mujocos_in_any_state():
 
 
 def test_energy_is_kept_but_for_the_integrator():
-    """0.3 s turn 10.6 J of height into motion; the drift is 1.1e-2 J at 1 ms, half of it at 0.5 ms: first order, as it should."""
+    """0.3 s turn 10.6 J of height into motion; the drift is 1.1e-2 J at 1 ms, half of it at 0.5 ms:
+    first order, as it should.
+    """
     plant = Plant(arm().plant.body)
 
     def energy(state):
@@ -76,8 +86,10 @@ def test_energy_is_kept_but_for_the_integrator():
         return data.energy.copy()
 
     def swing(dt, steps):
-        step = lambda state, _: (plant.step(state, (), STILL, dt)[0], None)  # noqa: E731
-        return jax.jit(lambda s: jax.lax.scan(step, s, None, length=steps)[0], compiler_options=QUICK)(State(BENT, MOVING))
+        step = lambda state, _: (plant.step(state, (), STILL, dt)[0], None)
+        return jax.jit(
+            lambda s: jax.lax.scan(step, s, None, length=steps)[0], compiler_options=QUICK
+        )(State(BENT, MOVING))
 
     before = energy(State(BENT, MOVING))
     coarse, fine = (energy(swing(DT / n, 300 * n)) - before for n in (1, 2))
@@ -88,12 +100,17 @@ def test_energy_is_kept_but_for_the_integrator():
 
 @pytest.mark.slow
 def test_derivatives_of_an_execution_forward_reverse_and_numeric():
-    """Of where the arm is after 150 steps, by all that the true arm has and by what DOOMED and the policy are tuned with.
+    """Of where the arm is after 150 steps, by all that the true arm has and by what DOOMED and the
+    policy are tuned with.
 
-    Each parameter has a factor, and derivatives are by the factors: one step for all in the differences. All joints slide from
-    the first to the last instant: where one comes to rest, there is no derivative by friction.
+    Each parameter has a factor, and derivatives are by the factors: one step for all in the
+    differences. All joints slide from the first to the last instant: where one comes to rest, there
+    is no derivative by friction.
     """
-    start, goal = jnp.array([0.0, 0.7, 0.0, 1.4, 0.0, -0.7, 0.0]), jnp.array([0.6, 0.9, -0.3, 1.2, 0.4, -0.5, 0.5])
+    start, goal = (
+        jnp.array([0.0, 0.7, 0.0, 1.4, 0.0, -0.7, 0.0]),
+        jnp.array([0.6, 0.9, -0.3, 1.2, 0.4, -0.5, 0.5]),
+    )
     speed = jnp.sign(goal - start) * jnp.array([0.8, 0.5, 0.6, 0.5, 0.7, 0.5, 0.8])
     body, law, steps = arm().plant.body, ArmStudy().law(), 150
     tuned = {
@@ -109,8 +126,17 @@ def test_derivatives_of_an_execution_forward_reverse_and_numeric():
     def drive(factors):
         x = unravel(factors * flat)
         heavier = InertiaError(STILL, x["mass"]), Payload(x["payload"], COM)
-        plant = Plant(body, (*heavier, ViscousFriction(x["viscous"]), CoulombFriction(x["coulomb"])))
-        task = Task(State(start, speed), LqrPolicy(goal, x["gains"]), LIMITS, estimator=Filtered(), dt=DT, steps=steps)
+        plant = Plant(
+            body, (*heavier, ViscousFriction(x["viscous"]), CoulombFriction(x["coulomb"]))
+        )
+        task = Task(
+            State(start, speed),
+            LqrPolicy(goal, x["gains"]),
+            LIMITS,
+            estimator=Filtered(),
+            dt=DT,
+            steps=steps,
+        )
         return execute(plant, body, law.replace(rate=x["rate"]), task, jnp.zeros((steps, JOINTS)))
 
     def final(run):
@@ -118,7 +144,9 @@ def test_derivatives_of_an_execution_forward_reverse_and_numeric():
 
     def derivatives(factors):
         _, push = jax.linearize(lambda x: final(drive(x)), factors)  # traced once for both modes
-        return jax.lax.map(push, jnp.eye(len(factors))).T, jax.linear_transpose(push, factors)(way)[0]
+        return jax.lax.map(push, jnp.eye(len(factors))).T, jax.linear_transpose(push, factors)(way)[
+            0
+        ]
 
     ones, way = jnp.ones_like(flat), jnp.asarray(np.random.default_rng(0).normal(size=2 * JOINTS))
     driven = jax.jit(drive, compiler_options=QUICK)
@@ -128,14 +156,23 @@ def test_derivatives_of_an_execution_forward_reverse_and_numeric():
 
     forward, reverse = map(np.asarray, jax.jit(derivatives, compiler_options=QUICK)(ones))
     np.testing.assert_allclose(way @ forward, reverse, rtol=1e-9)
-    numeric = np.stack([(final(driven(ones + h)) - final(driven(ones - h))) / 2e-3 for h in 1e-3 * np.eye(len(flat))], axis=-1)
+    numeric = np.stack(
+        [
+            (final(driven(ones + h)) - final(driven(ones - h))) / 2e-3
+            for h in 1e-3 * np.eye(len(flat))
+        ],
+        axis=-1,
+    )
     largest = np.abs(forward).max(axis=0)
-    assert largest.min() > 1e-6  # nothing is without consequence; least: the mass of the first link, about its own axis
+    # nothing is without consequence; least: the mass of the first link, about its own axis
+    assert largest.min() > 1e-6
     np.testing.assert_allclose(forward / largest, numeric / largest, atol=1e-5)
 
 
 def estimated(estimator, q, wanted):
-    """All motions (T - 1) that an estimator makes of readings ``q`` (T, J), one desired acceleration for each step."""
+    """All motions (T - 1) that an estimator makes of readings ``q`` (T, J), one desired
+    acceleration for each step.
+    """
 
     def step(carry, inputs):
         motion, memory = estimator.update(carry[1], carry[0], *inputs, DT)
@@ -147,7 +184,8 @@ def estimated(estimator, q, wanted):
 
 
 def test_filtered_estimates_are_the_truth_a_known_time_ago():
-    """A low pass of band f and a difference over the last step are late by 1/(2πf) in all, the second difference by dt/2 more.
+    """A low pass of band f and a difference over the last step are late by 1/(2πf) in all, the
+    second difference by dt/2 more.
 
     A lag wrong by one step would be an error of 6e-3 of the amplitude.
     """
@@ -156,19 +194,30 @@ def test_filtered_estimates_are_the_truth_a_known_time_ago():
     late, later = (t - 1 / (2 * np.pi * 80.0))[1:], (t - 1 / (2 * np.pi * 30.0) - DT / 2)[1:]
     settled = slice(200, None)
     np.testing.assert_array_equal(motion.sensed.q, np.sin(wave * t)[1:])
-    np.testing.assert_allclose((motion.sensed.qd / wave)[settled], np.cos(wave * late)[settled], atol=1e-3)
-    np.testing.assert_allclose((motion.qdd / wave**2)[settled], -np.sin(wave * later)[settled], atol=1e-3)
+    np.testing.assert_allclose(
+        (motion.sensed.qd / wave)[settled], np.cos(wave * late)[settled], atol=1e-3
+    )
+    np.testing.assert_allclose(
+        (motion.qdd / wave**2)[settled], -np.sin(wave * later)[settled], atol=1e-3
+    )
 
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_filtered_compares_with_what_was_wanted_when_the_estimate_was_true(delay):
-    """An obedient plant, prompt or one step late, looks at most half a step's change of the desired acceleration wrong to DOOMED.
+    """An obedient plant, prompt or one step late, looks at most half a step's change of the desired
+    acceleration wrong to DOOMED.
 
-    Its learning feedback is minus the error that it was told of, here with a gain of one and no memory.
+    Its learning feedback is minus the error that it was told of, here with a gain of one and no
+    memory.
     """
-    wanted, rest = 10.0 * jnp.sin(2.0 * jnp.pi * jnp.arange(1000)[:, None] * DT), State(jnp.zeros(1), jnp.zeros(1))
+    wanted, rest = (
+        10.0 * jnp.sin(2.0 * jnp.pi * jnp.arange(1000)[:, None] * DT),
+        State(jnp.zeros(1), jnp.zeros(1)),
+    )
     plant = Plant(point_mass(1.0, 1), (ActuatorDelay(jnp.array([delay * DT]), steps=2),))
-    task = Task(rest, lambda q, qd, t: wanted[t], 400.0, estimator=Filtered(80.0, 30.0), dt=DT, steps=1000)
+    task = Task(
+        rest, lambda q, qd, t: wanted[t], 400.0, estimator=Filtered(80.0, 30.0), dt=DT, steps=1000
+    )
     run = execute(plant, plant.body, Doomed(0.0, 1.0, 1.0), task, jnp.zeros((1000, 1)))
     half_a_step = jnp.abs(jnp.diff(wanted, axis=0)).max() / 2
     assert 0.9 * half_a_step < jnp.abs(run.tau_feedback)[100:].max() < 1.01 * half_a_step
@@ -179,36 +228,56 @@ def test_finite_differences_are_those_of_readings_and_of_velocities():
     q, wanted = np.random.default_rng(1).normal(size=(2, 6, 3))
     motion, qd = estimated(FiniteDifference(), q, wanted[1:]), np.diff(q, axis=0) / DT
     np.testing.assert_allclose(motion.sensed.qd, qd, rtol=1e-12)
-    np.testing.assert_allclose(motion.qdd, np.diff(qd, axis=0, prepend=qd[:1]) / DT, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        motion.qdd, np.diff(qd, axis=0, prepend=qd[:1]) / DT, rtol=1e-9, atol=1e-9
+    )
     np.testing.assert_array_equal(motion.qdd_desired, wanted[1:])
 
 
 def test_an_acceleration_made_afterwards_has_no_lag_and_a_causal_one_has():
-    wave, t, none = 2.0 * np.pi * np.array([[2.0, 3.0]]), DT * np.arange(2001)[:, None], jnp.zeros((2000, 2))
+    wave, t, none = (
+        2.0 * np.pi * np.array([[2.0, 3.0]]),
+        DT * np.arange(2001)[:, None],
+        jnp.zeros((2000, 2)),
+    )
     causal = estimated(Filtered(), np.sin(wave * t), none).qdd
-    q, qd, qdd = (jnp.asarray(x[:-1]) for x in (np.sin(wave * t), wave * np.cos(wave * t), -(wave**2) * np.sin(wave * t)))
+    q, qd, qdd = (
+        jnp.asarray(x[:-1])
+        for x in (np.sin(wave * t), wave * np.cos(wave * t), -(wave**2) * np.sin(wave * t))
+    )
     run = Trajectory(none, none, q, qd, none, causal, *[none] * 6)
     task = Task(State(q[0], qd[0]), PdPolicy(jnp.zeros(2), 1.0, 1.0), 400.0, dt=DT, steps=2000)
     smooth, middle = zero_phase(run, point_mass(2.0), task, 30.0), slice(500, 1500)  # whole periods
 
     def lag(x, j):
-        return max(range(-20, 21), key=lambda k: float(np.roll(x[:, j], -k)[middle] @ qdd[middle, j]))
+        return max(
+            range(-20, 21), key=lambda k: float(np.roll(x[:, j], -k)[middle] @ qdd[middle, j])
+        )
 
     assert [lag(smooth.qdd_actual, j) for j in (0, 1)] == [0, 0]
-    assert [lag(causal, j) for j in (0, 1)] == [5, 5]  # 1/(2π·30 Hz) less half a step: a row's reading is that after its step
-    np.testing.assert_allclose((smooth.qdd_actual / wave**2)[middle], (qdd / wave**2)[middle], atol=0.012)  # 1/(1 + (3/30)²)
-    np.testing.assert_allclose(smooth.tau_inverse_actual, jnp.clip(2.0 * smooth.qdd_actual, -400.0, 400.0), rtol=1e-12)
+    # 1/(2π·30 Hz) less half a step: a row's reading is that after its step
+    assert [lag(causal, j) for j in (0, 1)] == [5, 5]
+    # 1/(1 + (3/30)²)
+    np.testing.assert_allclose(
+        (smooth.qdd_actual / wave**2)[middle], (qdd / wave**2)[middle], atol=0.012
+    )
+    np.testing.assert_allclose(
+        smooth.tau_inverse_actual, jnp.clip(2.0 * smooth.qdd_actual, -400.0, 400.0), rtol=1e-12
+    )
     assert jnp.abs(2.0 * smooth.qdd_actual).max() > 400.0
-    steady = run.replace(q_sensing=jnp.asarray(t[:-1] * np.array([[1.0, -2.0]])))  # in motion at both ends
+    # in motion at both ends
+    steady = run.replace(q_sensing=jnp.asarray(t[:-1] * np.array([[1.0, -2.0]])))
     assert jnp.abs(zero_phase(steady, point_mass(2.0), task, 30.0).qdd_actual).max() < 1e-6
 
 
 @pytest.mark.slow
 def test_a_load_is_there_just_while_the_circumstances_say_so():
-    """Each recorded step is taken again by an arm that always carries the load, and by one that never does."""
+    """Each recorded step is taken again by an arm that always carries the load, and by one that
+    never does.
+    """
     steps, plant = 60, Plant(arm().plant.body, (Payload(jnp.array(0.0), COM),))
     carried = jnp.where((jnp.arange(steps) >= 20) & (jnp.arange(steps) < 40), 2.0, 0.0)[:, None]
-    world = lambda plant, now: plant.replace(effects=(Payload(now[0], COM),))  # noqa: E731
+    world = lambda plant, now: plant.replace(effects=(Payload(now[0], COM),))
     how = {"circumstances": carried, "world": world, "dt": DT, "steps": steps}
     task = Task(State(BENT, STILL), lqr(BENT + 0.3, DT), LIMITS, **how)
 
@@ -223,14 +292,26 @@ def test_a_load_is_there_just_while_the_circumstances_say_so():
 
     run, (empty, loaded) = both()
     np.testing.assert_array_equal(run.circumstances, carried)
-    np.testing.assert_allclose(run.qd[1:], jnp.where(carried > 0.0, loaded, empty)[:-1], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(
+        run.qd[1:], jnp.where(carried > 0.0, loaded, empty)[:-1], rtol=0, atol=1e-12
+    )
     assert jnp.abs(empty - loaded).max(axis=1).min() > 1e-3
 
 
 def test_where_the_mechanism_truly_begins_is_seen_from_the_first_reading_on():
     plant, seen, noise = Plant(point_mass(2.0)), jnp.array([0.1, -0.2]), jnp.zeros((20, 2))
-    task = Task(State(seen, jnp.zeros(2)), PdPolicy(jnp.ones(2), 25.0, 7.0), 100.0, estimator=Filtered(), dt=DT, steps=20)
-    off, same, told = (execute(plant, plant.body, Doomed(0.0, 0.0, 0.1), task, noise, start=s) for s in (seen + 1e-4, seen, None))
+    task = Task(
+        State(seen, jnp.zeros(2)),
+        PdPolicy(jnp.ones(2), 25.0, 7.0),
+        100.0,
+        estimator=Filtered(),
+        dt=DT,
+        steps=20,
+    )
+    off, same, told = (
+        execute(plant, plant.body, Doomed(0.0, 0.0, 0.1), task, noise, start=s)
+        for s in (seen + 1e-4, seen, None)
+    )
     np.testing.assert_array_equal(off.q[0], seen + 1e-4)
     np.testing.assert_array_equal(off.q_sensing[0], seen)
     np.testing.assert_array_equal(off.q_sensing[1:], off.q[1:])
@@ -240,16 +321,29 @@ def test_where_the_mechanism_truly_begins_is_seen_from_the_first_reading_on():
 @pytest.mark.slow
 @pytest.mark.parametrize("source", SOURCES)
 def test_the_arm_learns_what_its_model_lacks(source):
-    """Two goals of 0.2 s and small networks: one iteration takes away about 90 % of the feedback's mean square."""
-    networks, training = ErrorModel(JOINTS, (32, 16, 1), 1.0, 1.0, 10.0, 10.0), Training(40, 32, 3e-3)
-    study = ArmStudy(goals=ArmStudy().goals[:2], seconds_each=0.2, error_model=networks, training=training)
-    once = jax.jit(lambda key: learn_arm(study, source, jnp.array(1e-5), key, 2), compiler_options=QUICK)
+    """Two goals of 0.2 s and small networks: one iteration takes away about 90 % of the feedback's
+    mean square.
+    """
+    networks, training = (
+        ErrorModel(JOINTS, (32, 16, 1), 1.0, 1.0, 10.0, 10.0),
+        Training(40, 32, 3e-3),
+    )
+    study = ArmStudy(
+        goals=ArmStudy().goals[:2], seconds_each=0.2, error_model=networks, training=training
+    )
+    once = jax.jit(
+        lambda key: learn_arm(study, source, jnp.array(1e-5), key, 2), compiler_options=QUICK
+    )
     first, again, other = (once(jax.random.key(seed)) for seed in (0, 0, 1))
     for one, two in zip(jax.tree.leaves(first), jax.tree.leaves(again), strict=True):
         assert jnp.isfinite(one).all()
         np.testing.assert_array_equal(one, two)
-    noises = [(run.q_sensing - run.q)[k].ravel() for run, k in ((first[1], 0), (first[1], 1), (other[1], 0))]
-    assert np.abs(np.corrcoef(noises) - np.eye(3)).max() < 0.1  # another draw for each execution and each key
+    noises = [
+        (run.q_sensing - run.q)[k].ravel()
+        for run, k in ((first[1], 0), (first[1], 1), (other[1], 0))
+    ]
+    # another draw for each execution and each key
+    assert np.abs(np.corrcoef(noises) - np.eye(3)).max() < 0.1
     before, after = feedback_mse(first[1])
     assert after < 0.3 * before
 
@@ -270,7 +364,9 @@ def test_the_flange_is_where_it_is_asked_to_be_and_points_down(place):
     assert ((q >= model.jnt_range[:, 0]) & (q <= model.jnt_range[:, 1])).all()
 
 
-@pytest.mark.parametrize("place", [(2.0, 0.0, 0.3), (0.0, 0.0, 1.2)], ids=["too far", "only with the tool up"])
+@pytest.mark.parametrize(
+    "place", [(2.0, 0.0, 0.3), (0.0, 0.0, 1.2)], ids=["too far", "only with the tool up"]
+)
 def test_a_place_out_of_reach_is_refused(place):
     with pytest.raises(ConfigurationError, match="reaches with its tool down"):
         reach(np.array(place), NEAR)

@@ -23,23 +23,34 @@ from jaxidl.jobs.programs import Job
 from jaxidl.models import Training
 from jaxidl.plot import arm, arm_report, arm_tasks
 
-GRID = ArmGrid(noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2)
+GRID = ArmGrid(
+    noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2
+)
 
 
 def small(study: ArmStudy) -> ArmStudy:
     """The same code in seconds."""
     model = replace(study.error_model, layers=(16, 1))
-    return replace(study, seconds_each=0.05, error_model=model, training=Training(epochs=1, batch=64))
+    return replace(
+        study, seconds_each=0.05, error_model=model, training=Training(epochs=1, batch=64)
+    )
 
 
 @pytest.mark.slow
-def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_accelerations_only(tmp_path, monkeypatch):
+def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_accelerations_only(
+    tmp_path, monkeypatch
+):
     study, path = small(ArmStudy()), tmp_path / "study.nc"
     grid = replace(GRID, accelerations=("causal", "zero_phase"), sources=("direct",), seeds=(1, 2))
     computed, original = [], Job.traced
-    monkeypatch.setattr(Job, "traced", lambda job, points: computed.extend(set(points)) or original(job, points))
+    monkeypatch.setattr(
+        Job, "traced", lambda job, points: computed.extend(set(points)) or original(job, points)
+    )
     found = run_study(study, grid, path, {"a": 1}, quiet=True)
-    assert {(dict(at)["acceleration"], dict(at)["seed"]) for at in computed} == {("causal", 1), ("causal", 2)}
+    assert {(dict(at)["acceleration"], dict(at)["seed"]) for at in computed} == {
+        ("causal", 1),
+        ("causal", 2),
+    }
     computed.clear()
     xr.testing.assert_identical(run_study(study, grid, path, {"a": 1}, quiet=True), found)
     assert {dict(at)["seed"] for at in computed} <= {1}  # the trial of shapes
@@ -47,10 +58,18 @@ def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_acc
     assert np.isfinite(found["feedback_mse"]).all()
     direct = found.sel(source="direct")
     np.testing.assert_array_equal(
-        direct["path_error"].sel(acceleration="causal"), direct["path_error"].sel(acceleration="zero_phase")
+        direct["path_error"].sel(acceleration="causal"),
+        direct["path_error"].sel(acceleration="zero_phase"),
     )
     kept = thinned(found)
-    assert kept["feedback_trace"].dims == ("acceleration", "source", "noise", "execution", "time", "joint")
+    assert kept["feedback_trace"].dims == (
+        "acceleration",
+        "source",
+        "noise",
+        "execution",
+        "time",
+        "joint",
+    )
     assert kept["feedback_trace"].dtype == np.float32
 
 
@@ -76,7 +95,8 @@ def test_a_piece_damaged_anywhere_is_none(tmp_path):
         for at in range(0, len(whole), 7):
             parts.path("x").write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
             found = parts.load("x")
-            assert found is None or np.array_equal(found["value"], np.arange(40))  # some bytes of a zip file say nothing
+            # some bytes of a zip file say nothing
+            assert found is None or np.array_equal(found["value"], np.arange(40))
         parts.path("x").write_bytes(whole[: len(whole) // 2])
         assert parts.load("x") is None
 
@@ -88,7 +108,13 @@ def conditions() -> xr.Dataset:
     mse = np.stack([np.exp(0.1 * rng.normal(size=(5, 6))) * level for level in levels.values()])
     mse[..., 0] = 20.0
     mse[0, :, 4] = 3.0
-    coords = {"acceleration": ["causal"], "source": list(levels), "noise": [1e-5], "seed": [1, 2, 3, 4, 5], "iteration": range(6)}
+    coords = {
+        "acceleration": ["causal"],
+        "source": list(levels),
+        "noise": [1e-5],
+        "seed": [1, 2, 3, 4, 5],
+        "iteration": range(6),
+    }
     dims = ("acceleration", "source", "noise", "seed", "iteration")
     found = xr.Dataset({"feedback_mse": (dims, mse[None, :, None])}, coords)
     return found.assign(finite=np.isfinite(found["feedback_mse"]))
@@ -145,7 +171,9 @@ def test_lowest_rate_that_lifts():
 
 def test_figures_of_made_up_results_can_be_drawn():
     arm.feedback_by_execution(conditions()).canvas.draw()
-    arm_tasks.with_and_without_load({"told": np.ones((2, 3, 2)).tolist(), "untold": np.ones((2, 3, 2)).tolist()}).canvas.draw()
+    arm_tasks.with_and_without_load(
+        {"told": np.ones((2, 3, 2)).tolist(), "untold": np.ones((2, 3, 2)).tolist()}
+    ).canvas.draw()
     lifts = {"rate": 2.0, "rates": [1.0, 2.0], "lifted": [0.2, 0.6]}
     runs = {source: np.ones((2, 3)).tolist() for source in ("joint", "direct")}
     arm_tasks.pick_and_place(lifts | {"path_error": runs, "feedback_mse": runs}).canvas.draw()
@@ -155,16 +183,54 @@ def test_figures_of_made_up_results_can_be_drawn():
             for (name, joint), size in truth(Hidden()).items()
         ],
         "effects": [
-            {"effect": "viscous_friction", "joint": 0, "confidence": 0.9, "parameters": {"coefficient": {"value": 4.1}}},
-            {"effect": "viscous_friction", "joint": 1, "confidence": 0.7, "parameters": {"coefficient": {"value": 4.1}}},
-            {"effect": "coulomb_friction", "joint": 1, "confidence": 0.8, "parameters": {"level": {"value": 4.1}}},
-            {"effect": "spring", "joint": 2, "confidence": 0.8, "parameters": {"stiffness": {"value": 1.0}}},
-            {"effect": "spring", "joint": 3, "confidence": 0.7, "parameters": {"stiffness": {"value": 1.0}}},
+            {
+                "effect": "viscous_friction",
+                "joint": 0,
+                "confidence": 0.9,
+                "parameters": {"coefficient": {"value": 4.1}},
+            },
+            {
+                "effect": "viscous_friction",
+                "joint": 1,
+                "confidence": 0.7,
+                "parameters": {"coefficient": {"value": 4.1}},
+            },
+            {
+                "effect": "coulomb_friction",
+                "joint": 1,
+                "confidence": 0.8,
+                "parameters": {"level": {"value": 4.1}},
+            },
+            {
+                "effect": "spring",
+                "joint": 2,
+                "confidence": 0.8,
+                "parameters": {"stiffness": {"value": 1.0}},
+            },
+            {
+                "effect": "spring",
+                "joint": 3,
+                "confidence": 0.7,
+                "parameters": {"stiffness": {"value": 1.0}},
+            },
         ],
-        "ambiguous": [{"candidates": [{"effect": "payload", "joint": None}, {"effect": "inertia_error", "joint": 6}]}],
+        "ambiguous": [
+            {
+                "candidates": [
+                    {"effect": "payload", "joint": None},
+                    {"effect": "inertia_error", "joint": 6},
+                ]
+            }
+        ],
     }
     rows = {(row.effect, row.joint): row for row in judge(report)}
-    assert [rows["viscous_friction", j].state for j in range(7)] == ["found", "possible", *["missed"] * 3, "small", "missed"]
+    assert [rows["viscous_friction", j].state for j in range(7)] == [
+        "found",
+        "possible",
+        *["missed"] * 3,
+        "small",
+        "missed",
+    ]
     assert rows["viscous_friction", 0].found == 4.1
     assert rows["coulomb_friction", 1].state == "off"
     assert (rows["spring", 2].state, rows["spring", 3].state) == ("extra", "doubt")
@@ -185,7 +251,12 @@ def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
     seen = visible(rows, logged, log, model)
     assert set(seen) == set(rows)
     assert all(value > 0.0 for value in seen.values())
-    again = visible({key: 2.0 * size for key, size in rows.items() if key[0] != "actuator_delay"}, logged, log, model)
+    again = visible(
+        {key: 2.0 * size for key, size in rows.items() if key[0] != "actuator_delay"},
+        logged,
+        log,
+        model,
+    )
     for key, value in again.items():
         assert value == pytest.approx(2.0 * seen[key], rel=0.02)
 
@@ -229,8 +300,17 @@ def test_experiments_are_gathered_in_one_file_and_others_settings_are_refused(tm
 
 def tiny() -> ArmRun:
     """All experiments but the gap workflow, in seconds."""
-    grid = ArmGrid(noise=(1e-4, 1e-6), accelerations=("causal", "zero_phase"), sources=("direct",), seeds=(1,), iterations=2)
-    task, laps = replace(pick.PickAndPlace(), seeds=(1,), iterations=2), replace(limits.Ambiguity(), seeds=(1,), iterations=2)
+    grid = ArmGrid(
+        noise=(1e-4, 1e-6),
+        accelerations=("causal", "zero_phase"),
+        sources=("direct",),
+        seeds=(1,),
+        iterations=2,
+    )
+    task, laps = (
+        replace(pick.PickAndPlace(), seeds=(1,), iterations=2),
+        replace(limits.Ambiguity(), seeds=(1,), iterations=2),
+    )
     return ArmRun(small(ArmStudy()), grid, task, laps, Logged(goals=2), 50)
 
 
@@ -238,23 +318,30 @@ def tiny() -> ArmRun:
 def test_a_whole_run_is_kept_piece_by_piece_and_drawn(tmp_path, monkeypatch):
     for part in (pick.PickAndPlace, limits.Ambiguity):
         whole = part.study
-        monkeypatch.setattr(part, "study", lambda self, x, whole=whole: replace(small(whole(self, x)), seconds_each=0.2))
+        monkeypatch.setattr(
+            part,
+            "study",
+            lambda self, x, whole=whole: replace(small(whole(self, x)), seconds_each=0.2),
+        )
     monkeypatch.setattr(pick, "LIFTED", -1.0)  # so short a motion lifts nothing
     monkeypatch.setattr(pick.PickAndPlace, "seconds_each", 0.2)
     run, experiments = tiny(), ("study", "pick", "limits")
     result = run_all(run, tmp_path, experiments, quiet=True)
-    files = lambda: [*(tmp_path / "parts").glob("*.npz"), tmp_path / "study.nc"]  # noqa: E731
+    files = lambda: [*(tmp_path / "parts").glob("*.npz"), tmp_path / "study.nc"]
     made = {path.name: path.stat().st_mtime_ns for path in files()}
     assert len(made) == 3 + 2 + 1
     again = run_all(run, tmp_path, experiments, quiet=True)
     assert {path.name: path.stat().st_mtime_ns for path in files()} == made
     xr.testing.assert_equal(result["study"]["data"], again["study"]["data"])
     stored = xr.open_dataset(tmp_path / "arm.nc", engine="h5netcdf")
-    assert float(stored["noise"]) == 1e-6  # the nearest to a good encoder's, in whatever order they are
+    # the nearest to a good encoder's, in whatever order they are
+    assert float(stored["noise"]) == 1e-6
     assert stored["feedback_mse"].attrs["units"]
     kept = json.loads((tmp_path / "arm.json").read_text())
     assert set(experiments) <= set(kept)
     assert kept["pick"]["finite"] == {"joint": [[True, True]], "direct": [[True, True]]}
     monkeypatch.setattr(arm_report, "_films", lambda *_: [])
     drawn = {path.name for path in arm_report.write_arm_figures(run, result, tmp_path)}
-    assert {f"arm_{name}.png" for name in ("feedback", "feedback_time", "model_error", "pick", "limits")} <= drawn
+    assert {
+        f"arm_{name}.png" for name in ("feedback", "feedback_time", "model_error", "pick", "limits")
+    } <= drawn

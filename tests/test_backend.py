@@ -1,4 +1,6 @@
-"""How programs are compiled: options that change no number, full precision, kept programs, many devices."""
+"""How programs are compiled: options that change no number, full precision, kept programs, many
+devices.
+"""
 
 import json
 import os
@@ -17,7 +19,9 @@ from jaxidl.jobs.programs import program
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import LearningRun
 
-GRID = Grid(("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3)
+GRID = Grid(
+    ("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3
+)
 
 
 @pytest.mark.slow
@@ -26,7 +30,9 @@ def test_compiler_options_change_no_bit(small_study):
     inputs, kind = learning.job().traced(at), dict(learning.job().kind(at[0]))
 
     def run(options):
-        return jax.jit(lambda i: jax.lax.map(lambda one: learning(**kind, **one), i), compiler_options=options)(inputs)
+        return jax.jit(
+            lambda i: jax.lax.map(lambda one: learning(**kind, **one), i), compiler_options=options
+        )(inputs)
 
     assert compiler_options()  # this XLA knows them
     plain, optioned = run({}), run(compiler_options())
@@ -55,7 +61,9 @@ def cache_setting():
     jax.config.update("jax_compilation_cache_dir", before)
 
 
-def test_programs_are_kept_in_the_users_cache_unless_told_otherwise(monkeypatch, tmp_path, cache_setting):
+def test_programs_are_kept_in_the_users_cache_unless_told_otherwise(
+    monkeypatch, tmp_path, cache_setting
+):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     before = jax.config.jax_compilation_cache_dir
     keep_programs()  # JAX_COMPILATION_CACHE_DIR is set, as conftest does: JAX's own setting stands
@@ -86,12 +94,14 @@ EIGHT_DEVICES = """
         assert len(error.sharding.device_set) == devices
         runs[devices] = error.tolist()
     print(json.dumps([len(jax.devices()), runs[1], runs[2], runs[8]]))
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.slow
 def test_runs_sharded_over_eight_devices_are_those_of_one():
-    """Simulated devices; recorded averages may differ in the last bit (XLA sums them in another order)."""
+    """Simulated devices; recorded averages may differ in the last bit (XLA sums them in another
+    order).
+    """
     flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8", "JAX_PLATFORMS": "cpu"}
     done = subprocess.run(
         [sys.executable, "-c", textwrap.dedent(EIGHT_DEVICES)],

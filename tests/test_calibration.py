@@ -1,4 +1,6 @@
-"""How likely a finding is right: the signs, the weights that come with the package, and how they are fitted."""
+"""How likely a finding is right: the signs, the weights that come with the package, and how they
+are fitted.
+"""
 
 import json
 
@@ -10,10 +12,26 @@ from jaxidl.gap.benchmark.calibration import fitted
 from jaxidl.gap.calibration import SIGNS, probability, signs
 
 GOOD = {
-    "margin": 100.0, "gain": 0.6, "share": 0.3, "left": 1.2, "unexplained": 0.01, "systematic": 0.0, "odds": 0.0,
-    "common": True, "tied": 0.0, "company": 1.0,
-}  # fmt: skip
-BAD = GOOD | {"margin": 0.1, "gain": 0.06, "share": 0.01, "left": 8.0, "unexplained": 0.8, "odds": -4.0, "common": False}
+    "margin": 100.0,
+    "gain": 0.6,
+    "share": 0.3,
+    "left": 1.2,
+    "unexplained": 0.01,
+    "systematic": 0.0,
+    "odds": 0.0,
+    "common": True,
+    "tied": 0.0,
+    "company": 1.0,
+}
+BAD = GOOD | {
+    "margin": 0.1,
+    "gain": 0.06,
+    "share": 0.01,
+    "left": 8.0,
+    "unexplained": 0.8,
+    "odds": -4.0,
+    "common": False,
+}
 
 
 def test_the_packaged_weights_tell_a_dry_friction_from_a_crumb():
@@ -44,13 +62,18 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     true = np.zeros(len(SIGNS))
     true[[list(SIGNS).index(name) for name in ("margin", "share", "open")]] = 2.0, 1.0, -1.5
     right = rng.random(6000) < 1.0 / (1.0 + np.exp(-0.7 - x @ true))
-    rows = [("robot", dict(zip(SIGNS, row, strict=True)), bool(ok)) for row, ok in zip(x, right, strict=True)]
+    rows = [
+        ("robot", dict(zip(SIGNS, row, strict=True)), bool(ok))
+        for row, ok in zip(x, right, strict=True)
+    ]
     weights = fitted(rows)
     np.testing.assert_allclose([weights[name] for name in SIGNS], true, atol=0.25)
     assert weights["constant"] == pytest.approx(0.7, abs=0.15)
     assert fitted(rows) == weights
     # a sign that seems to speak the wrong way does not speak
-    turned = fitted([(family, found | {"share": -found["share"]}, ok) for family, found, ok in rows])
+    turned = fitted(
+        [(family, found | {"share": -found["share"]}, ok) for family, found, ok in rows]
+    )
     assert turned["share"] == 0.0
     # a family of a hundred findings counts as much as one of thousands
     wrong = [("single", signs_of, not ok) for _, signs_of, ok in rows[:100]]
@@ -64,7 +87,9 @@ def test_the_figure_has_each_family_with_findings_and_their_numbers():
     empty = {"share": np.nan, "n": 0, "low": 0.0, "high": 1.0}
     some = {"share": 0.9, "n": 17, "low": 0.7, "high": 0.97}
     bins = {"0.0-0.5": empty, "0.5-0.8": empty, "0.8-0.9": some, "0.9-1.0": some | {"n": 40}}
-    figure = plot_reliability({"calibration": {"single": bins, "robot": bins, "none": dict.fromkeys(bins, empty)}})
+    figure = plot_reliability(
+        {"calibration": {"single": bins, "robot": bins, "none": dict.fromkeys(bins, empty)}}
+    )
     (axes,) = figure.axes
     assert {text.get_text() for text in axes.texts} == {"17", "40"}
     labels = [text.get_text() for text in axes.get_legend().get_texts()]

@@ -16,7 +16,7 @@ from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
 from tests.numeric import compare
 
-pair = lambda a, b: jnp.array([a, b])  # noqa: E731
+pair = lambda a, b: jnp.array([a, b])
 ENDS = {"lower": 0.0, "upper": 0.9}
 
 EXAMPLES: dict[str, Effect] = {
@@ -38,11 +38,22 @@ EXAMPLES: dict[str, Effect] = {
         fx.SublinearFriction(pair(2.0, 1.0), pair(1.5, 2.1)),
         fx.ThermalFriction(pair(1.0, 2.0), pair(2.0, 1.5), pair(1.3, 0.7)),
         fx.CoupledJointFriction(jnp.array(1.5), jnp.array(0.7), jnp.array(0.3), difference=True),
-        fx.CoupledFriction(jnp.array([0.7, 0.5, 0.8, 1.2]), jnp.array([2.0, 1.0, 3.0, 2.5]), *map(jnp.array, ENDS.values())),
+        fx.CoupledFriction(
+            jnp.array([0.7, 0.5, 0.8, 1.2]),
+            jnp.array([2.0, 1.0, 3.0, 2.5]),
+            *map(jnp.array, ENDS.values()),
+        ),
         fx.InertiaError(pair(1.0, -0.5), pair(0.4, 0.3)),
         fx.ComError(jnp.array([[0.2, 0.1, -0.3], [0.1, 0.0, 0.2]])),
-        fx.InertiaTensorError(jnp.array([[0.2, 0.1, 0.3, 0.02, 0.0, -0.01], [0.1, 0.1, 0.2, 0.0, 0.03, 0.01]])),
-        fx.Payload(jnp.array(0.7), jnp.array([0.1, 0.0, -0.2]), jnp.array([0.02, 0.0, 0.1]), 0.01 * jnp.arange(6.0)),
+        fx.InertiaTensorError(
+            jnp.array([[0.2, 0.1, 0.3, 0.02, 0.0, -0.01], [0.1, 0.1, 0.2, 0.0, 0.03, 0.01]])
+        ),
+        fx.Payload(
+            jnp.array(0.7),
+            jnp.array([0.1, 0.0, -0.2]),
+            jnp.array([0.02, 0.0, 0.1]),
+            0.01 * jnp.arange(6.0),
+        ),
         fx.BaseTilt(pair(0.05, -0.03)),
         fx.ConstantOffset(pair(1.0, -2.0)),
         fx.Spring(pair(8.0, 5.0), pair(0.2, -0.1)),
@@ -63,8 +74,10 @@ EXAMPLES: dict[str, Effect] = {
     )
 }
 MASS, DT = jnp.array([2.0, 2.5]), 1e-3
-BOTH_AXES = {name for name, e in EXAMPLES.items() if not e.alone() or name == "paper_friction"}  # not an effect of one joint
-TURNING = ("com_error", "inertia_tensor_error", "base_tilt")  # what a point mass cannot show: see ``test_links.py``
+# not an effect of one joint
+BOTH_AXES = {name for name, e in EXAMPLES.items() if not e.alone() or name == "paper_friction"}
+# what a point mass cannot show: see ``test_links.py``
+TURNING = ("com_error", "inertia_tensor_error", "base_tilt")
 SLIDING = State(pair(0.113, 0.312), pair(1.1, -0.9))  # away from every kink
 PUSH = pair(3.1, -4.2)
 
@@ -86,13 +99,29 @@ def of(table):
 
 def test_every_effect_of_the_catalogue_is_described_and_exemplified():
     assert EXAMPLES.keys() == CATALOGUE.keys()
-    assert set(fx.searched()) == CATALOGUE.keys() - {"paper_friction", "sensing_noise", "encoder_quantisation"}
-    jargon = ("nonlinear", "stribeck", "coulomb", "backlash", "hysteresis", "stiction", "parameter", "qd", "_")
+    assert set(fx.searched()) == CATALOGUE.keys() - {
+        "paper_friction",
+        "sensing_noise",
+        "encoder_quantisation",
+    }
+    jargon = (
+        "nonlinear",
+        "stribeck",
+        "coulomb",
+        "backlash",
+        "hysteresis",
+        "stiction",
+        "parameter",
+        "qd",
+        "_",
+    )
     for name, cls in CATALOGUE.items():
         assert cls.name == name
         assert len(cls.sentence.split()) > 4
         assert not any(word in cls.sentence.lower() for word in jargon)
-        assert list(cls.parameters) == [f.name for f in fields(cls) if f.metadata.get("pytree_node", True)], name
+        assert list(cls.parameters) == [
+            f.name for f in fields(cls) if f.metadata.get("pytree_node", True)
+        ], name
         assert set(cls.mjcf) <= set(cls.parameters)
         for spec in cls.parameters.values():
             assert spec.unit
@@ -108,7 +137,9 @@ def test_parameters_out_of_bounds_are_named(effect):
         for bad in (np.nan, *just[np.isfinite(just)]):
             value = np.array(getattr(effect, key), float)
             value.flat[-1] = bad
-            with pytest.raises(EffectError, match=rf"^expected {effect.name}\.{key} in \[.*got .*; set [^\n]*$"):
+            with pytest.raises(
+                EffectError, match=rf"^expected {effect.name}\.{key} in \[.*got .*; set [^\n]*$"
+            ):
                 effect.replace(**{key: jnp.asarray(value)}).check()
 
 
@@ -125,12 +156,17 @@ def test_round_trip_through_a_dictionary(effect):
 
 def test_jit_can_tell_effects_apart():
     structures = [jax.tree.structure(effect) for effect in (*EXAMPLES.values(), *WRAPPED.values())]
-    assert all((a == b) == (i == j) for i, a in enumerate(structures) for j, b in enumerate(structures))
+    assert all(
+        (a == b) == (i == j) for i, a in enumerate(structures) for j, b in enumerate(structures)
+    )
 
 
 def test_infinity_survives_json():
     effect = fx.Stiction(pair(1.0, 2.0), pair(1e-3, 1e-3), pair(jnp.inf, 0.5))
-    assert from_dict(json.loads(json.dumps(effect.to_dict(), allow_nan=False))).below.tolist() == [np.inf, 0.5]
+    assert from_dict(json.loads(json.dumps(effect.to_dict(), allow_nan=False))).below.tolist() == [
+        np.inf,
+        0.5,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -151,7 +187,9 @@ def test_unknown_or_incomplete_records_are_refused(record, match):
 
 @of(CATALOGUE)
 def test_fits_begin_within_the_bounds(effect):
-    scale = Scale(torque=30.0, speed=2.0, lower=-0.3, upper=0.9, inertia=2.0, residual=1.5, band=40.0, dt=2e-3)
+    scale = Scale(
+        torque=30.0, speed=2.0, lower=-0.3, upper=0.9, inertia=2.0, residual=1.5, band=40.0, dt=2e-3
+    )
     guesses = effect.guesses(scale)
     assert guesses
     for guess in guesses:
@@ -160,14 +198,19 @@ def test_fits_begin_within_the_bounds(effect):
             effect.parameters[key].check(key, value)
 
 
-# --- derivatives: forward = reverse = numeric --------------------------------------------------------------------------------
+# --- derivatives: forward = reverse = numeric
+# --------------------------------------------------------------------------------
 
 
 def everything(effect, q, qd, tau, noise):
     """All that an effect does at an instant, and over 20 steps with its hidden state."""
     body = effect.alter(PointMass(MASS))
     along = jnp.linspace(0.0, 1.0, 20)[:, None]
-    drive = q[None] + 0.03 * along * qd[None], qd[None] * (1.0 + along), tau[None] * jnp.cos(3.0 * along)
+    drive = (
+        q[None] + 0.03 * along * qd[None],
+        qd[None] * (1.0 + along),
+        tau[None] * jnp.cos(3.0 * along),
+    )
 
     def step(memory, now):
         delivered, memory = effect.actuate(memory, *now, DT)
@@ -175,20 +218,30 @@ def everything(effect, q, qd, tau, noise):
 
     memory, outputs = jax.lax.scan(step, effect.start(q), drive)
     instant = effect.torque(q, qd, tau), effect.dry(q, qd, tau, qd), effect.dry(q, qd, tau, tau)
-    dynamics = body.forward_dynamics(q, qd, tau), body.inverse_dynamics(q, qd, tau), body.mobility(q)
+    dynamics = (
+        body.forward_dynamics(q, qd, tau),
+        body.inverse_dynamics(q, qd, tau),
+        body.mobility(q),
+    )
     return ravel_pytree((instant, dynamics, memory, outputs, effect.true_position(drive[0], DT)))[0]
 
 
-@of(EXAMPLES | {name: WRAPPED[name] for name in ("stribeck_friction on joint 1", "backlash on joint 1")})
+@of(
+    EXAMPLES
+    | {name: WRAPPED[name] for name in ("stribeck_friction on joint 1", "backlash on joint 1")}
+)
 def test_derivatives_of_every_method_forward_reverse_and_numeric_agree(effect):
     noise, zero = pair(0.6, -0.4), jnp.zeros(2)
     compare(everything, (effect, *SLIDING, PUSH), noise)
-    for place in ((SLIDING.q, zero, PUSH), (*SLIDING, zero), (zero, zero, zero)):  # at rest, without torque, without anything
+    # at rest, without torque, without anything
+    for place in ((SLIDING.q, zero, PUSH), (*SLIDING, zero), (zero, zero, zero)):
         compare(everything, (effect, *place), noise, smooth=False)
 
 
 def end_of_50_steps(effect, push):
-    """Positions and readings after 50 steps under a swinging torque, of a plant that has the effect."""
+    """Positions and readings after 50 steps under a swinging torque, of a plant that has the
+    effect.
+    """
     joints = push.shape[0]
     plant = Plant(PointMass(MASS[:joints]), (effect,))
     start = State(SLIDING.q[:joints], push / 4.0)
@@ -196,15 +249,22 @@ def end_of_50_steps(effect, push):
     def step(carry, swing):
         return plant.step(*carry, push * swing, DT), None
 
-    (state, hidden), _ = jax.lax.scan(step, (start, plant.start(start.q)), jnp.cos(jnp.linspace(0.0, 2.0, 50)))
+    (state, hidden), _ = jax.lax.scan(
+        step, (start, plant.start(start.q)), jnp.cos(jnp.linspace(0.0, 2.0, 50))
+    )
     return jnp.concatenate([state.q, plant.sense(hidden, state.q, jnp.full(joints, 0.3))])
 
 
 @pytest.mark.slow
-@of({f"{name}, 1 axis": e for name, e in SINGLE.items()} | {f"{name}, 2 axes": e for name, e in EXAMPLES.items()})
+@of(
+    {f"{name}, 1 axis": e for name, e in SINGLE.items()}
+    | {f"{name}, 2 axes": e for name, e in EXAMPLES.items()}
+)
 def test_derivatives_through_50_steps_of_a_plant(effect, request):
     push = PUSH[: 1 if "1 axis" in request.node.name else 2]
     slopes = compare(end_of_50_steps, (effect,), push)
-    assert np.abs(slopes).max() > 0.0 or effect.name in ("stiction", *TURNING)  # which only a joint at rest feels
-    for other in (0.0 * push, 1e-4 * push, -100.0 * push):  # at rest; moving off; with kinks on the way
+    # which only a joint at rest feels
+    assert np.abs(slopes).max() > 0.0 or effect.name in ("stiction", *TURNING)
+    # at rest; moving off; with kinks on the way
+    for other in (0.0 * push, 1e-4 * push, -100.0 * push):
         compare(end_of_50_steps, (effect,), other, smooth=False)

@@ -21,7 +21,9 @@ GRID = Grid(noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(20,), 
 
 
 def results(error_of=lambda label, k: 1.0, finite_of=lambda label, k: True, grid=GRID):
-    """A results file in which run ``label`` has error ``error_of(label, k)`` in execution k, other numbers 1."""
+    """A results file in which run ``label`` has error ``error_of(label, k)`` in execution k, other
+    numbers 1.
+    """
     rows = range(grid.iterations)
     runs = {}
     for at in points(grid.dims()):
@@ -38,7 +40,9 @@ def verdicts(data):
 
 
 def as_in_the_paper(label, k):
-    """Joint falls fastest, direct falls but jumps in high noise, indirect stays where it is with low-gain PID."""
+    """Joint falls fastest, direct falls but jumps in high noise, indirect stays where it is with
+    low-gain PID.
+    """
     first = 1.0 if label.gain == "low" else 0.1
     rate = {"indirect": 0.05, "direct": 0.15, "joint": 0.3}[label.source]
     if (label.controller, label.gain, label.source) == ("pid", "low", "indirect"):
@@ -64,9 +68,18 @@ def test_the_papers_story_holds_where_it_is_put_in():
 def test_the_opposite_does_not_hold():
     opposite = {"indirect": "joint", "joint": "indirect", "direct": "direct"}
     found = verdicts(
-        results(lambda label, k: as_in_the_paper(SimpleNamespace(**{**vars(label), "source": opposite[label.source]}), k))
+        results(
+            lambda label, k: as_in_the_paper(
+                SimpleNamespace(**{**vars(label), "source": opposite[label.source]}), k
+            )
+        )
     )
-    for name in ("indirect-low-pid", "joint-ordering/pid", "joint-faster/pid", "joint-faster/doomed"):
+    for name in (
+        "indirect-low-pid",
+        "joint-ordering/pid",
+        "joint-faster/pid",
+        "joint-faster/doomed",
+    ):
         assert found[name].verdict == "does not hold", found[name]
 
 
@@ -93,7 +106,9 @@ def test_one_run_that_runs_away_decides_the_average_but_not_the_typical():
 
 
 def test_the_interval_is_students_over_seeds():
-    row = verdicts(results(lambda label, k: 1.0 if k == 0 else np.exp(float(label.seed))))["indirect-low-pid"]
+    row = verdicts(results(lambda label, k: 1.0 if k == 0 else np.exp(float(label.seed))))[
+        "indirect-low-pid"
+    ]
     np.testing.assert_allclose(row.average.value, np.exp(2.0))
     half = 4.302653 / np.sqrt(3)  # t for 2 degrees of freedom, standard deviation 1
     np.testing.assert_allclose(np.log(row.average.interval), [2 - half, 2 + half], rtol=1e-6)
@@ -105,7 +120,10 @@ def test_diverged_iterations_stay_out_and_are_counted():
 
     clean = verdicts(results(lambda label, k: 2.0 if k else 1.0))["indirect-low-pid"]
     row = verdicts(
-        results(lambda label, k: np.nan if wild(label, k) else (2.0 if k else 1.0), lambda label, k: not wild(label, k))
+        results(
+            lambda label, k: np.nan if wild(label, k) else (2.0 if k else 1.0),
+            lambda label, k: not wild(label, k),
+        )
     )["indirect-low-pid"]
     assert row.left_out == 9 * len(GRID) / 3
     assert row.average.seeds == 2
@@ -116,12 +134,20 @@ def test_one_seed_has_no_interval_and_a_part_of_the_grid_says_so():
     rows = verdicts(
         results(
             as_in_the_paper,
-            grid=Grid(controllers=("pid",), noise=(1e-4,), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(4,)),
+            grid=Grid(
+                controllers=("pid",),
+                noise=(1e-4,),
+                friction=(5.0,),
+                stiction=(5.0,),
+                epochs=(20,),
+                seeds=(4,),
+            ),
         )
     )
     assert rows["indirect-low-pid"].average.interval is None
     assert rows["joint-faster/doomed"].verdict == "not in these results"
-    assert rows["indirect-noise/pid"].verdict == "not in these results"  # one noise level says nothing about noise
+    # one noise level says nothing about noise
+    assert rows["indirect-noise/pid"].verdict == "not in these results"
 
 
 def test_too_few_executions_have_no_final_error():
@@ -163,7 +189,9 @@ def test_every_claim_is_computed_on_the_whole_grid_and_printed():
     assert all(row.average and row.typical for row in rows)
     assert len(json.loads(as_json(rows))) == len(rows)
     for text in (as_table(rows), as_markdown(rows)):
-        assert text.count("holds") + text.count("does not hold") + text.count("only partly") >= len(rows)
+        assert text.count("holds") + text.count("does not hold") + text.count("only partly") >= len(
+            rows
+        )
         assert "3 seeds" in text
 
 
@@ -175,13 +203,20 @@ def test_no_claim_is_decided_by_its_form():
         width = (1.5, 0.03, 0.3)[trial % 3]
         keys = itertools.product(GRID.controllers, GRID.gains, GRID.sources, GRID.noise, range(4))
         scale = {key: np.exp(rng.normal() * width) for key in keys}
-        shake = {key: rng.uniform(1, 3) for key in itertools.product(GRID.controllers, GRID.sources)}
-        lean = {source: np.exp(rng.normal() * 4) for source in GRID.sources}  # now and then one source is always best
+        shake = {
+            key: rng.uniform(1, 3) for key in itertools.product(GRID.controllers, GRID.sources)
+        }
+        # now and then one source is always best
+        lean = {source: np.exp(rng.normal() * 4) for source in GRID.sources}
 
         def value(label, k, scale=scale, shake=shake, lean=lean):
             late = 0 if k == 0 else 1 if k < 10 else 2 if k < 15 else 3
             wobble = shake[label.controller, label.source] ** (-1) ** k
-            return scale[label.controller, label.gain, label.source, label.noise, late] * wobble * lean[label.source]
+            return (
+                scale[label.controller, label.gain, label.source, label.noise, late]
+                * wobble
+                * lean[label.source]
+            )
 
         data = results(value)
         data["feedback_applied"], data["torque"] = data["q_error"].copy(), data["q_error"].copy()
@@ -189,7 +224,8 @@ def test_no_claim_is_decided_by_its_form():
             seen[name].add(row.verdict)
         if all({"holds", "does not hold"} <= found for found in seen.values()):
             return
-    pytest.fail(f"decided: { {name: found for name, found in seen.items() if not {'holds', 'does not hold'} <= found} }")
+    undecided = {k: found for k, found in seen.items() if not {"holds", "does not hold"} <= found}
+    pytest.fail(f"decided: {undecided}")
 
 
 def test_what_would_hold_for_other_sources_too_stands_beside():
@@ -197,19 +233,29 @@ def test_what_would_hold_for_other_sources_too_stands_beside():
     assert found["joint-low-pid"].beside.keys() == {"indirect", "direct"}
     assert found["direct-low-noise/pid"].beside["joint"].endswith("(true)")
     assert not found["joint-low-pid"].beside["indirect"].endswith("(true)")
-    assert found["joint-faster/pid"].beside.keys() == {"direct"}  # indirect against itself says nothing
+    # indirect against itself says nothing
+    assert found["joint-faster/pid"].beside.keys() == {"direct"}
     assert "(true)" in as_markdown(list(found.values()))
 
 
 def test_no_worse_is_judged_setting_by_setting():
-    """One setting with a huge error decides an average; it does not decide in how many settings a source is worse."""
+    """One setting with a huge error decides an average; it does not decide in how many settings a
+    source is worse.
+    """
 
     def error(label, k):
         if label.source != "joint":
             return 100.0 if label.noise > 5e-4 else 1.0
         return 50.0 if label.noise > 5e-4 else 3.0
 
-    assert float(View(results(error), typical=False).end(controller="pid", gain="high", source="joint").mean()) < 50.5
+    assert (
+        float(
+            View(results(error), typical=False)
+            .end(controller="pid", gain="high", source="joint")
+            .mean()
+        )
+        < 50.5
+    )
     verdict = verdicts(results(error))["joint-high-gain/pid"]
     assert verdict.average.value == pytest.approx(np.sqrt(0.5 * 3.0))
     assert verdict.average.value > 1.1

@@ -45,9 +45,39 @@ WRONG = [
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--seed", "-1"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--iterations", "3"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--source", "all"],
-    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--standard-normal", "{d}/none.npy"],
-    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--standard-normal", "{d}/text.txt"],
-    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--standard-normal", "{d}/short.npy"],
+    [
+        "simulate",
+        "--out",
+        "{d}/t.npz",
+        "--controller",
+        "pid",
+        "--gain",
+        "low",
+        "--standard-normal",
+        "{d}/none.npy",
+    ],
+    [
+        "simulate",
+        "--out",
+        "{d}/t.npz",
+        "--controller",
+        "pid",
+        "--gain",
+        "low",
+        "--standard-normal",
+        "{d}/text.txt",
+    ],
+    [
+        "simulate",
+        "--out",
+        "{d}/t.npz",
+        "--controller",
+        "pid",
+        "--gain",
+        "low",
+        "--standard-normal",
+        "{d}/short.npy",
+    ],
     ["simulate", "--out", "{d}/text.txt/t.npz", "--controller", "pid", "--gain", "low"],
     ["figures", "{d}/none.nc", "--out", "{d}/f"],
     ["figures", "{d}/text.txt", "--out", "{d}/f"],
@@ -75,7 +105,14 @@ def test_wrong_input_gives_one_clear_line_status_2_and_no_file(tmp_path, capsys,
 
 
 @pytest.mark.parametrize(
-    "words", [["--help"], ["--version"], ["sweep", "--help"], ["simulate", "--help"], ["reproduce", "--help"]]
+    "words",
+    [
+        ["--help"],
+        ["--version"],
+        ["sweep", "--help"],
+        ["simulate", "--help"],
+        ["reproduce", "--help"],
+    ],
 )
 def test_help_is_given(capsys, words):
     assert main(words) == 0
@@ -84,7 +121,18 @@ def test_help_is_given(capsys, words):
 
 
 def test_simulate_is_the_library_and_reads_given_noise(tmp_path, capsys):
-    arguments = ["--controller", "doomed", "--gain", "high", "--friction", "8", "--stiction", "5", "--noise", "7e-4"]
+    arguments = [
+        "--controller",
+        "doomed",
+        "--gain",
+        "high",
+        "--friction",
+        "8",
+        "--stiction",
+        "5",
+        "--noise",
+        "7e-4",
+    ]
     assert main(["simulate", *arguments, "--seed", "6", "--out", str(tmp_path / "a.npz")]) == 0
     np.save(tmp_path / "z.npy", np.random.RandomState(6).standard_normal((1000, 2)))
     given = ["--standard-normal", str(tmp_path / "z.npy")]
@@ -99,7 +147,19 @@ def test_simulate_is_the_library_and_reads_given_noise(tmp_path, capsys):
 
 
 def test_simulate_a_learning_run(tmp_path):
-    words = ["simulate", "--controller", "pid", "--gain", "high", "--source", "joint", "--iterations", "3", "--epochs", "1"]
+    words = [
+        "simulate",
+        "--controller",
+        "pid",
+        "--gain",
+        "high",
+        "--source",
+        "joint",
+        "--iterations",
+        "3",
+        "--epochs",
+        "1",
+    ]
     assert main([*words, "--out", str(tmp_path / "t.npz")]) == 0
     data = np.load(tmp_path / "t.npz")
     assert data["q"].shape == (3, 1000, 2)
@@ -111,7 +171,19 @@ def test_simulate_a_learning_run(tmp_path):
 @pytest.mark.slow
 def test_sweep_then_figures_then_claims(tmp_path, capsys):
     out = str(tmp_path / "r.nc")
-    words = ["--noise", "1e-4", "8e-4", "--seeds", "1", "--friction", "5", "--stiction", "5", "--epochs", "1"]
+    words = [
+        "--noise",
+        "1e-4",
+        "8e-4",
+        "--seeds",
+        "1",
+        "--friction",
+        "5",
+        "--stiction",
+        "5",
+        "--epochs",
+        "1",
+    ]
     words += ["--controllers", "pid", "--sources", "direct", "joint", "--iterations", "2"]
     assert main(["sweep", "--out", out, *words]) == 0
     assert main(["figures", out, "--out", str(tmp_path / "figs")]) == 0
@@ -122,11 +194,27 @@ def test_sweep_then_figures_then_claims(tmp_path, capsys):
     assert any(row["average"] for row in rows)
 
 
-@pytest.mark.parametrize("sent", [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]], ids=str)
+@pytest.mark.parametrize(
+    "sent",
+    [[signal.SIGINT], [signal.SIGTERM], [signal.SIGINT, signal.SIGTERM, signal.SIGINT]],
+    ids=str,
+)
 def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_path, sent):
-    words = ["sweep", "--out", str(tmp_path / "r.nc"), "--epochs", "1", "--seeds", "1", "--runs-per-device", "1"]
+    words = [
+        "sweep",
+        "--out",
+        str(tmp_path / "r.nc"),
+        "--epochs",
+        "1",
+        "--seeds",
+        "1",
+        "--runs-per-device",
+        "1",
+    ]
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}
-    process = subprocess.Popen([sys.executable, "-m", "jaxidl", *words], stderr=subprocess.PIPE, text=True, env=env)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "jaxidl", *words], stderr=subprocess.PIPE, text=True, env=env
+    )
     parts = tmp_path / "r.nc.parts"
     deadline = time.monotonic() + 200
     while not list(parts.glob("*.npz")) and time.monotonic() < deadline:
@@ -144,10 +232,17 @@ def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_
 
 
 def test_nothing_is_computed_before_the_devices_are_chosen():
-    """Importing the package must not start a JAX backend: the command line sets the number of devices after it."""
-    code = "import jaxidl.cli, jaxidl.jobs.sweeping, jaxidl.paper.simulate, jaxidl.plot.figures, jax;"
+    """Importing the package must not start a JAX backend: the command line sets the number of
+    devices after it.
+    """
+    code = (
+        "import jaxidl.cli, jaxidl.jobs.sweeping, jaxidl.paper.simulate, jaxidl.plot.figures, jax;"
+    )
     code += "jax.config.update('jax_num_cpu_devices', 3); print(len(jax.devices()))"
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, env={**os.environ, "JAX_PLATFORMS": "cpu"}
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "JAX_PLATFORMS": "cpu"},
     )
     assert done.stdout.strip() == "3", done.stderr

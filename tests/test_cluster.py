@@ -35,7 +35,7 @@ PRELUDE = """
 
     def same(a, b):
         return all((a[name].values == b[name].values).all() for name in names)
-"""
+"""  # noqa: E501
 
 TWO_NODES = """
     import ray
@@ -56,14 +56,18 @@ TWO_NODES = """
     seen["hosts"] = len(json.loads(there.attrs["origins"]))
     nodes.shutdown()
     print(json.dumps({"same": same(there, here()), "runs": len(grid), **seen}))
-"""
+"""  # noqa: E501
 
 
 def run_script(folder, code, iterations=3):
     script = textwrap.dedent(PRELUDE).replace("ITERATIONS", str(iterations)) + textwrap.dedent(code)
     quiet = {"JAX_PLATFORMS": "cpu", "RAY_DEDUP_LOGS": "0", "PYTHONWARNINGS": "ignore"}
     done = subprocess.run(
-        [sys.executable, "-c", script, str(folder)], capture_output=True, text=True, env=os.environ | quiet, check=False
+        [sys.executable, "-c", script, str(folder)],
+        capture_output=True,
+        text=True,
+        env=os.environ | quiet,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout.splitlines()[-1])
@@ -73,7 +77,8 @@ def run_script(folder, code, iterations=3):
 def test_a_cluster_that_loses_one_of_two_nodes_midway_gives_the_same_bits(tmp_path):
     result = run_script(tmp_path, TWO_NODES, iterations=150)
     assert result["same"]
-    assert 3 <= result["parts"] < result["runs"] == 12  # the node was lost while there was work left
+    # the node was lost while there was work left
+    assert 3 <= result["parts"] < result["runs"] == 12
     assert sorted(path.name for path in tmp_path.iterdir()) == ["here.nc", "there.nc"]
 
 
@@ -99,7 +104,7 @@ UNSHARED = """
     except ConfigurationError as error:
         messages.append(str(error))
     print(json.dumps(messages))
-"""
+"""  # noqa: E501
 
 
 @pytest.mark.slow
@@ -110,7 +115,10 @@ def test_a_folder_that_is_not_shared_and_versions_that_differ_are_told(tmp_path)
     assert not (tmp_path / "a.nc").exists()
 
 
-@pytest.mark.parametrize(("address", "complaint"), [("127.0.0.1:1", "refused"), ("nonsense", "HOST:PORT"), ("", "HOST:PORT")])
+@pytest.mark.parametrize(
+    ("address", "complaint"),
+    [("127.0.0.1:1", "refused"), ("nonsense", "HOST:PORT"), ("", "HOST:PORT")],
+)
 def test_a_cluster_that_is_not_there_is_told_at_once(address, complaint):
     with pytest.raises(ConfigurationError, match=complaint), cluster.Cluster(address):
         pass

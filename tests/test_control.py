@@ -16,7 +16,9 @@ RNG = np.random.default_rng(3)
 
 def test_pd_policy():
     policy = PdPolicy(jnp.ones(2), 100.0, 10.0)
-    np.testing.assert_allclose(policy(jnp.array([0.5, 1.0]), jnp.array([1.0, -1.0]), 0), [40.0, 10.0])
+    np.testing.assert_allclose(
+        policy(jnp.array([0.5, 1.0]), jnp.array([1.0, -1.0]), 0), [40.0, 10.0]
+    )
 
 
 def test_pid_and_its_learning_feedback_step_by_step():
@@ -24,7 +26,9 @@ def test_pid_and_its_learning_feedback_step_by_step():
     memory, integral, filtered = law.init(jnp.zeros(2)), np.zeros(2), None
     for _ in range(5):
         q, qd, qs, qds = RNG.normal(size=(4, 2))
-        feedback, memory = law.act(memory, State(*map(jnp.asarray, (q, qd))), State(*map(jnp.asarray, (qs, qds))))
+        feedback, memory = law.act(
+            memory, State(*map(jnp.asarray, (q, qd))), State(*map(jnp.asarray, (qs, qds)))
+        )
         e, rate = q - qs, qd - qds
         sample = 500 * e + 50 * rate + 0.01 * e + integral  # the integral from before this step
         filtered = sample if filtered is None else 0.1 * sample + 0.9 * filtered
@@ -41,7 +45,8 @@ def test_doomed_step_by_step():
     for _ in range(5):
         feedback, memory = law.act(memory, rest, rest)
         np.testing.assert_allclose(feedback.applied, offset, rtol=1e-12)
-        np.testing.assert_allclose(feedback.learning, given, rtol=1e-12)  # what was known before the step
+        # what was known before the step
+        np.testing.assert_allclose(feedback.learning, given, rtol=1e-12)
         wanted, happened = RNG.normal(size=(2, 2))
         memory = law.observe(memory, jnp.asarray(wanted), jnp.asarray(happened))
         e = happened - wanted
@@ -96,7 +101,9 @@ def test_a_long_finite_horizon_starts_as_the_infinite_one():
     np.testing.assert_allclose(finite.gains[0], infinite.gains[0], rtol=1e-9)
 
 
-@pytest.mark.parametrize("bad", [{"position": 0.0}, {"effort": 0.0}, {"velocity": -1.0}, {"horizon": 0}])
+@pytest.mark.parametrize(
+    "bad", [{"position": 0.0}, {"effort": 0.0}, {"velocity": -1.0}, {"horizon": 0}]
+)
 def test_impossible_lqr_problems_are_refused(bad):
     with pytest.raises(ConfigurationError):
         lqr(jnp.zeros(1), 0.01, **bad)

@@ -1,4 +1,6 @@
-"""The feedforward as a file: the same torques as in Python, in a process that knows nothing of this package."""
+"""The feedforward as a file: the same torques as in Python, in a process that knows nothing of this
+package.
+"""
 
 import os
 import subprocess
@@ -41,7 +43,9 @@ ROBOT = """
 
 @pytest.fixture(scope="module")
 def parts():
-    """Task, body, error model and weights: those of a network at its start, louder, so that they reach their bound."""
+    """Task, body, error model and weights: those of a network at its start, louder, so that they
+    reach their bound.
+    """
     params = jax.tree.map(lambda x: 3.0 * x, STUDY.error_model.init(jax.random.key(0)))
     return STUDY.task(), arm().plant.body, STUDY.error_model, params
 
@@ -55,7 +59,9 @@ def on_the_robot(parts, tmp_path_factory):
     def torques(states):
         np.save(folder / "states.npy", states.astype(np.float32))
         words = [sys.executable, "-c", textwrap.dedent(ROBOT)]
-        done = subprocess.run(words, cwd=folder, env=os.environ, capture_output=True, text=True, check=False)
+        done = subprocess.run(
+            words, cwd=folder, env=os.environ, capture_output=True, text=True, check=False
+        )
         assert not done.returncode, done.stderr
         return np.load(folder / "torques.npy")
 
@@ -63,22 +69,38 @@ def on_the_robot(parts, tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_the_file_gives_the_torques_of_python_in_a_process_without_this_package(parts, on_the_robot):
-    states = np.random.default_rng(0).normal(size=(300, 3, JOINTS)) * np.array([1.0, 2.0, 20.0])[:, None]
+def test_the_file_gives_the_torques_of_python_in_a_process_without_this_package(
+    parts, on_the_robot
+):
+    states = (
+        np.random.default_rng(0).normal(size=(300, 3, JOINTS)) * np.array([1.0, 2.0, 20.0])[:, None]
+    )
     states = states.astype(np.float32)
-    expected = jax.jit(jax.vmap(feedforward(*parts)))(*jnp.moveaxis(states.astype(float), 1, 0))  # in double precision
+    # in double precision
+    expected = jax.jit(jax.vmap(feedforward(*parts)))(*jnp.moveaxis(states.astype(float), 1, 0))
     np.testing.assert_allclose(on_the_robot(states), expected, atol=TOLERANCE, rtol=0)
 
 
 def test_python_gives_the_torques_of_an_execution_and_keeps_to_its_bounds(small_study):
-    setting = small_study.setting("pid", Condition(jnp.array(0), jnp.array(5e-4), jnp.array(5.0), jnp.array(5.0)))
+    setting = small_study.setting(
+        "pid", Condition(jnp.array(0), jnp.array(5e-4), jnp.array(5.0), jnp.array(5.0))
+    )
     task = setting.task.replace(torque_limit=jnp.full(2, 50.0), feedforward_limit=15.0)
     params = small_study.error_model.init(jax.random.key(0))
     noise = jnp.asarray(np.random.default_rng(0).normal(size=(small_study.steps, 2)))
-    run = execute(setting.plant, setting.model, setting.law, task, noise, partial(small_study.error_model.torque, params))
+    run = execute(
+        setting.plant,
+        setting.model,
+        setting.law,
+        task,
+        noise,
+        partial(small_study.error_model.torque, params),
+    )
     torque = jax.vmap(feedforward(task, setting.model, small_study.error_model, params))
     found = torque(run.q_sensing, run.qd_sensing, run.qdd_desired)
-    np.testing.assert_allclose(found, run.tau_inverse_desired + run.tau_feedforward, atol=TOLERANCE, rtol=0)
+    np.testing.assert_allclose(
+        found, run.tau_inverse_desired + run.tau_feedforward, atol=TOLERANCE, rtol=0
+    )
     for part, bound in ((run.tau_inverse_desired, 50.0), (run.tau_feedforward, 15.0)):
         at_the_bound = jnp.abs(part) == bound
         assert at_the_bound.any()
@@ -88,20 +110,33 @@ def test_python_gives_the_torques_of_an_execution_and_keeps_to_its_bounds(small_
 def test_a_file_is_single_precision_in_full_for_cpu_and_gpu(parts):
     exported = jax.export.deserialize(bytearray(export_feedforward(*parts)))
     assert exported.platforms == ("cpu", "cuda")
-    assert [(x.shape, x.dtype) for x in (*exported.in_avals, *exported.out_avals)] == [((JOINTS,), jnp.float32)] * 4
-    products = [line for line in exported.mlir_module().splitlines() if "stablehlo.dot_general" in line]
+    assert [(x.shape, x.dtype) for x in (*exported.in_avals, *exported.out_avals)] == [
+        ((JOINTS,), jnp.float32)
+    ] * 4
+    products = [
+        line for line in exported.mlir_module().splitlines() if "stablehlo.dot_general" in line
+    ]
     assert len(products) > 10
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
 
 
 def test_networks_that_know_circumstances_are_told_them():
     error_model = ErrorModel(2, (8, 1), circumstance_scales=(2.0,))
-    task = Task(State(jnp.zeros(2), jnp.zeros(2)), lambda q, qd, t: -q, torque_limit=jnp.full(2, 800.0))
+    task = Task(
+        State(jnp.zeros(2), jnp.zeros(2)), lambda q, qd, t: -q, torque_limit=jnp.full(2, 800.0)
+    )
     given = task, point_mass(105.0), error_model, error_model.init(jax.random.key(1))
     exported = jax.export.deserialize(bytearray(export_feedforward(*given, platforms=("cpu",))))
     state = np.random.default_rng(0).normal(size=(3, 2)).astype(np.float32)
-    told, untold = (np.asarray(exported.call(*state, np.full(1, load, np.float32))) for load in (1.5, 0.0))
-    np.testing.assert_allclose(told, feedforward(*given)(*jnp.asarray(state, float), jnp.full(1, 1.5)), rtol=1e-5, atol=1e-4)
+    told, untold = (
+        np.asarray(exported.call(*state, np.full(1, load, np.float32))) for load in (1.5, 0.0)
+    )
+    np.testing.assert_allclose(
+        told,
+        feedforward(*given)(*jnp.asarray(state, float), jnp.full(1, 1.5)),
+        rtol=1e-5,
+        atol=1e-4,
+    )
     assert np.abs(told - untold).min() > 1e-3
 
 

@@ -1,4 +1,6 @@
-"""Every effect against its definition or a closed form, written down a second time. What holds for all: ``test_catalogue.py``."""
+"""Every effect against its definition or a closed form, written down a second time. What holds for
+all: ``test_catalogue.py``.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -14,11 +16,13 @@ from jaxidl.systems.plant import friction_torque
 from jaxidl.types import State
 
 DT = 1e-3
-one = lambda x: jnp.array([float(x)])  # noqa: E731
+one = lambda x: jnp.array([float(x)])
 
 
 def run(effects, tau, q=0.0, qd=0.0, mass=2.0, dt=DT):
-    """Positions, speeds and encoder readings (T + 1,), and hidden states, of a mass on one axis under commands ``tau`` (T,)."""
+    """Positions, speeds and encoder readings (T + 1,), and hidden states, of a mass on one axis
+    under commands ``tau`` (T,).
+    """
     plant, start = Plant(point_mass(mass, 1), tuple(effects)), State(one(q), one(qd))
 
     @jax.jit
@@ -29,7 +33,9 @@ def run(effects, tau, q=0.0, qd=0.0, mass=2.0, dt=DT):
 
         last, (before, reading) = jax.lax.scan(step, (start, plant.start(start.q)), tau[:, None])
         every = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), before, last)
-        return every, jnp.concatenate([reading, plant.sense(last[1], last[0].q, jnp.zeros(1))[None]])
+        return every, jnp.concatenate(
+            [reading, plant.sense(last[1], last[0].q, jnp.zeros(1))[None]]
+        )
 
     ((q, qd), hidden), reading = along(plant, jnp.asarray(tau, float))
     return np.asarray(q[:, 0]), np.asarray(qd[:, 0]), np.asarray(reading[:, 0]), hidden
@@ -37,10 +43,13 @@ def run(effects, tau, q=0.0, qd=0.0, mass=2.0, dt=DT):
 
 def acceleration(effect, tau, q=0.0, qd=0.0, mass=2.0):
     """Of a mass on one axis over one step."""
-    return float(Plant(point_mass(mass, 1), (effect,)).acceleration(State(one(q), one(qd)), one(tau), DT)[0])
+    return float(
+        Plant(point_mass(mass, 1), (effect,)).acceleration(State(one(q), one(qd)), one(tau), DT)[0]
+    )
 
 
-# --- the paper's effects -----------------------------------------------------------------------------------------------------
+# --- the paper's effects
+# --------------------------------------------------------------------------------------------------
 
 
 def friction_by_the_rules(q, f):
@@ -59,7 +68,8 @@ def friction_by_the_rules(q, f):
 
 @pytest.mark.parametrize("level", [5.0, 8.0])
 def test_paper_friction_follows_the_rules_everywhere(level):
-    places = [-0.5, 0.0, 0.1, 0.2, 0.3, 0.4, 0.7, 1.2, 2.0]  # 0.2, 0.4 and 1.2 are borders, which are strict
+    # 0.2, 0.4 and 1.2 are borders, which are strict
+    places = [-0.5, 0.0, 0.1, 0.2, 0.3, 0.4, 0.7, 1.2, 2.0]
     effect = PaperFriction(jnp.array(level))
     for q0 in places:
         for q1 in places:
@@ -101,7 +111,9 @@ def test_paper_stiction_holds_by_the_rule(q, qd, tau, held):
 
 def test_sensing_noise_is_bounded_and_scaled():
     draws = jnp.array([0.5, -3.0])
-    np.testing.assert_allclose(fx.SensingNoise(jnp.array(0.1)).sense((), jnp.ones(2), draws), [1.05, 0.9])
+    np.testing.assert_allclose(
+        fx.SensingNoise(jnp.array(0.1)).sense((), jnp.ones(2), draws), [1.05, 0.9]
+    )
 
 
 @pytest.mark.parametrize("bad", [jnp.array(-1.0), jnp.array(jnp.nan), jnp.array(13.0)])
@@ -112,12 +124,17 @@ def test_parameters_out_of_bounds_are_named(bad):
 
 @pytest.mark.parametrize("q", [(0.1, 0.1), (0.1, 0.3), (0.3, 0.8), (0.5, 1.5)])
 def test_derivatives_forward_reverse_and_numeric_agree_in_every_region_of_the_paper_friction(q):
-    torque = lambda level, *motion: PaperFriction(jnp.asarray(level)).torque(*map(jnp.asarray, motion))  # noqa: E731
+    torque = lambda level, *motion: PaperFriction(jnp.asarray(level)).torque(
+        *map(jnp.asarray, motion)
+    )
     motion = jnp.array(q), jnp.array([0.7, -0.4]), jnp.array([3.0, 4.0])
-    check_grads(torque, (jnp.array(5.0), *motion), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5)
+    check_grads(
+        torque, (jnp.array(5.0), *motion), order=1, modes=("fwd", "rev"), atol=1e-5, rtol=1e-5
+    )
 
 
-# --- friction ----------------------------------------------------------------------------------------------------------------
+# --- friction
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_mass_with_dry_friction_slides_to_a_stop_and_stays_there():
@@ -136,7 +153,14 @@ def test_a_mass_with_dry_friction_slides_to_a_stop_and_stays_there():
 
 def test_asymmetric_friction_differs_by_direction():
     effect = fx.AsymmetricFriction(one(3.0), one(1.0), one(0.5), one(0.2))
-    for tau, qd, wanted in [(0, 2, -4), (0, -2, 1.4), (2.9, 0, 0), (3.2, 0, 0.2), (-0.9, 0, 0), (-1.2, 0, -0.2)]:
+    for tau, qd, wanted in [
+        (0, 2, -4),
+        (0, -2, 1.4),
+        (2.9, 0, 0),
+        (3.2, 0, 0.2),
+        (-0.9, 0, 0),
+        (-1.2, 0, -0.2),
+    ]:
         assert acceleration(effect, tau, qd=qd) == pytest.approx(wanted / 2.0, abs=1e-12)
 
 
@@ -185,7 +209,10 @@ def test_load_dependent_friction_takes_a_share_of_the_delivered_torque():
     ids=lambda x: getattr(x, "name", ""),
 )
 def test_a_free_mass_is_slowed_as_the_closed_form_says_in_first_order(effect, speed):
-    errors = [abs(run([effect], np.zeros(n), qd=1.5, dt=1.0 / n)[1][-1] - speed(1.0)) for n in (100, 200, 400)]
+    errors = [
+        abs(run([effect], np.zeros(n), qd=1.5, dt=1.0 / n)[1][-1] - speed(1.0))
+        for n in (100, 200, 400)
+    ]
     np.testing.assert_allclose(np.log2(np.array(errors[:-1]) / errors[1:]), 1.0, atol=0.05)
 
 
@@ -193,9 +220,15 @@ def test_friction_over_position_is_that_of_its_table_and_constant_beyond():
     table = jnp.array([[1.0, 3.0, 2.0]]), jnp.array([[0.5, 0.0, 1.0]]), one(0.0), one(2.0)
     for q, level, viscous in [(-1, 1, 0.5), (0.5, 2, 0.25), (1, 3, 0), (1.5, 2.5, 0.5), (9, 2, 1)]:
         wanted = -(level + 2.0 * viscous) / 2.0
-        assert acceleration(fx.PositionDependentFriction(*table), 0.0, q=q, qd=2.0) == pytest.approx(wanted)
-        coupled = fx.CoupledFriction(table[0][0], table[1][0], jnp.array(0.0), jnp.array(2.0), joint=1, other=0)
-        got = Plant(point_mass(2.0), (coupled,)).acceleration(State(jnp.array([q, 7.0]), jnp.array([2.0, 2.0])), jnp.zeros(2), DT)
+        assert acceleration(
+            fx.PositionDependentFriction(*table), 0.0, q=q, qd=2.0
+        ) == pytest.approx(wanted)
+        coupled = fx.CoupledFriction(
+            table[0][0], table[1][0], jnp.array(0.0), jnp.array(2.0), joint=1, other=0
+        )
+        got = Plant(point_mass(2.0), (coupled,)).acceleration(
+            State(jnp.array([q, 7.0]), jnp.array([2.0, 2.0])), jnp.zeros(2), DT
+        )
         np.testing.assert_allclose(got, [0.0, wanted])
 
 
@@ -206,7 +239,9 @@ BRAKES = [
     fx.AsymmetricFriction(one(1.5), one(0.7), one(1.0), one(2.0)),
     fx.StribeckFriction(one(1.0), one(2.0), one(0.1)),
     fx.Stiction(one(1.5), one(0.05), one(0.5)),
-    fx.PositionDependentFriction(jnp.array([[1.0, 3.0]]), jnp.array([[2.0, 0.5]]), one(0.0), one(1.0)),
+    fx.PositionDependentFriction(
+        jnp.array([[1.0, 3.0]]), jnp.array([[2.0, 0.5]]), one(0.0), one(1.0)
+    ),
     fx.LoadDependentFriction(one(0.4)),
 ]
 
@@ -215,17 +250,25 @@ BRAKES = [
 def test_friction_never_adds_energy(effect):
     rng = np.random.default_rng(1)
     q, qd, tau = (jnp.asarray(rng.normal(size=(400, 1)) * size) for size in (1.0, 0.02, 6.0))
-    after = jax.vmap(lambda plant, *s: s[1] + 5e-3 * plant.acceleration(State(*s[:2]), s[2], 5e-3), (None, 0, 0, 0))
+    after = jax.vmap(
+        lambda plant, *s: s[1] + 5e-3 * plant.acceleration(State(*s[:2]), s[2], 5e-3),
+        (None, 0, 0, 0),
+    )
     free, braked = Plant(point_mass(2.0, 1)), Plant(point_mass(2.0, 1), (effect,))
     assert jnp.all(jnp.abs(after(braked, q, qd, 0.0 * tau)) <= jnp.abs(qd) + 1e-15)
-    if type(effect).torque is fx.Effect.torque:  # dry alone: it makes speed less and never turns it round
-        assert jnp.all(jnp.abs(after(braked, q, qd, tau)) <= jnp.abs(after(free, q, qd, tau)) + 1e-15)
+    # dry alone: it makes speed less and never turns it round
+    if type(effect).torque is fx.Effect.torque:
+        assert jnp.all(
+            jnp.abs(after(braked, q, qd, tau)) <= jnp.abs(after(free, q, qd, tau)) + 1e-15
+        )
         assert jnp.all(after(braked, q, qd, tau) * after(free, q, qd, tau) >= -1e-15)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3, 5])
 def test_coupled_joints_brake_by_complementarity(joints):
-    """Within its level, at the level against what still moves, at rest otherwise; and energy is lost."""
+    """Within its level, at the level against what still moves, at rest otherwise; and energy is
+    lost.
+    """
     rng = np.random.default_rng(joints)
     root = rng.normal(size=(200, joints, joints))
     mobility = root @ root.transpose(0, 2, 1) + 0.5 * np.eye(joints)
@@ -235,11 +278,12 @@ def test_coupled_joints_brake_by_complementarity(joints):
     assert (np.abs(grip) <= level).all()
     own = np.diagonal(mobility, axis1=1, axis2=2)
     assert np.abs(grip - np.clip(grip + left / own, -level, level)).max() < 1e-3
-    energy = lambda v: np.einsum("ni,nij,nj->n", v, np.linalg.inv(mobility), v)  # noqa: E731
+    energy = lambda v: np.einsum("ni,nij,nj->n", v, np.linalg.inv(mobility), v)
     assert (energy(left) <= energy(push) * (1.0 + 1e-12)).all()
 
 
-# --- position, body ----------------------------------------------------------------------------------------------------------
+# --- position, body
+# --------------------------------------------------------------------------------------------------
 
 
 def test_a_spring_swings_at_its_frequency_about_its_rest():
@@ -261,7 +305,11 @@ def test_ripple_repeats_and_has_no_mean():
 
 def test_bodies_that_are_not_what_they_are_said_to_be():
     assert acceleration(fx.InertiaError(one(1.0), one(0.5)), 7.0) == pytest.approx(2.0)
-    assert acceleration(fx.Payload(jnp.array(1.5), jnp.array([0.1, 0.2, 0.3])), 7.0) == pytest.approx(2.0)
+    assert acceleration(
+        fx.Payload(jnp.array(1.5), jnp.array([0.1, 0.2, 0.3])), 7.0
+    ) == pytest.approx(2.0)
     assert acceleration(fx.ConstantOffset(one(-3.0)), 7.0) == pytest.approx(2.0)
     two = Plant(point_mass(2.0), (OnJoint(fx.InertiaError(one(1.0), one(0.5)), 1, 2),))
-    np.testing.assert_allclose(two.acceleration(State(jnp.zeros(2), jnp.zeros(2)), jnp.full(2, 7.0), DT), [3.5, 2.0])
+    np.testing.assert_allclose(
+        two.acceleration(State(jnp.zeros(2), jnp.zeros(2)), jnp.full(2, 7.0), DT), [3.5, 2.0]
+    )

@@ -30,7 +30,9 @@ def quick():
 
 def test_every_figure_is_written_as_png_and_pdf(quick, tmp_path):
     paths = draw_all(quick, tmp_path)
-    assert {p.name for p in paths} == {f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")}
+    assert {p.name for p in paths} == {
+        f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")
+    }
     for path in paths:
         assert path.read_bytes().startswith(b"\x89PNG" if path.suffix == ".png" else b"%PDF")
 
@@ -42,8 +44,12 @@ def test_quick_figures_say_so_and_whole_ones_do_not(quick):
     assert caption(results(grid=Grid())).startswith("whole study: 10 seeds")
     assert caption(results(grid=Grid(seeds=(1, 2, 3)))).startswith("all settings: 3 seeds")
     assert caption(results(grid=Grid(iterations=2, seeds=(1,)))).startswith("part of the grid")
-    assert caption(results(grid=Grid(noise=NOISE_LEVELS["printed"], seeds=(1,)))).startswith("part of the grid")
-    other = quick.assign_attrs(identity=json.dumps({"study": settings_of(PaperStudy(train_on="sensed_state"))}))
+    assert caption(results(grid=Grid(noise=NOISE_LEVELS["printed"], seeds=(1,)))).startswith(
+        "part of the grid"
+    )
+    other = quick.assign_attrs(
+        identity=json.dumps({"study": settings_of(PaperStudy(train_on="sensed_state"))})
+    )
     assert caption(other).startswith("other settings")
 
 
@@ -53,7 +59,9 @@ def test_what_is_drawn_is_what_is_stored(quick):
     assert axes.get_yscale() == "log"
     assert "[m]" in axes.get_ylabel()
     drawn = {line.get_label(): line.get_ydata() for line in axes.get_lines()}
-    stored = quick.q_error.sel(controller="pid", gain="low", noise=1e-4, friction=5.0, stiction=5.0, epochs=20, seed=1)
+    stored = quick.q_error.sel(
+        controller="pid", gain="low", noise=1e-4, friction=5.0, stiction=5.0, epochs=20, seed=1
+    )
     for source in ("indirect", "direct", "joint"):
         np.testing.assert_allclose(drawn[source], stored.sel(source=source))
 
@@ -75,8 +83,12 @@ def test_the_heat_map_shows_each_condition_in_its_place():
     axes = conditions(data).axes[0]
     rows = [label.get_text() for label in axes.get_yticklabels()]
     columns = [label.get_text() for label in axes.get_xticklabels()]
-    shown = axes.images[0].get_array()[rows.index("DOOMED low, direct"), columns.index("0.8 mm, f 5, s 5, 20")]
-    final = data.q_error.sel(controller="doomed", gain="low", source="direct", noise=8e-4)[..., -5:].mean()
+    shown = axes.images[0].get_array()[
+        rows.index("DOOMED low, direct"), columns.index("0.8 mm, f 5, s 5, 20")
+    ]
+    final = data.q_error.sel(controller="doomed", gain="low", source="direct", noise=8e-4)[
+        ..., -5:
+    ].mean()
     np.testing.assert_allclose(shown, final)
 
 

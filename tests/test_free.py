@@ -1,11 +1,21 @@
-"""One vector of a plant's free parameters: values, names, units and bounds, in and out of compiled functions."""
+"""One vector of a plant's free parameters: values, names, units and bounds, in and out of compiled
+functions.
+"""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.effects import ActuatorDelay, CoulombFriction, OnJoint, Payload, PositionDependentFriction, Spring, ViscousFriction
+from jaxidl.effects import (
+    ActuatorDelay,
+    CoulombFriction,
+    OnJoint,
+    Payload,
+    PositionDependentFriction,
+    Spring,
+    ViscousFriction,
+)
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.systems import Plant, PointMass
@@ -28,8 +38,12 @@ def test_a_vector_sets_what_is_free_and_nothing_else():
     np.testing.assert_array_equal(free.vector, [1.0, 2.0, 0.01])
     other = free.set(jnp.array([3.0, 4.0, 0.02]))
     assert jax.tree.structure(other) == jax.tree.structure(PLANT)  # the delay's line, too
-    np.testing.assert_array_equal(Free(other, (("level",), ("coefficient",), ("delay",))).vector, [0.4, 3.0, 4.0, 0.02])
-    assert [{n: v.tolist() for n, v in of.items()} for of in free.named(np.array([3.0, 4.0, 0.02]))] == [
+    np.testing.assert_array_equal(
+        Free(other, (("level",), ("coefficient",), ("delay",))).vector, [0.4, 3.0, 4.0, 0.02]
+    )
+    assert [
+        {n: v.tolist() for n, v in of.items()} for of in free.named(np.array([3.0, 4.0, 0.02]))
+    ] == [
         {},
         {"coefficient": [3.0, 4.0]},
         {"delay": [0.02]},
@@ -52,7 +66,11 @@ def test_each_number_has_a_name_and_a_unit(tmp_path):
     free = Free(Plant(body, (load, spring)), (("mass", "com"), ("stiffness", "rest")))
     assert free.units == ["kg", "m", "m", "m", "Nm/rad", "rad"]
     assert len(free.names) == len(free.vector) == 6
-    assert (unit_of("N", "slide"), unit_of("N", "hinge"), unit_of("length", "hinge")) == ("N", "Nm", "m")
+    assert (unit_of("N", "slide"), unit_of("N", "hinge"), unit_of("length", "hinge")) == (
+        "N",
+        "Nm",
+        "m",
+    )
 
 
 def test_bounds_are_those_given_and_no_wider_than_the_catalogues():
@@ -72,17 +90,25 @@ def test_it_works_in_compiled_functions_and_has_derivatives():
     @jax.jit
     def torque(plant, theta):
         plant = Free(plant, where).set(theta)
-        return jnp.sum(plant.inverse_dynamics(jnp.zeros(2), jnp.array([1.0, -2.0]), jnp.zeros(2)) ** 2)
+        return jnp.sum(
+            plant.inverse_dynamics(jnp.zeros(2), jnp.array([1.0, -2.0]), jnp.zeros(2)) ** 2
+        )
 
     theta = Free(PLANT, where).vector
     slope = jax.jit(jax.grad(torque, 1))(PLANT, theta)
     # joint 0: 1·b₀; joint 1: −2·b₁ − c
     np.testing.assert_allclose(slope, [2 * 4.4, 2 * 1.0, 2 * 4.4 * 2])
-    np.testing.assert_allclose(jax.vmap(lambda t: torque(PLANT, t))(jnp.stack([theta, 0.0 * theta])), [1.0 + 4.4**2, 0.0])
+    np.testing.assert_allclose(
+        jax.vmap(lambda t: torque(PLANT, t))(jnp.stack([theta, 0.0 * theta])), [1.0 + 4.4**2, 0.0]
+    )
 
 
 def test_tables_keep_their_shape():
-    table = OnJoint(PositionDependentFriction(*(jnp.zeros((1, 5)),) * 2, jnp.array([-1.0]), jnp.array([1.0])), 0, 2)
+    table = OnJoint(
+        PositionDependentFriction(*(jnp.zeros((1, 5)),) * 2, jnp.array([-1.0]), jnp.array([1.0])),
+        0,
+        2,
+    )
     free = Free(Plant(MASS, (table,)), (("level",),))
     changed = free.set(jnp.arange(5.0))
     np.testing.assert_array_equal(changed.effects[0].effect.level, np.arange(5.0)[None])

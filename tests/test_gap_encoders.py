@@ -1,4 +1,6 @@
-"""What effects do to the encoders is undone once: the model's own in the signals, those that are being found in their terms."""
+"""What effects do to the encoders is undone once: the model's own in the signals, those that are
+being found in their terms.
+"""
 
 from dataclasses import replace
 
@@ -41,24 +43,32 @@ def body(tmp_path_factory):
 
 
 def motion(t):
-    return np.column_stack([0.8 * np.sin(3.0 * t) + 0.2 * np.sin(11.0 * t), 0.6 * np.sin(5.0 * t + 1.0)])
+    return np.column_stack(
+        [0.8 * np.sin(3.0 * t) + 0.2 * np.sin(11.0 * t), 0.6 * np.sin(5.0 * t + 1.0)]
+    )
 
 
 @pytest.fixture(scope="module")
 def log():
-    """Readings of an arm of two links, of which the second's encoder is late and off; torques that belong to nothing."""
+    """Readings of an arm of two links, of which the second's encoder is late and off; torques that
+    belong to nothing.
+    """
     t = DT * np.arange(STEPS)
     q = motion(t)
     q[:, 1] = motion(t - DELAY)[:, 1] + BIAS
     return from_arrays(
-        t, q + NOISE * np.random.default_rng(0).standard_normal(q.shape), np.column_stack([np.sin(t), np.cos(7.0 * t)])
+        t,
+        q + NOISE * np.random.default_rng(0).standard_normal(q.shape),
+        np.column_stack([np.sin(t), np.cos(7.0 * t)]),
     )
 
 
 @pytest.mark.parametrize("encoder", ENCODERS, ids=["bias", "delay"])
 def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder):
     own, _ = balance(prepare(log, body, (encoder,)), (encoder, FRICTION))
-    found, neither = (balance(prepare(log, body), (), others)[0] for others in ((encoder, FRICTION), (FRICTION,)))
+    found, neither = (
+        balance(prepare(log, body), (), others)[0] for others in ((encoder, FRICTION), (FRICTION,))
+    )
     np.testing.assert_array_equal(own.signals.rows, found.signals.rows)
     change = np.abs(found.gap - neither.gap).max()
     np.testing.assert_allclose(own.gap, found.gap, atol=0.01 * change)

@@ -1,4 +1,6 @@
-"""The benchmark's engine: each hidden effect does what its formula says, and the shipped cases are what they say they are."""
+"""The benchmark's engine: each hidden effect does what its formula says, and the shipped cases are
+what they say they are.
+"""
 
 import json
 import math
@@ -7,8 +9,24 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from jaxidl.gap.benchmark.believed import NOISE, QUANTUM, Diverged, believe, inertia, inverse_dynamics
-from jaxidl.gap.benchmark.cases import EXCLUDED, LATER, MERGING, ONCE, WHOLE, all_cases, truth, write_case
+from jaxidl.gap.benchmark.believed import (
+    NOISE,
+    QUANTUM,
+    Diverged,
+    believe,
+    inertia,
+    inverse_dynamics,
+)
+from jaxidl.gap.benchmark.cases import (
+    EXCLUDED,
+    LATER,
+    MERGING,
+    ONCE,
+    WHOLE,
+    all_cases,
+    truth,
+    write_case,
+)
 from jaxidl.gap.benchmark.catalogue import INJECTED, make
 from jaxidl.gap.benchmark.draw import PLACES
 from jaxidl.gap.benchmark.engine import run, simulate
@@ -24,7 +42,11 @@ SHORT = 8.0  # s
 def motion(log):
     """Positions, speeds and commands at the instants of the residual, (T - 2, J)."""
     step = log.time[1]
-    return log.clean[1:-1], (log.clean[2:] - log.clean[:-2]) / (2 * step), (log.tau[1:-1] + log.tau[:-2]) / 2
+    return (
+        log.clean[1:-1],
+        (log.clean[2:] - log.clean[:-2]) / (2 * step),
+        (log.tau[1:-1] + log.tau[:-2]) / 2,
+    )
 
 
 def low(x):
@@ -37,7 +59,9 @@ def test_nothing_hidden_leaves_nothing(name):
     assert severity(MECHANISMS[name], log, None) < 0.003
     kind = "slide" if name == "slider" else "hinge"
     error = log.q - log.clean
-    assert np.std(error) == pytest.approx(math.hypot(NOISE[kind], QUANTUM[kind] / math.sqrt(12)), rel=0.05)
+    assert np.std(error) == pytest.approx(
+        math.hypot(NOISE[kind], QUANTUM[kind] / math.sqrt(12)), rel=0.05
+    )
     assert np.allclose(log.q / QUANTUM[kind], np.round(log.q / QUANTUM[kind]), atol=1e-6)
 
 
@@ -60,7 +84,10 @@ FORMULAS = {
     "viscous_friction": ({"coefficient": 0.3}, lambda q, qd, tau: -0.3 * qd),
     "quadratic_drag": ({"coefficient": 0.2}, lambda q, qd, tau: -0.2 * qd * np.abs(qd)),
     "coulomb_friction": ({"level": 0.3}, lambda q, qd, tau: -0.3 * np.sign(qd)),
-    "asymmetric_friction": ({"positive": 0.5, "negative": 0.1}, lambda q, qd, tau: np.where(qd > 0, -0.5, 0.1)),
+    "asymmetric_friction": (
+        {"positive": 0.5, "negative": 0.1},
+        lambda q, qd, tau: np.where(qd > 0, -0.5, 0.1),
+    ),
     "stribeck_friction": (
         {"sliding": 0.2, "excess": 0.3, "speed": 0.3},
         lambda q, qd, tau: -(0.2 + 0.3 * np.exp(-((qd / 0.3) ** 2))) * np.sign(qd),
@@ -70,7 +97,10 @@ FORMULAS = {
         {"level": 0.3, "variation": 0.8, "period": 1.3, "phase": 0.4},
         lambda q, qd, tau: -0.3 * (1 + 0.8 * np.sin(2 * np.pi * q / 1.3 + 0.4)) * np.sign(qd),
     ),
-    "load_dependent_friction": ({"coefficient": 0.2}, lambda q, qd, tau: -0.2 * np.abs(tau) * np.sign(qd)),
+    "load_dependent_friction": (
+        {"coefficient": 0.2},
+        lambda q, qd, tau: -0.2 * np.abs(tau) * np.sign(qd),
+    ),
     "constant_offset": ({"offset": -0.4}, lambda q, qd, tau: -0.4 + 0 * q),
     "spring": ({"stiffness": 0.8, "rest": 0.2}, lambda q, qd, tau: -0.8 * (q - 0.2)),
     "torque_ripple": (
@@ -80,7 +110,10 @@ FORMULAS = {
     "torque_scale": ({"scale": 0.8}, lambda q, qd, tau: -0.2 * tau),
     "torque_saturation": ({"limit": 1.5}, lambda q, qd, tau: np.clip(tau, -1.5, 1.5) - tau),
     "torque_curve": ({"loss": 0.03}, lambda q, qd, tau: -0.03 * tau * np.abs(tau)),
-    "sublinear_friction": ({"coefficient": 0.4, "power": 0.5}, lambda q, qd, tau: -0.4 * np.sqrt(np.abs(qd)) * np.sign(qd)),
+    "sublinear_friction": (
+        {"coefficient": 0.4, "power": 0.5},
+        lambda q, qd, tau: -0.4 * np.sqrt(np.abs(qd)) * np.sign(qd),
+    ),
     "directional_load_friction": (
         {"driving": 0.25, "driven": 0.05},
         lambda q, qd, tau: -np.where(tau * qd > 0, 0.25, 0.05) * np.abs(tau) * np.sign(qd),
@@ -88,11 +121,15 @@ FORMULAS = {
     "torque_ripple/harmonics": (
         {"amplitude": [0.4, 0.2, 0.1], "period": 1.2, "phase": [0.5, 1.0, 2.0]},
         lambda q, qd, tau: sum(
-            a * np.sin(2 * np.pi * (n + 1) * q / 1.2 + p) for n, (a, p) in enumerate([(0.4, 0.5), (0.2, 1.0), (0.1, 2.0)])
+            a * np.sin(2 * np.pi * (n + 1) * q / 1.2 + p)
+            for n, (a, p) in enumerate([(0.4, 0.5), (0.2, 1.0), (0.1, 2.0)])
         ),
     ),
     "outside/torque_deadband": ({"width": 0.3}, lambda q, qd, tau: -np.clip(tau, -0.3, 0.3)),
-    "outside/root_load_friction": ({"coefficient": 0.3}, lambda q, qd, tau: -0.3 * np.sqrt(np.abs(tau)) * np.sign(qd)),
+    "outside/root_load_friction": (
+        {"coefficient": 0.3},
+        lambda q, qd, tau: -0.3 * np.sqrt(np.abs(tau)) * np.sign(qd),
+    ),
     "outside/fading_motor": ({"loss": 0.1}, lambda q, qd, tau: -0.1 * np.abs(qd) * tau),
 }
 
@@ -108,7 +145,8 @@ def test_effect_is_the_torque_of_its_formula(name):
     moving = np.abs(qd) > 0.05
     wanted, found = low(formula(q, qd, tau))[moving], -error[moving]
     assert np.dot(wanted, found) / np.dot(wanted, wanted) == pytest.approx(1, abs=0.03)
-    assert np.linalg.norm(wanted - found) < 0.16 * np.linalg.norm(wanted)  # what is left is where the joint turns round
+    # what is left is where the joint turns round
+    assert np.linalg.norm(wanted - found) < 0.16 * np.linalg.norm(wanted)
 
 
 def test_inertia_that_varies_with_position_keeps_the_energy():
@@ -123,7 +161,12 @@ def test_inertia_that_varies_with_position_keeps_the_energy():
 
 
 def test_grease_that_gets_warm_rubs_less():
-    time_constant = run(MECHANISMS["pendulum"], [make("thermal_friction", 0, {"excess": 0.6, "time_constant": 2.0})], 4, SHORT)
+    time_constant = run(
+        MECHANISMS["pendulum"],
+        [make("thermal_friction", 0, {"excess": 0.6, "time_constant": 2.0})],
+        4,
+        SHORT,
+    )
     error, _ = residual(MECHANISMS["pendulum"], time_constant)
     _, qd, _ = motion(time_constant)
     wanted = low(0.6 * np.exp(-time_constant.time[1:-1, None] / 2.0) * qd)
@@ -136,7 +179,11 @@ def test_grease_that_gets_warm_rubs_less():
 
 
 def test_friction_on_the_difference_of_two_speeds():
-    coupling = make("coupled_joint_friction", 0, {"other": 1, "coefficient": 0.2, "level": 0.1, "difference": True})
+    coupling = make(
+        "coupled_joint_friction",
+        0,
+        {"other": 1, "coefficient": 0.2, "level": 0.1, "difference": True},
+    )
     log = run(MECHANISMS["two_link"], [coupling], 4, SHORT)
     error, _ = residual(MECHANISMS["two_link"], log)
     _, qd, _ = motion(log)
@@ -144,11 +191,15 @@ def test_friction_on_the_difference_of_two_speeds():
     wanted = 0.2 * between + 0.1 * np.sign(between)
     moving = np.abs(between) > 0.1
     for column, sign in ((0, 1.0), (1, -1.0)):
-        assert np.linalg.norm(error[moving, column] - sign * wanted[moving]) < 0.05 * np.linalg.norm(wanted[moving])
+        assert np.linalg.norm(
+            error[moving, column] - sign * wanted[moving]
+        ) < 0.05 * np.linalg.norm(wanted[moving])
 
 
 def test_motor_that_turns_two_joints():
-    log = run(MECHANISMS["two_link"], [make("motor_coupling", 0, {"other": 1, "share": 0.1})], 4, SHORT)
+    log = run(
+        MECHANISMS["two_link"], [make("motor_coupling", 0, {"other": 1, "share": 0.1})], 4, SHORT
+    )
     error, tau = residual(MECHANISMS["two_link"], log)
     assert np.linalg.norm(error[:, 1] + 0.1 * tau[:, 0]) < 0.03 * np.linalg.norm(0.1 * tau[:, 0])
     assert np.std(error[:, 0]) < 0.03 * np.std(error[:, 1])
@@ -161,12 +212,20 @@ def test_wrong_links_and_a_tilted_base():
     assert fore in believed
     tilt = 'gravity="0.9779 0 -9.7613"'  # 0.1 rad about y, seen from the base
     for effect, parameters, other in (
-        ("com_error", {"moment": [0.02, 0.0, -0.03]}, believed.replace('pos="0 0 -0.175"', 'pos="0.02 0 -0.205"')),
+        (
+            "com_error",
+            {"moment": [0.02, 0.0, -0.03]},
+            believed.replace('pos="0 0 -0.175"', 'pos="0.02 0 -0.205"'),
+        ),
         (
             "inertia_tensor_error",
             {"tensor": [0.002, 0.003, 0.001, 0.0, 0.0004, 0.0]},
             believed.replace(
-                fore, fore.replace('diaginertia="0.0102 0.0102 0.001"', 'fullinertia="0.0122 0.0132 0.002 0 0.0004 0"')
+                fore,
+                fore.replace(
+                    'diaginertia="0.0102 0.0102 0.001"',
+                    'fullinertia="0.0122 0.0132 0.002 0 0.0004 0"',
+                ),
             ),
         ),
         ("base_tilt", {"angles": [0.0, 0.1]}, believed.replace('gravity="0 0 -9.81"', tilt)),
@@ -176,7 +235,9 @@ def test_wrong_links_and_a_tilted_base():
 
 
 def test_eccentric_encoder_reads_wrong_once_a_turn():
-    wrong = make("outside", 0, {"kind": "encoder_eccentricity", "error": 0.05, "period": 2.0, "phase": 0.0})
+    wrong = make(
+        "outside", 0, {"kind": "encoder_eccentricity", "error": 0.05, "period": 2.0, "phase": 0.0}
+    )
     log, straight = (run(MECHANISMS["pendulum"], hidden, 4, 4.0) for hidden in ([wrong], []))
     assert np.abs(log.q - straight.q).max() < 0.02  # the controller follows its reading
     error, _ = residual(MECHANISMS["pendulum"], log)
@@ -185,7 +246,11 @@ def test_eccentric_encoder_reads_wrong_once_a_turn():
 
 @pytest.mark.parametrize("kind", ["coulomb", "viscous"])
 def test_position_dependent_kinds(kind):
-    effect = make("position_dependent_friction", 0, {"level": 0.5, "variation": 0.8, "period": 1.0, "phase": 0.0, "kind": kind})
+    effect = make(
+        "position_dependent_friction",
+        0,
+        {"level": 0.5, "variation": 0.8, "period": 1.0, "phase": 0.0, "kind": kind},
+    )
     assert (effect.torque(0.0, [0.25], [2.0], 0.0) == pytest.approx(-1.8)) == (kind == "viscous")
     assert (effect.dry(0.25, 2.0, 0.0)[0] == pytest.approx(0.9)) == (kind == "coulomb")
 
@@ -202,20 +267,31 @@ def test_friction_coupled_to_the_other_joint():
 
 def test_another_body_is_the_believed_one_plus_what_was_added():
     two = believe(MECHANISMS["two_link"])
-    log = run(MECHANISMS["two_link"], [make("payload", None, {"mass": 0.3, "com": [0.02, 0.0, -0.3]})], 4, SHORT)
+    log = run(
+        MECHANISMS["two_link"],
+        [make("payload", None, {"mass": 0.3, "com": [0.02, 0.0, -0.3]})],
+        4,
+        SHORT,
+    )
     error, _ = residual(MECHANISMS["two_link"], log)
     heavier = MECHANISMS["two_link"].replace(
         "</body>\n    </body>",
-        '<body pos="0.02 0 -0.3"><inertial pos="0 0 0" mass="0.3" diaginertia="3e-8 3e-8 3e-8"/></body></body></body>',
+        '<body pos="0.02 0 -0.3"><inertial pos="0 0 0" mass="0.3" diaginertia="3e-8 3e-8'
+        ' 3e-8"/></body></body></body>',
     )
     assert severity(heavier, log, None) < 0.003 < np.std(error)
-    for parameters, more in (({"extra": 0.04}, 0.04), ({"extra": -0.5, "kind": "mass"}, -0.5 * (0.0102 + 0.175**2))):
+    for parameters, more in (
+        ({"extra": 0.04}, 0.04),
+        ({"extra": -0.5, "kind": "mass"}, -0.5 * (0.0102 + 0.175**2)),
+    ):
         log = run(MECHANISMS["two_link"], [make("inertia_error", 1, parameters)], 4, SHORT)
         error, _ = residual(MECHANISMS["two_link"], log)
         step, q = log.time[1], log.clean
         qdd = (q[2:] - 2 * q[1:-1] + q[:-2]) / step**2
         if "kind" not in parameters:
-            assert np.linalg.norm(error[:, 1] - low(more * qdd[:, 1])) < 0.03 * np.linalg.norm(error[:, 1])
+            assert np.linalg.norm(error[:, 1] - low(more * qdd[:, 1])) < 0.03 * np.linalg.norm(
+                error[:, 1]
+            )
         else:  # gravity and the upper joint's motion are in it as well
             assert severity(MECHANISMS["two_link"], log, 1) > 0.1
     assert inertia(two, np.zeros(2))[1, 1] == pytest.approx(0.03 + 0.0102 + 0.175**2)
@@ -251,7 +327,9 @@ def test_bias_moves_the_reading():
 
 
 def test_joint_at_rest_stays_at_rest():
-    """Dry friction holds up to its level and not beyond; sliding friction of a breakaway joint is none."""
+    """Dry friction holds up to its level and not beyond; sliding friction of a breakaway joint is
+    none.
+    """
     for effect, level in (("coulomb_friction", {"level": 0.5}), ("stiction", {"breakaway": 0.5})):
         log = run(MECHANISMS["pendulum"], [make(effect, 0, level)], 4, SHORT)
         at_rest = np.diff(log.clean[:, 0]) == 0
@@ -263,7 +341,10 @@ def test_joint_at_rest_stays_at_rest():
 
 
 def test_two_rough_joints_rest_together():
-    hidden = [make("coulomb_friction", 0, {"level": 1.0}), make("coulomb_friction", 1, {"level": 0.4})]
+    hidden = [
+        make("coulomb_friction", 0, {"level": 1.0}),
+        make("coulomb_friction", 1, {"level": 0.4}),
+    ]
     log = run(MECHANISMS["two_link"], hidden, 4, SHORT)
     both = (np.abs(np.diff(log.clean, axis=0)) < 1e-12).all(axis=1)
     assert both[:100].all()
@@ -305,7 +386,10 @@ def test_run_follows_from_its_seed():
     assert list(one) == ["time", "q0", "q1", "tau0", "tau1"]
     assert all(np.array_equal(one[name], again[name]) for name in one)
     assert not np.allclose(one["q0"], other["q0"])
-    assert np.array_equal(run(MECHANISMS["slider"], [], 5, 4.0).wanted, run(MECHANISMS["slider"], effects[:1], 5, 4.0).wanted)
+    assert np.array_equal(
+        run(MECHANISMS["slider"], [], 5, 4.0).wanted,
+        run(MECHANISMS["slider"], effects[:1], 5, 4.0).wanted,
+    )
 
 
 def test_lost_mechanism_is_no_measurement():
@@ -317,7 +401,10 @@ CASES = all_cases()
 
 
 def test_cases_cover_the_catalogue():
-    count = {family: sum(case.family == family for case in CASES) for family in ("single", "none", "outside", "pair")}
+    count = {
+        family: sum(case.family == family for case in CASES)
+        for family in ("single", "none", "outside", "pair")
+    }
     assert count["none"] >= 100
     assert count["pair"] >= 60
     assert count["outside"] >= 36
@@ -326,7 +413,13 @@ def test_cases_cover_the_catalogue():
     assert all_cases() == CASES
     for name in INJECTED:
         for n, (mechanism, joint) in enumerate(PLACES):
-            there = [c for c in CASES if c.family == "single" and c.mechanism == mechanism and c.hidden[0][:2] == (name, joint)]
+            there = [
+                c
+                for c in CASES
+                if c.family == "single"
+                and c.mechanism == mechanism
+                and c.hidden[0][:2] == (name, joint)
+            ]
             missing = (
                 (name, mechanism) in EXCLUDED
                 or name in WHOLE
@@ -334,7 +427,9 @@ def test_cases_cover_the_catalogue():
             )
             kinds = sum(row.startswith(f"{name}/") and SIZES[row][n] is not None for row in LATER)
             each = [] if missing else [2 + kinds] * 3
-            assert [sum(c.severity == severity for c in there) for severity in SEVERITIES] == (each or [0] * 3)
+            assert [sum(c.severity == severity for c in there) for severity in SEVERITIES] == (
+                each or [0] * 3
+            )
     assert len(IMITABLE) >= 7
     assert {c.hidden[0].parameters["kind"] for c in CASES if c.family == "outside"} == {*OUTSIDE}
     assert {row.partition("/")[0] for row in SIZES} == {*INJECTED, "outside"}
@@ -346,7 +441,10 @@ def test_cases_cover_the_catalogue():
 
 
 def test_case_on_disk_holds_nothing_of_the_truth(tmp_path):
-    for case in (next(c for c in CASES if c.log == name and c.family == "pair") for name in ("log.csv", "log.npz")):
+    for case in (
+        next(c for c in CASES if c.log == name and c.family == "pair")
+        for name in ("log.csv", "log.npz")
+    ):
         folder = tmp_path / case.id
         write_case(case, folder, 1.0)
         assert sorted(file.name for file in folder.iterdir()) == [case.log, "model.xml"]
@@ -358,20 +456,29 @@ def test_case_on_disk_holds_nothing_of_the_truth(tmp_path):
         else:
             stored = dict(np.load(folder / "log.npz"))
         assert list(stored) == list(columns)
-        assert all(np.allclose(stored[name], columns[name], rtol=1e-6, atol=1e-6) for name in columns)
+        assert all(
+            np.allclose(stored[name], columns[name], rtol=1e-6, atol=1e-6) for name in columns
+        )
     assert json.loads(json.dumps(truth(CASES))) == truth(CASES)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [c for c in CASES if c.family == "pair"][3::22], ids=lambda case: case.id)
+@pytest.mark.parametrize(
+    "case", [c for c in CASES if c.family == "pair"][3::22], ids=lambda case: case.id
+)
 def test_shipped_pairs_do_not_diverge(case):
     assert np.isfinite(case.measure().tau).all()
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", [c for c in CASES if c.family == "single"][7::70], ids=lambda case: case.id)
+@pytest.mark.parametrize(
+    "case", [c for c in CASES if c.family == "single"][7::70], ids=lambda case: case.id
+)
 def test_severity_is_about_what_it_says(case):
     hidden = case.hidden[0]
     joint = hidden.parameters["other"] if hidden.effect == "motor_coupling" else hidden.joint
-    aimed, found = SEVERITIES[case.severity], severity(MECHANISMS[case.mechanism], case.measure(), joint)
+    aimed, found = (
+        SEVERITIES[case.severity],
+        severity(MECHANISMS[case.mechanism], case.measure(), joint),
+    )
     assert (0.25 if case.hidden[0].effect == "joint_elasticity" else 0.45) < found / aimed < 2.0

@@ -1,4 +1,6 @@
-"""What ``jaxidl gap`` says of logs, models and motors that do not fit: one line, status 2, nothing written."""
+"""What ``jaxidl gap`` says of logs, models and motors that do not fit: one line, status 2, nothing
+written.
+"""
 
 import random
 
@@ -37,7 +39,9 @@ def test_what_does_not_fit_is_refused_in_one_line(tmp_path, capsys, monkeypatch,
     words = [word.format(d=tmp_path) for word in words]
     monkeypatch.setattr("sys.argv", ["jaxidl"])
     try:
-        status = main(["gap", str(log), "--model", str(model), "--out", str(tmp_path / "out"), *words])
+        status = main(
+            ["gap", str(log), "--model", str(model), "--out", str(tmp_path / "out"), *words]
+        )
     except SystemExit as stop:
         status = stop.code
     assert status == 2
@@ -59,7 +63,9 @@ def test_currents_without_a_constant_name_the_argument(tmp_path, capsys):
 
 
 def test_damaged_urdf_of_robots_is_read_or_refused(tmp_path, capfd):
-    """Missing meshes, mimics, links without mass and impossible inertias, with something broken on top, whole or in part."""
+    """Missing meshes, mimics, links without mass and impossible inertias, with something broken on
+    top, whole or in part.
+    """
     text = urdf(shapes=SHAPES, mimic=MIMIC, inside={2: "", 3: FLAT.format(0.01, 0.01, 0.04, 0)})
     outcomes = [0, 0]
     for seed in range(120):
@@ -67,7 +73,9 @@ def test_damaged_urdf_of_robots_is_read_or_refused(tmp_path, capfd):
         (tmp_path / "robot.urdf").write_bytes(damaged(text, rng))
         part = rng.choice([None, None, ["j1"], ["j2", "j3"]])
         try:
-            model = read_model(tmp_path / "robot.urdf", joints=part, locked={"j1": 0.3} if seed % 3 else None)
+            model = read_model(
+                tmp_path / "robot.urdf", joints=part, locked={"j1": 0.3} if seed % 3 else None
+            )
             assert np.isfinite(model.plant.body.source.body_mass).all()
             outcomes[0] += 1
         except ModelError as error:
@@ -79,8 +87,17 @@ def test_damaged_urdf_of_robots_is_read_or_refused(tmp_path, capfd):
 
 def test_effects_of_the_whole_robot_are_not_those_of_a_part(tmp_path):
     stored(tmp_path, urdf(), "robot.urdf")
-    entry = {"effect": "viscous_friction", "parameters": {"coefficient": {"value": 1.0}}, "joint": 2, "joints": 4}
-    stored(tmp_path, f'{{"model": "robot.urdf", "effects": [{entry}]}}'.replace("'", '"'), "effects.json")
+    entry = {
+        "effect": "viscous_friction",
+        "parameters": {"coefficient": {"value": 1.0}},
+        "joint": 2,
+        "joints": 4,
+    }
+    stored(
+        tmp_path,
+        f'{{"model": "robot.urdf", "effects": [{entry}]}}'.replace("'", '"'),
+        "effects.json",
+    )
     assert len(read_model(tmp_path / "robot.urdf").plant.effects) == 1
     with pytest.raises(ModelError, match=r"move effects\.json away"):
         read_model(tmp_path / "robot.urdf", joints=["j1", "j2"])

@@ -1,4 +1,6 @@
-"""Measured logs: three formats, one complaint for each thing that can be wrong, and files damaged at random."""
+"""Measured logs: three formats, one complaint for each thing that can be wrong, and files damaged
+at random.
+"""
 
 import dataclasses
 import importlib.util
@@ -14,7 +16,11 @@ from jaxidl.logs.log import Log, from_arrays, read
 
 SAMPLES, DT = 300, 0.005
 HAS_PYARROW = importlib.util.find_spec("pyarrow") is not None
-FORMATS = ["csv", "npz", pytest.param("parquet", marks=pytest.mark.skipif(not HAS_PYARROW, reason="needs pyarrow"))]
+FORMATS = [
+    "csv",
+    "npz",
+    pytest.param("parquet", marks=pytest.mark.skipif(not HAS_PYARROW, reason="needs pyarrow")),
+]
 
 
 def good(samples=SAMPLES, joints=2, dt=DT, **more):
@@ -28,7 +34,9 @@ def good(samples=SAMPLES, joints=2, dt=DT, **more):
 
 def text(columns, delimiter=","):
     lines = [delimiter.join(columns)]
-    cells = [[c if isinstance(c, str) else repr(float(c)) for c in column] for column in columns.values()]
+    cells = [
+        [c if isinstance(c, str) else repr(float(c)) for c in column] for column in columns.values()
+    ]
     return "\n".join(lines + [delimiter.join(row) for row in zip(*cells, strict=True)]) + "\n"
 
 
@@ -66,7 +74,11 @@ def arrays(columns) -> Log:
     """The same through memory."""
     time, run = columns["time"], columns.get("run")
     joints = sum(key.startswith("tau") for key in columns)
-    return from_arrays(time, *(np.stack([columns[f"{k}{j}"] for j in range(joints)], axis=1) for k in ("q", "tau")), run=run)
+    return from_arrays(
+        time,
+        *(np.stack([columns[f"{k}{j}"] for j in range(joints)], axis=1) for k in ("q", "tau")),
+        run=run,
+    )
 
 
 def check(log: Log):
@@ -74,14 +86,23 @@ def check(log: Log):
     T, J = log.q.shape
     assert log.samples == T >= 200 - 5
     assert log.joints == J >= 1
-    for array, shape in ((log.time, (T,)), (log.q, (T, J)), (log.tau, (T, J)), (log.qd, (T, J)), (log.qdd, (T, J))):
-        assert array is None or (array.shape == shape and array.dtype == np.float64 and np.isfinite(array).all())
+    for array, shape in (
+        (log.time, (T,)),
+        (log.q, (T, J)),
+        (log.tau, (T, J)),
+        (log.qd, (T, J)),
+        (log.qdd, (T, J)),
+    ):
+        assert array is None or (
+            array.shape == shape and array.dtype == np.float64 and np.isfinite(array).all()
+        )
     segments = log.segments()
     assert len(segments) == log.runs
     assert [s.start for s in segments] + [T] == [0] + [s.stop for s in segments]
     for i, s in enumerate(segments):
         assert (log.run[s] == i).all()
-        np.testing.assert_allclose(np.diff(log.time[s]), log.dt, rtol=0.3)  # uniform up to digits that time was written with
+        # uniform up to digits that time was written with
+        np.testing.assert_allclose(np.diff(log.time[s]), log.dt, rtol=0.3)
     assert all(isinstance(note, str) and "\n" not in note for note in log.notes)
 
 
@@ -105,7 +126,9 @@ def test_a_log_comes_back_from_every_format(tmp_path, ending):
     check(log)
     np.testing.assert_array_equal(log.time, columns["time"])
     for kind in ("q", "tau", "qd"):
-        np.testing.assert_array_equal(getattr(log, kind), np.stack([columns[f"{kind}0"], columns[f"{kind}1"]], axis=1))
+        np.testing.assert_array_equal(
+            getattr(log, kind), np.stack([columns[f"{kind}0"], columns[f"{kind}1"]], axis=1)
+        )
     assert log.qdd is None
     assert log.dt == pytest.approx(DT, rel=1e-12)
     assert log.runs == 1
@@ -116,7 +139,11 @@ def test_arrays_of_all_joints_and_of_one(tmp_path):
     columns = good()
     q, tau = (np.stack([columns[f"{k}{j}"] for j in range(2)], axis=1) for k in ("q", "tau"))
     np.savez(tmp_path / "a.npz", time=columns["time"][:, None], q=q, tau=tau)
-    for log in (read(tmp_path / "a.npz"), from_arrays(columns["time"], q, tau), from_arrays(columns["time"].tolist(), q, tau)):
+    for log in (
+        read(tmp_path / "a.npz"),
+        from_arrays(columns["time"], q, tau),
+        from_arrays(columns["time"].tolist(), q, tau),
+    ):
         np.testing.assert_array_equal(log.q, q)
         np.testing.assert_array_equal(log.tau, tau)
     assert from_arrays(columns["time"], q[:, 0], tau[:, 0], joints=1).joints == 1
@@ -247,27 +274,57 @@ COMPLAINTS = {
     "tiem": (renamed(time="tiem"), ["rename column 'tiem' to time"]),
     "no q": (without("q0", "q1"), ["q0..q1", "add a column q0"]),
     "pos1_rad": (renamed(q1="pos1_rad"), ["q0..q1", "rename column 'pos1_rad' to q1"]),
-    "torque": (renamed(tau0="Torque 0 (N m)"), ["tau0..tau1", "rename column 'Torque 0 (N m)' to tau0"]),
+    "torque": (
+        renamed(tau0="Torque 0 (N m)"),
+        ["tau0..tau1", "rename column 'Torque 0 (N m)' to tau0"],
+    ),
     "no tau1": (without("tau1"), ["tau0..tau1", "add a column tau1"]),
-    "numbering": (renamed(q1="q2", tau1="tau2"), ["q0..q2 without gaps", "got q0, q2;", "add a column q1"]),
+    "numbering": (
+        renamed(q1="q2", tau1="tau2"),
+        ["q0..q2 without gaps", "got q0, q2;", "add a column q1"],
+    ),
     "half of qd": (good(qd1=np.ones(SAMPLES)), ["qd0..qd1", "add a column qd0"]),
     "repeated time": (changed("time", 9, 8 * DT), ["time", "0.04 again in row 10", "more digits"]),
-    "time back": ({k: v[SWAPPED] for k, v in good().items()}, ["time", "0.5 after 0.505 in row 102", "sort"]),
-    "time far off": (changed("time", 9, 700.0), ["time", "0.05 after 700 in row 11", "correct the time"]),
-    "restart": (good(time=np.tile(np.arange(150) * DT, 2)), ["0 after 0.745 in row 151", "add a column run"]),
-    "restart in a run": (good(time=np.tile(np.arange(150) * DT, 2), run=np.ones(SAMPLES)), ["row 151", "another label"]),
+    "time back": (
+        {k: v[SWAPPED] for k, v in good().items()},
+        ["time", "0.5 after 0.505 in row 102", "sort"],
+    ),
+    "time far off": (
+        changed("time", 9, 700.0),
+        ["time", "0.05 after 700 in row 11", "correct the time"],
+    ),
+    "restart": (
+        good(time=np.tile(np.arange(150) * DT, 2)),
+        ["0 after 0.745 in row 151", "add a column run"],
+    ),
+    "restart in a run": (
+        good(time=np.tile(np.arange(150) * DT, 2), run=np.ones(SAMPLES)),
+        ["row 151", "another label"],
+    ),
     "run apart": (good(run=np.repeat([1, 2, 1], 100)), ["run", "again in row 201", "sort by run"]),
-    "run empty": (good(run=np.r_[NAN, np.ones(SAMPLES - 1)]), ["run", "nan in row 1", "number the runs"]),
+    "run empty": (
+        good(run=np.r_[NAN, np.ones(SAMPLES - 1)]),
+        ["run", "nan in row 1", "number the runs"],
+    ),
     "milliseconds": (good(dt=5.0), ["every 5 s", "milliseconds", "seconds"]),
     "sample numbers": (good(dt=1.0), ["every 1 s", "sample numbers"]),
     "slow": (good(dt=0.11), ["20 samples a second", "every 0.11 s", "record faster"]),
-    "irregular": (good(time=np.cumsum(np.tile([1, 1, 4], 100)) * DT), ["constant sampling interval", "67% of the time", "row 2"]),
-    "wide time": (good(time=1e12 + np.arange(SAMPLES) / 128), ["time in seconds", "1e+12 in row 1"]),
+    "irregular": (
+        good(time=np.cumsum(np.tile([1, 1, 4], 100)) * DT),
+        ["constant sampling interval", "67% of the time", "row 2"],
+    ),
+    "wide time": (
+        good(time=1e12 + np.arange(SAMPLES) / 128),
+        ["time in seconds", "1e+12 in row 1"],
+    ),
     "few": (good(samples=150, dt=0.02), ["200 samples", "150 samples over 3 s", "record longer"]),
     "brief": (good(dt=0.001), ["1 s of motion", "over 0.3 s", "record longer"]),
     "short runs": (good(run=np.repeat(np.arange(10), 30)), ["run of at least 50", "record longer"]),
     "still": (good(q0=np.ones(SAMPLES), q1=np.zeros(SAMPLES)), ["nothing moved", "q0, q1"]),
-    "no torque": (good(tau0=np.zeros(SAMPLES), tau1=np.zeros(SAMPLES)), ["nothing drove it", "tau0, tau1"]),
+    "no torque": (
+        good(tau0=np.zeros(SAMPLES), tau1=np.zeros(SAMPLES)),
+        ["nothing drove it", "tau0, tau1"],
+    ),
     "wraps": (good(q0=(np.arange(SAMPLES) * 0.05) % (2 * np.pi)), ["q0", "row 127", "unwrap"]),
 }
 
@@ -285,8 +342,15 @@ def test_what_is_wrong_is_named(tmp_path, name, ending):
 
 def test_joints_are_the_models(tmp_path):
     path = write(tmp_path / "a.csv", good())
-    refuse(lambda: read(path, joints=7), "q0..q6 for the model's 7 joints", "got q0, q1;", "add a column q2")
-    refuse(lambda: read(path, joints=1), "column q0 for the model's 1 joint ", "remove q1 and above")
+    refuse(
+        lambda: read(path, joints=7),
+        "q0..q6 for the model's 7 joints",
+        "got q0, q1;",
+        "add a column q2",
+    )
+    refuse(
+        lambda: read(path, joints=1), "column q0 for the model's 1 joint ", "remove q1 and above"
+    )
     one = write(tmp_path / "one.csv", {k: v for k, v in good().items() if not k.endswith("1")})
     refuse(lambda: read([path, one]), "as many joints", "2 in", "1 in")
 
@@ -322,27 +386,60 @@ def line_changed(number, edit):
         ("time,q0,tau0\n", ["rows of data", "none"]),
         (GOOD_TEXT.split("\n", 1)[1], ["header", "begin with a line time,q0,tau0"]),
         (GOOD_TEXT.replace(",", " "), ["header", "commas"]),
-        (GOOD_TEXT.replace(",", ";").replace(".", ","), ["time", "'0,0' in row 1 (line 2)", "point, not a comma"]),
-        (line_changed(9, lambda s: s.rsplit(",", 1)[0]), ["5 cells", "4 in row 8 (line 9)", "complete or remove"]),
+        (
+            GOOD_TEXT.replace(",", ";").replace(".", ","),
+            ["time", "'0,0' in row 1 (line 2)", "point, not a comma"],
+        ),
+        (
+            line_changed(9, lambda s: s.rsplit(",", 1)[0]),
+            ["5 cells", "4 in row 8 (line 9)", "complete or remove"],
+        ),
         (line_changed(9, lambda s: s + ",1"), ["5 cells", "6 in row 8 (line 9)"]),
         ("# note\n" + line_changed(9, lambda s: s + ",1"), ["6 in row 8 (line 10)"]),
-        (GOOD_TEXT[: -len(GOOD_TEXT.split("\n")[-2]) // 2 - 1], ["row 300 (line 301), the last", "cut off"]),
-        (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",bad\x1b"), ["tau1", r"'bad\x1b' in row 4 (line 5)", "write a number"]),
-        (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1_0"), ["tau1", "'1_0' in row 4 (line 5)"]),
-        (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ","), ["tau1", "an empty cell in row 4 (line 5)", "fill it"]),
+        (
+            GOOD_TEXT[: -len(GOOD_TEXT.split("\n")[-2]) // 2 - 1],
+            ["row 300 (line 301), the last", "cut off"],
+        ),
+        (
+            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",bad\x1b"),
+            ["tau1", r"'bad\x1b' in row 4 (line 5)", "write a number"],
+        ),
+        (
+            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1_0"),
+            ["tau1", "'1_0' in row 4 (line 5)"],
+        ),
+        (
+            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ","),
+            ["tau1", "an empty cell in row 4 (line 5)", "fill it"],
+        ),
         (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1+2j"), ["tau1", "'1+2j' in row 4"]),
-        (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",NaN"), ["tau1", "nan in row 4 (line 5)"]),
-        (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1e999"), ["tau1", "inf in row 4 (line 5)"]),
+        (
+            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",NaN"),
+            ["tau1", "nan in row 4 (line 5)"],
+        ),
+        (
+            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1e999"),
+            ["tau1", "inf in row 4 (line 5)"],
+        ),
         (line_changed(5, lambda s: s.replace("0.015", "0.016")), None),
         (line_changed(1, lambda s: s.replace("tau1", "Q0")), ["one column q0", "columns 2 and 5"]),
         (line_changed(1, lambda s: "q" * 300_000), ["1 cells in each row", "5 in row 1 (line 2)"]),
         (line_changed(1, lambda s: s.replace("time", "q" * 300_000)), ["column time", "qqq..."]),
-        (line_changed(1, lambda s: ",".join(f"x{i}" for i in range(20_000))), ["at most 10000 columns"]),
-        (line_changed(1, lambda s: s.replace("q0", "q9999")), ["q0..q9999 without gaps", "add a column q0"]),
+        (
+            line_changed(1, lambda s: ",".join(f"x{i}" for i in range(20_000))),
+            ["at most 10000 columns"],
+        ),
+        (
+            line_changed(1, lambda s: s.replace("q0", "q9999")),
+            ["q0..q9999 without gaps", "add a column q0"],
+        ),
         (line_changed(4, lambda s: '"' + s), ["cells", "row 3 (line 4)"]),
         (GOOD_TEXT.encode("utf-16"), ["UTF-16", "UTF-8"]),
         (GOOD_TEXT.encode("utf-16-le"), ["binary"]),
-        (GOOD_TEXT.replace("tau1", "τ").encode("iso8859-7"), ["byte 0xf4 in line 1", "save it with that encoding"]),
+        (
+            GOOD_TEXT.replace("tau1", "τ").encode("iso8859-7"),
+            ["byte 0xf4 in line 1", "save it with that encoding"],
+        ),
         (bytes(range(256)) * 9, ["binary data"]),
         (b"PAR1" + bytes(90), ["Parquet", "right ending"]),
         (b"PK\x03\x04" + bytes(90), ["ZIP", "right ending"]),
@@ -389,7 +486,10 @@ ENORMOUS = "{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000, 1
         (b"no archive", ["NPZ", "export it again"]),
         (npz(**good())[:-500], ["NPZ", "export it again"]),
         (npz(**good(q0=np.zeros(299))), ["q0", "(299,)", "T = 300 as in time"]),
-        (npz(time=good()["time"], q=BOTH["q"].T, tau=BOTH["tau"]), ["q", "(2, 300)", "transpose it"]),
+        (
+            npz(time=good()["time"], q=BOTH["q"].T, tau=BOTH["tau"]),
+            ["q", "(2, 300)", "transpose it"],
+        ),
         (npz(time=good()["time"], q=BOTH["q"][None], tau=BOTH["tau"]), ["q", "(1, 300, 2)"]),
         (npz(time=1.0, q=BOTH["q"], tau=BOTH["tau"]), ["time", "shape ()"]),
         (npz(time=good()["time"], q0=good()["q0"], **BOTH), ["one column q0", "both q and q0"]),
@@ -442,7 +542,12 @@ def test_damaged_parquet(tmp_path):
 def test_parquet_without_pyarrow(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
-    refuse(lambda: read(tmp_path / "a.parquet"), "pyarrow", "none installed", "save the log as CSV or NPZ")
+    refuse(
+        lambda: read(tmp_path / "a.parquet"),
+        "pyarrow",
+        "none installed",
+        "save the log as CSV or NPZ",
+    )
 
 
 def test_places_without_a_log(tmp_path, monkeypatch):
@@ -453,7 +558,11 @@ def test_places_without_a_log(tmp_path, monkeypatch):
     refuse(lambda: read(tmp_path / ("x" * 300 + ".csv")), "too long")
     for name in ("a.xlsx", "a", "a.csv.gz"):
         (tmp_path / name).write_text("x")
-        refuse(lambda name=name: read(tmp_path / name), ".csv, .tsv, .txt, .npz, .parquet, .pq", "save the log")
+        refuse(
+            lambda name=name: read(tmp_path / name),
+            ".csv, .tsv, .txt, .npz, .parquet, .pq",
+            "save the log",
+        )
     path = write(tmp_path / "a.csv", good())
 
     def refused(self):
@@ -465,12 +574,18 @@ def test_places_without_a_log(tmp_path, monkeypatch):
 
 def test_arrays_that_are_none():
     time, q, tau = good()["time"], BOTH["q"], BOTH["tau"]
-    refuse(lambda: from_arrays(time, [[1.0], [1.0, 2.0]], tau), "an array for q", "lists of numbers")
+    refuse(
+        lambda: from_arrays(time, [[1.0], [1.0, 2.0]], tau), "an array for q", "lists of numbers"
+    )
     refuse(lambda: from_arrays(time, q[:-1], tau), "q in the arrays", "(299, 2)")
     refuse(lambda: from_arrays(time, q.astype(object), tau), "q0", "object", "float64")
     refuse(lambda: from_arrays(time, np.ma.masked_greater(q, 0.5), tau), "q", "masked")
     refuse(lambda: from_arrays(time, q, tau, run=[{}] * SAMPLES), "run", "{} in row 1")
-    refuse(lambda: from_arrays(time, q, tau, run=[10**5000] + [None] * (SAMPLES - 1)), "run", "None in row 2")
+    refuse(
+        lambda: from_arrays(time, q, tau, run=[10**5000] + [None] * (SAMPLES - 1)),
+        "run",
+        "None in row 2",
+    )
     refuse(lambda: from_arrays(time, q, tau, joints=3), "the model's 3 joints")
     refuse(lambda: from_arrays([], [], []), "rows of data")
 
@@ -487,7 +602,8 @@ def damaged_columns(rng, columns):
             del columns[key]
         case 1:
             columns = {
-                (rng.choice(["q2", "Time", "tau", "x" * 500, "", "q-1"]) if k == key else k): v for k, v in columns.items()
+                (rng.choice(["q2", "Time", "tau", "x" * 500, "", "q-1"]) if k == key else k): v
+                for k, v in columns.items()
             }
         case 2:
             columns |= {f" {key.upper()}": columns[key]}
@@ -502,7 +618,10 @@ def damaged_columns(rng, columns):
         case 7:
             columns["time"] = columns["time"] * rng.choice([0.0, -1.0, 1e3, 1e-3, 1e300, 1e-320])
         case 8:
-            columns = {k: np.delete(v, rng.integers(SAMPLES, size=rng.integers(1, 250))) for k, v in columns.items()}
+            columns = {
+                k: np.delete(v, rng.integers(SAMPLES, size=rng.integers(1, 250)))
+                for k, v in columns.items()
+            }
         case 9:
             columns = {k: v[: rng.integers(0, 60)] for k, v in columns.items()}
         case 10:
@@ -512,7 +631,9 @@ def damaged_columns(rng, columns):
         case 12:
             columns["time"] = np.cumsum(rng.exponential(DT, SAMPLES))
         case _:
-            columns["time"] = columns["time"] + rng.normal(size=SAMPLES) * DT * rng.choice([0.01, 0.1, 0.5])
+            columns["time"] = columns["time"] + rng.normal(size=SAMPLES) * DT * rng.choice(
+                [0.01, 0.1, 0.5]
+            )
     return columns
 
 
@@ -546,7 +667,11 @@ def damaged_bytes(rng, content: bytes) -> bytes:
                 ]
                 data[at:at] = words[rng.integers(len(words))]
             case 4:
-                edge = int(rng.choice([at, max(0, len(data) - 1 - int(rng.integers(400))), int(rng.integers(200))]))
+                edge = int(
+                    rng.choice(
+                        [at, max(0, len(data) - 1 - int(rng.integers(400))), int(rng.integers(200))]
+                    )
+                )
                 data[edge : edge + 1] = bytes([int(rng.integers(256))])
             case _:
                 data[at : at + 8] = data[at : at + 8][::-1]
@@ -555,7 +680,9 @@ def damaged_bytes(rng, content: bytes) -> bytes:
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_damage_is_named_or_harmless(tmp_path, ending):
-    """Of 300 damaged files of each format every one is either a consistent log or a complaint of one line."""
+    """Of 300 damaged files of each format every one is either a consistent log or a complaint of
+    one line.
+    """
     rng = np.random.default_rng(20)
     path, outcomes = tmp_path / f"a.{ending}", {"read": 0, "refused": 0}
     whole = write(path, good()).read_bytes()
@@ -576,6 +703,9 @@ def test_damage_is_named_or_harmless(tmp_path, ending):
             line = str(error)
             assert line.isprintable(), (i, line)
             assert len(line) < 800, (i, line)
-            assert not any(word in line for word in ("Traceback", "NoneType", "index out of")), (i, line)
+            assert not any(word in line for word in ("Traceback", "NoneType", "index out of")), (
+                i,
+                line,
+            )
             outcomes["refused"] += 1
     assert min(outcomes.values()) > 10, outcomes

@@ -1,4 +1,6 @@
-"""The gap workflow on a chain of four hinges: friction of every joint and a load; several runs; what changed between two logs."""
+"""The gap workflow on a chain of four hinges: friction of every joint and a load; several runs;
+what changed between two logs.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -13,24 +15,42 @@ from jaxidl.gap.diagnosis import Finding
 JOINTS, DT, SECONDS = 4, 0.004, 24.0
 VISCOUS, COULOMB = np.array([2.0, 2.0, 1.0, 0.5]), np.array([1.0, 1.0, 0.5, 0.2])
 LOAD, COM = 0.4, np.array([0.05, 0.0, 0.1])  # [kg], in the last link's frame [m]
-EFFECTS = ("viscous_friction", "coulomb_friction", "constant_offset", "spring", "inertia_error", "payload", "coupled_friction")
+EFFECTS = (
+    "viscous_friction",
+    "coulomb_friction",
+    "constant_offset",
+    "spring",
+    "inertia_error",
+    "payload",
+    "coupled_friction",
+)
 
 
 def chain(load: float = 0.0) -> str:
     """Four hinges, their axes by turns upright and across; ``load`` [kg] at the end."""
-    text = f'<body pos="{COM[0]} {COM[1]} {COM[2]}"><inertial pos="0 0 0" mass="{load}" diaginertia="1e-9 1e-9 1e-9"/></body>'
+    text = (
+        f'<body pos="{COM[0]} {COM[1]} {COM[2]}"><inertial pos="0 0 0" mass="{load}"'
+        ' diaginertia="1e-9 1e-9 1e-9"/></body>'
+    )
     text = text if load else ""
     for j in reversed(range(JOINTS)):
         mass = (3.0, 2.5, 2.0, 1.0)[j]
-        inertial = f'<inertial pos="0.01 0 0.12" mass="{mass}" diaginertia="{0.012 * mass} {0.012 * mass} {0.004 * mass}"/>'
+        inertial = (
+            f'<inertial pos="0.01 0 0.12" mass="{mass}" diaginertia="{0.012 * mass} {0.012 * mass}'
+            f' {0.004 * mass}"/>'
+        )
         axis = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")[j]
         hinge = f'<joint name="j{j + 1}" type="hinge" axis="{axis}" armature="0.05"/>'
         text = f'<body name="link{j + 1}" pos="0 0 0.24">{hinge}{inertial}{text}</body>'
     return f'<mujoco model="chain"><worldbody>{text}</worldbody></mujoco>'
 
 
-def moved(text: str, friction: float, seed: int = 0, still: tuple[int, ...] = ()) -> dict[str, np.ndarray]:
-    """A log of a chain on smooth paths drawn with ``seed``, with this share of the friction; some joints may stand ``still``."""
+def moved(
+    text: str, friction: float, seed: int = 0, still: tuple[int, ...] = ()
+) -> dict[str, np.ndarray]:
+    """A log of a chain on smooth paths drawn with ``seed``, with this share of the friction; some
+    joints may stand ``still``.
+    """
     model: Any = mujoco.MjModel.from_xml_string(text)  # pyright: ignore[reportAttributeAccessIssue]
     data: Any = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
     rng, time = np.random.default_rng(seed), np.arange(round(SECONDS / DT)) * DT
@@ -75,19 +95,27 @@ def saved(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
 
 
 def weighty(found: Diagnosis) -> dict[tuple[str, int | None], Finding]:
-    """Findings that make more than a fiftieth of the command: what filters leave of dry friction looks like a bit of rotor."""
+    """Findings that make more than a fiftieth of the command: what filters leave of dry friction
+    looks like a bit of rotor.
+    """
     return {(f.name, f.joint): f for f in found.findings if f.share > 0.02}
 
 
 def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     found = diagnose(*files, effects=EFFECTS, rollouts=False)
     named = weighty(found)
-    wanted = {(name, j) for name in ("viscous_friction", "coulomb_friction") for j in range(JOINTS)} | {("payload", None)}
+    wanted = {
+        (name, j) for name in ("viscous_friction", "coulomb_friction") for j in range(JOINTS)
+    } | {("payload", None)}
     assert set(named) == wanted
     assert all(f.sure for f in named.values())
     for j in range(JOINTS):
-        assert named["viscous_friction", j].parameters["coefficient"].value == pytest.approx(VISCOUS[j], rel=0.02)
-        assert named["coulomb_friction", j].parameters["level"].value == pytest.approx(COULOMB[j], rel=0.02)
+        assert named["viscous_friction", j].parameters["coefficient"].value == pytest.approx(
+            VISCOUS[j], rel=0.02
+        )
+        assert named["coulomb_friction", j].parameters["level"].value == pytest.approx(
+            COULOMB[j], rel=0.02
+        )
     load = named["payload", None].parameters
     assert load["mass"].value == pytest.approx(LOAD, rel=0.02)
     np.testing.assert_allclose(load["com"].value, COM, atol=0.005)
@@ -97,12 +125,16 @@ def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_pat
     """Two halves of a log, each of another motion, as runs: time begins anew, positions jump."""
     halves = [moved(chain(LOAD), 1.0, seed) for seed in (0, 5)]
     half = round(SECONDS / DT / 2)
-    columns = {name: np.concatenate([h[name][:half] for h in halves]) for name in ("time", "q", "tau")}
+    columns = {
+        name: np.concatenate([h[name][:half] for h in halves]) for name in ("time", "q", "tau")
+    }
     log = saved(tmp_path, "runs.npz", columns | {"run": np.repeat([1, 2], half)})
     found = diagnose(log, files[1], effects=EFFECTS, rollouts=False)
     values = {(f.name, f.joint): f.parameters for f in found.findings}
     for j in range(JOINTS):
-        assert values["viscous_friction", j]["coefficient"].value == pytest.approx(VISCOUS[j], rel=0.02)
+        assert values["viscous_friction", j]["coefficient"].value == pytest.approx(
+            VISCOUS[j], rel=0.02
+        )
         assert values["coulomb_friction", j]["level"].value == pytest.approx(COULOMB[j], rel=0.03)
     assert values["payload", None]["mass"].value == pytest.approx(LOAD, rel=0.03)
 
@@ -111,16 +143,22 @@ def test_of_a_joint_that_stands_still_nothing_is_said(files, tmp_path):
     log = saved(tmp_path, "still.npz", moved(chain(), 1.0, 1, still=(3,)))
     found = diagnose(log, files[1], effects=EFFECTS[:4], rollouts=False)
     named = {(f.name, f.joint) for f in found.findings}
-    assert named == {(name, j) for name in ("viscous_friction", "coulomb_friction") for j in range(JOINTS - 1)}
+    assert named == {
+        (name, j) for name in ("viscous_friction", "coulomb_friction") for j in range(JOINTS - 1)
+    }
     assert any("j4 hardly moved" in note for note in found.notes)
     assert found.verdict == "named"
 
 
 def test_a_joint_without_torque_leaves_the_others_alone(files, tmp_path):
-    """As logged, nobody drives the last joint; what moves it is unknown, and nothing on the others stands in for it."""
+    """As logged, nobody drives the last joint; what moves it is unknown, and nothing on the others
+    stands in for it.
+    """
     columns = moved(chain(), 0.0)
     columns["tau"][:, 3] = 0.0
-    found = diagnose(saved(tmp_path, "passive.npz", columns), files[1], effects=EFFECTS[:4], rollouts=False)
+    found = diagnose(
+        saved(tmp_path, "passive.npz", columns), files[1], effects=EFFECTS[:4], rollouts=False
+    )
     assert np.isfinite(found.gap.after.torque_rms).all()
     assert any("no torque was commanded" in note for note in found.notes)
     assert not [f for f in found.findings if f.joint in (0, 1, 2)]

@@ -1,4 +1,6 @@
-"""Parameters fitted to trajectories: found from wrong starts, kept only where motion kept aside is followed more closely."""
+"""Parameters fitted to trajectories: found from wrong starts, kept only where motion kept aside is
+followed more closely.
+"""
 
 import json
 import sys
@@ -11,7 +13,15 @@ import pytest
 
 from jaxidl import gap
 from jaxidl.cli import main
-from jaxidl.effects import ActuatorDelay, AsymmetricFriction, CoulombFriction, OnJoint, PositionBias, Spring, ViscousFriction
+from jaxidl.effects import (
+    ActuatorDelay,
+    AsymmetricFriction,
+    CoulombFriction,
+    OnJoint,
+    PositionBias,
+    Spring,
+    ViscousFriction,
+)
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.refine import _starts, _tied, refine
@@ -35,7 +45,9 @@ WRONG = (1.25, 0.75, 1.3)
 
 def effects(*factors):
     """Viscous and dry friction and a dead time, each a factor off."""
-    viscous, dry, delay = (jnp.array([f * x]) for f, x in zip(factors or (1.0, 1.0, 1.0), TRUE.values(), strict=True))
+    viscous, dry, delay = (
+        jnp.array([f * x]) for f, x in zip(factors or (1.0, 1.0, 1.0), TRUE.values(), strict=True)
+    )
     found = ViscousFriction(viscous), CoulombFriction(dry), ActuatorDelay(delay, steps=20)
     return tuple(OnJoint(effect, 0, 1) for effect in found)
 
@@ -45,7 +57,9 @@ def values(found):
 
 
 def moved(plant, start=0.3):
-    """Log of a plant with one joint under a rich torque; from the plant's own steps, so its parameters are exact."""
+    """Log of a plant with one joint under a rich torque; from the plant's own steps, so its
+    parameters are exact.
+    """
     t = DT * np.arange(STEPS)
     tones = [(1.6, 0.31, 0.0), (1.3, 0.73, 1.0), (0.9, 1.7, 2.0), (0.5, 3.1, 0.5)]
     tau = sum(a * np.sin(2.0 * np.pi * f * t + phase) for a, f, phase in tones)[:, None]
@@ -84,7 +98,9 @@ def problem(pendulum, signals):
 
 def _problem(pendulum, signals, *factors):
     starts = _starts(signals, instants_of(signals, kept_rows(signals, 0.3)), LENGTH)
-    return Problem(Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH)
+    return Problem(
+        Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH
+    )
 
 
 @pytest.mark.slow
@@ -108,7 +124,9 @@ def test_right_parameters_are_left_alone(pendulum, signals):
     assert not found.accepted
     assert found.effects == right
     assert found.after.score > 0.95 * found.before.score
-    np.testing.assert_allclose([next(iter(v.values()))[0] for v in found.refined], list(TRUE.values()), rtol=0.01)
+    np.testing.assert_allclose(
+        [next(iter(v.values()))[0] for v in found.refined], list(TRUE.values()), rtol=0.01
+    )
 
 
 @pytest.mark.slow
@@ -128,29 +146,42 @@ def test_what_encoders_do_is_undone_and_not_fitted(pendulum, signals):
     np.testing.assert_allclose(seen.q, signals.q, atol=1e-12)
     np.testing.assert_allclose(seen.qd, signals.qd, atol=1e-9)
     found = refine(pendulum.plant, (bias,), shifted, ({"bias": (-1.0, 1.0)},))
-    assert (found.accepted, found.reason, found.refined) == (False, "there is no parameter to refine", ({},))
+    assert (found.accepted, found.reason, found.refined) == (
+        False,
+        "there is no parameter to refine",
+        ({},),
+    )
 
 
 def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, problem):
-    """Plain friction and friction by direction: no motion tells the common part of the one from the other."""
+    """Plain friction and friction by direction: no motion tells the common part of the one from the
+    other.
+    """
     uneven = OnJoint(AsymmetricFriction(*(jnp.array([x]) for x in (0.3, 0.3, 0.01, -0.01))), 0, 1)
     either = ("viscous_positive", "viscous_negative")
     free = (*FREE, dict.fromkeys(either, (-1.0, 1.0)))
     body = pendulum.plant.body
     (row,) = _tied(Free(Plant(body, (*effects(), uneven)), free), signals)
     np.testing.assert_allclose(row, np.array([0.0, 0.0, 0.0, 1.0, 1.0]) / np.sqrt(2.0), atol=1e-9)
-    assert _tied(Free(Plant(body, (effects()[1], uneven)), (FREE[1], free[3])), signals) == []  # nothing has the common part
+    # nothing has the common part
+    assert _tied(Free(Plant(body, (effects()[1], uneven)), (FREE[1], free[3])), signals) == []
     fixed = ({}, *free[1:])
-    assert _tied(Free(Plant(body, (*effects(), uneven)), fixed), signals) == []  # what has it is not fitted
-    tied = Problem(Free(problem.plant, FREE), signals, problem.starts, LENGTH, [np.array([1.0, 1.0, 0.0])])
-    step = tied.residual(tied.start + np.array([0.01, -0.01, 0.0]))[-1], tied.residual(tied.start + 0.01)[-1]
+    # what has it is not fitted
+    assert _tied(Free(Plant(body, (*effects(), uneven)), fixed), signals) == []
+    tied = Problem(
+        Free(problem.plant, FREE), signals, problem.starts, LENGTH, [np.array([1.0, 1.0, 0.0])]
+    )
+    step = (
+        tied.residual(tied.start + np.array([0.01, -0.01, 0.0]))[-1],
+        tied.residual(tied.start + 0.01)[-1],
+    )
     assert abs(step[0]) < 1e-9 < 1e-2 < step[1]
     np.testing.assert_allclose(tied.slopes(tied.start)[-1] * 0.01 @ np.ones(3), step[1])
 
 
 def test_forward_reverse_and_numeric_derivatives_agree(problem):
     theta, options = problem.start, problem.options
-    of = lambda x: window_errors(x, problem.plant, problem.windows, problem.span, **options)[0]  # noqa: E731
+    of = lambda x: window_errors(x, problem.plant, problem.windows, problem.span, **options)[0]
     forward = window_slopes(theta, problem.plant, problem.windows, problem.span, **options)
     error, pull = jax.vjp(of, jnp.asarray(theta))
     (reverse,) = jax.jit(pull)(error)
@@ -220,7 +251,9 @@ def test_wrong_bounds_and_windows_are_explained(pendulum, signals, bounds, windo
 
 @pytest.fixture(scope="module")
 def commanded(tmp_path_factory):
-    """``jaxidl gap --refine`` on the pendulum's log: its folder, and the diagnosis before it was refined."""
+    """``jaxidl gap --refine`` on the pendulum's log: its folder, and the diagnosis before it was
+    refined.
+    """
     folder = tmp_path_factory.mktemp("command")
     (folder / "model.xml").write_text(MECHANISMS["pendulum"])
     log = moved(Plant(gap.read_model(folder / "model.xml").plant.body, effects()[:2]))
@@ -231,8 +264,17 @@ def commanded(tmp_path_factory):
         made.append(gap.diagnose(*arguments, **options))
         return made[-1]
 
-    words = ["gap", str(folder / "log.npz"), "--model", str(folder / "model.xml"), "--out", str(folder / "out"), "--refine"]
-    with pytest.MonkeyPatch.context() as patch, jax.numpy_rank_promotion("allow"):  # MuJoCo's code is not as strict as this suite
+    words = [
+        "gap",
+        str(folder / "log.npz"),
+        "--model",
+        str(folder / "model.xml"),
+        "--out",
+        str(folder / "out"),
+        "--refine",
+    ]
+    # MuJoCo's code is not as strict as this suite
+    with pytest.MonkeyPatch.context() as patch, jax.numpy_rank_promotion("allow"):
         patch.setattr(sys.modules["jaxidl.gap.diagnose"], "diagnose", kept)
         main([*words, "--effects", *SLIDING])
     return folder / "out", made[0]
@@ -245,7 +287,11 @@ def test_command_line_fits_to_motion_and_reports_it(commanded):
     record, patch = report["refined"], json.loads((folder / "effects.json").read_text())["effects"]
     assert {e["effect"] for e in record["effects"]} == set(SLIDING)
     assert record["windows"]["training"] > record["windows"]["held_out"] > 8
-    assert {"score", "lost", "torque_rms", "rollout_rms"} == set(record["before"]) == set(record["after"])
+    assert (
+        {"score", "lost", "torque_rms", "rollout_rms"}
+        == set(record["before"])
+        == set(record["after"])
+    )
     for told, found, written in zip(record["effects"], report["effects"], patch, strict=True):
         ((name, values),) = told["parameters"].items()
         assert set(values) == {"unit", "before", "after", "stderr"}
@@ -260,13 +306,21 @@ def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
     _, found = commanded
     assert "refined" not in found.to_dict()
     assert "fitted to motion" not in table(found)
-    wrong = replace(found, findings=tuple(replace(f, effect=jax.tree.map(lambda x: 0.8 * x, f.effect)) for f in found.findings))
+    wrong = replace(
+        found,
+        findings=tuple(
+            replace(f, effect=jax.tree.map(lambda x: 0.8 * x, f.effect)) for f in found.findings
+        ),
+    )
     with jax.numpy_rank_promotion("allow"):  # the programs of the command
         refined = wrong.refined()
     before, after = refined.refinement.before, refined.refinement.after
     assert refined.refinement.accepted
     assert after.score < 0.2 * before.score
-    assert (refined.gap.after.torque_rms, refined.gap.after.rollout_rms) == (after.torque_rms, after.rollout_rms)
+    assert (refined.gap.after.torque_rms, refined.gap.after.rollout_rms) == (
+        after.torque_rms,
+        after.rollout_rms,
+    )
     assert refined.plant.effects == refined.refinement.effects
     for f in refined.findings:
         (parameter,) = f.parameters.values()

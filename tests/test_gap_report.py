@@ -14,10 +14,28 @@ import pytest
 from matplotlib.figure import Figure
 
 from jaxidl import report
-from jaxidl.effects import CATALOGUE, CoulombFriction, InertiaError, OnJoint, Payload, PositionDependentFriction, ViscousFriction
+from jaxidl.effects import (
+    CATALOGUE,
+    CoulombFriction,
+    InertiaError,
+    OnJoint,
+    Payload,
+    PositionDependentFriction,
+    ViscousFriction,
+)
 from jaxidl.errors import StoreError
 from jaxidl.gap.diagnose import diagnose
-from jaxidl.gap.diagnosis import Ambiguity, Diagnosis, Envelope, Estimate, Finding, Gap, Row, Side, Traces
+from jaxidl.gap.diagnosis import (
+    Ambiguity,
+    Diagnosis,
+    Envelope,
+    Estimate,
+    Finding,
+    Gap,
+    Row,
+    Side,
+    Traces,
+)
 from jaxidl.gap.localise import Place
 from jaxidl.gap.words import number, percent, plus_minus, summarise
 from jaxidl.logs.log import from_arrays
@@ -46,21 +64,42 @@ def chain(folder, names):
 def finding(name, joint, effect, parameters, confidence=0.97, share=0.4, gain=0.857, where=0):
     """One of those that a search hands out."""
     return Finding(
-        name, joint, effect, f"{CATALOGUE[name].sentence} (there)", parameters, confidence, 100.0, share, where,
-        3.5, 0.5, gain, 0.013,
-    )  # fmt: skip
+        name,
+        joint,
+        effect,
+        f"{CATALOGUE[name].sentence} (there)",
+        parameters,
+        confidence,
+        100.0,
+        share,
+        where,
+        3.5,
+        0.5,
+        gain,
+        0.013,
+    )
 
 
 def friction(joints, level=3.25, joint=0, confidence=0.97, gain=0.857):
     effect = OnJoint(CoulombFriction(jnp.array([level])), joint, joints)
     unit = "N" if joint == 0 else "Nm"
-    return finding("coulomb_friction", joint, effect, {"level": Estimate(level, unit, 0.125)}, confidence, gain=gain, where=joint)
+    return finding(
+        "coulomb_friction",
+        joint,
+        effect,
+        {"level": Estimate(level, unit, 0.125)},
+        confidence,
+        gain=gain,
+        where=joint,
+    )
 
 
 def viscous(joints, joint, level=1.5, confidence=0.97, gain=0.3):
     effect = OnJoint(ViscousFriction(jnp.array([level])), joint, joints)
     parameters = {"coefficient": Estimate(level, "Nm s/rad", 0.02)}
-    return finding("viscous_friction", joint, effect, parameters, confidence, gain=gain, where=joint)
+    return finding(
+        "viscous_friction", joint, effect, parameters, confidence, gain=gain, where=joint
+    )
 
 
 def inertia(joints, joint, confidence=0.97):
@@ -71,12 +110,26 @@ def inertia(joints, joint, confidence=0.97):
 
 def load(confidence=0.97):
     effect = Payload(mass=jnp.array(1.5), com=jnp.array([0.0, 0.1, 0.2]))
-    parameters = {"mass": Estimate(1.5, "kg", 0.1), "com": Estimate([0.0, 0.1, 0.2], "m", [0.01, 0.02, 0.03])}
+    parameters = {
+        "mass": Estimate(1.5, "kg", 0.1),
+        "com": Estimate([0.0, 0.1, 0.2], "m", [0.01, 0.02, 0.03]),
+    }
     return finding("payload", None, effect, parameters, confidence, where=1)
 
 
-def made_up(folder, names=("slide", "hinge"), verdict="named", findings=None, rows=600, silent=(), still=(), **others):
-    """A diagnosis by hand of two runs, the second kept aside. Joints in ``silent`` have no command, those in ``still`` rest."""
+def made_up(
+    folder,
+    names=("slide", "hinge"),
+    verdict="named",
+    findings=None,
+    rows=600,
+    silent=(),
+    still=(),
+    **others,
+):
+    """A diagnosis by hand of two runs, the second kept aside. Joints in ``silent`` have no command,
+    those in ``still`` rest.
+    """
     model, joints = chain(folder, names), len(names)
     time = np.tile(np.arange(rows // 2) * 0.02, 2)
     rng = np.random.default_rng(1)
@@ -88,31 +141,55 @@ def made_up(folder, names=("slide", "hinge"), verdict="named", findings=None, ro
     aside = np.arange(rows) >= rows // 2
     findings = (friction(joints),) if findings is None else findings
     judged = moves & driven
-    rms = lambda x: np.sqrt(np.mean(x[aside] ** 2, axis=0))  # noqa: E731
-    share = lambda r: np.where(judged, rms(r) / 10.0, np.nan).tolist()  # noqa: E731
-    side = lambda r, far: Side(rms(r).tolist(), share(r), {h: [far * float(h)] * joints for h in ("0.1", "0.5")})  # noqa: E731
+    rms = lambda x: np.sqrt(np.mean(x[aside] ** 2, axis=0))
+    share = lambda r: np.where(judged, rms(r) / 10.0, np.nan).tolist()
+    side = lambda r, far: Side(
+        rms(r).tolist(), share(r), {h: [far * float(h)] * joints for h in ("0.1", "0.5")}
+    )
     gap = Gap(
-        list(model.units), side(before, 0.3), side(after if findings else before, 0.01 if findings else 0.3), [0.05] * joints
+        list(model.units),
+        side(before, 0.3),
+        side(after if findings else before, 0.01 if findings else 0.3),
+        [0.05] * joints,
     )
     content = {
         "verdict": verdict,
         "summary": "The simulation lacks something.",
         "findings": findings,
         "ambiguous": (),
-        "where": (Place(0, "reversal", 0.7, 0.1, f"{names[0]}: 70% of the residual's energy lies at reversals"),),
+        "where": (
+            Place(
+                0,
+                "reversal",
+                0.7,
+                0.1,
+                f"{names[0]}: 70% of the residual's energy lies at reversals",
+            ),
+        ),
         "remaining": tuple(
-            Place(j, "everywhere", 1.0, 1.0, f"{name}: the rest is spread evenly") for j, name in enumerate(names)
+            Place(j, "everywhere", 1.0, 1.0, f"{name}: the rest is spread evenly")
+            for j, name in enumerate(names)
         ),
         "gap": gap,
         "envelope": Envelope([0.123] * joints, [0.0456] * joints),
         "unexplained": (),
-        "rivals": (Row("stiction", 0, 0.0, "its standard error does not exclude zero"), Row("base_tilt", None, 3.0, "no")),
+        "rivals": (
+            Row("stiction", 0, 0.0, "its standard error does not exclude zero"),
+            Row("base_tilt", None, 3.0, "no"),
+        ),
         "network": ((0.01, 0.02),) * joints,
         "model": model,
-        "traces": Traces(time, aside, q, qd, 10.0 * q * driven, before, after, (np.abs(qd) > 0.02) & moves),
+        "traces": Traces(
+            time, aside, q, qd, 10.0 * q * driven, before, after, (np.abs(qd) > 0.02) & moves
+        ),
         "band": 20.0,
         "notes": ("column <i> ignored",),
-        "options": {"held_out": 0.3, "effects": ["coulomb_friction", "spring"], "min_gain": 0.05, "reference": False},
+        "options": {
+            "held_out": 0.3,
+            "effects": ["coulomb_friction", "spring"],
+            "min_gain": 0.05,
+            "reference": False,
+        },
     }
     return Diagnosis(**content | others)
 
@@ -158,23 +235,41 @@ def test_the_folder_is_as_the_contract_says(tmp_path):
     assert save(d, str(out)) == out / "report.html"
     content = json.loads((out / "report.json").read_text(), parse_constant=pytest.fail)
     figures = [f"figures/{name}.png" for name in FIGURES]
-    assert content["files"] == {"model": "model.xml", "effects": "effects.json", "report": "report.html", "figures": figures}
+    assert content["files"] == {
+        "model": "model.xml",
+        "effects": "effects.json",
+        "report": "report.html",
+        "figures": figures,
+    }
     assert content["verdict"] == "named"
     [effect] = content["effects"]
-    assert (effect["effect"], effect["joint"], effect["gain"], effect["gain_stderr"]) == ("coulomb_friction", 0, 0.857, 0.013)
+    assert (effect["effect"], effect["joint"], effect["gain"], effect["gain_stderr"]) == (
+        "coulomb_friction",
+        0,
+        0.857,
+        0.013,
+    )
     assert (effect["joint_name"], effect["confidence"], effect["share"]) == ("slide", 0.97, 0.4)
     assert effect["parameters"] == {"level": {"value": 3.25, "unit": "N", "stderr": 0.125}}
     assert {"sentence", "held_out_before", "held_out_after", "evidence"} <= effect.keys()
     assert {"joint", "regime", "share", "sentence"} <= content["where"][0].keys()
     assert content["gap"]["unit"] == ["N", "Nm"]
-    assert content["gap"]["before"].keys() == {"torque_rms", "torque_relative", "rollout_rms"} == content["gap"]["after"].keys()
+    assert (
+        content["gap"]["before"].keys()
+        == {"torque_rms", "torque_relative", "rollout_rms"}
+        == content["gap"]["after"].keys()
+    )
     assert content["envelope"]["torque_relative"] == [0.0456, 0.0456]
-    assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == PLAIN_FILES | set(figures)
+    assert {str(p.relative_to(out)) for p in out.rglob("*") if p.is_file()} == PLAIN_FILES | set(
+        figures
+    )
     for name in figures:
         assert (out / name).read_bytes().startswith(b"\x89PNG")
         assert (out / name).stat().st_size > 5000
     patched = read_model(out / "model.xml")
-    assert [(e.effect.name, float(e.effect.level[0])) for e in patched.plant.effects] == [("coulomb_friction", 3.25)]
+    assert [(e.effect.name, float(e.effect.level[0])) for e in patched.plant.effects] == [
+        ("coulomb_friction", 3.25)
+    ]
 
 
 def test_the_page_is_self_contained_escapes_and_has_the_numbers(tmp_path):
@@ -186,8 +281,21 @@ def test_the_page_is_self_contained_escapes_and_has_the_numbers(tmp_path):
     assert NASTY in elements.text
     assert "column <i> ignored" in elements.text.lower()
     relative = d.gap.before.torque_relative[0], d.gap.after.torque_relative[0]
-    words = ("3.25\xa0±\xa00.12", "97 %", "85.7 ± 1.3 %", *map(percent, relative), "3.5 → 0.5 N", "50 % of them", "20 Hz")
-    for text in (*words, "0.123 N = 4.6 %", "The simulation lacks 1 effect.", "its standard error does not exclude zero"):
+    words = (
+        "3.25\xa0±\xa00.12",
+        "97 %",
+        "85.7 ± 1.3 %",
+        *map(percent, relative),
+        "3.5 → 0.5 N",
+        "50 % of them",
+        "20 Hz",
+    )
+    for text in (
+        *words,
+        "0.123 N = 4.6 %",
+        "The simulation lacks 1 effect.",
+        "its standard error does not exclude zero",
+    ):
         assert text in elements.text
     assert sum(tag == "img" for tag, _ in elements.tags) == len(FIGURES)
     assert str(tmp_path / "out" / "model.xml") in elements.text
@@ -201,9 +309,17 @@ def variants(folder):
     keys = (("coulomb_friction", 0), ("stiction", 0), ("payload", None))
     doubt = (Ambiguity(keys, "move at several constant speeds"),)
     yield made_up(folder, verdict="nothing_missing", findings=())
-    yield made_up(folder, verdict="ambiguous", findings=(friction(2, confidence=0.6),), ambiguous=doubt)
+    yield made_up(
+        folder, verdict="ambiguous", findings=(friction(2, confidence=0.6),), ambiguous=doubt
+    )
     nan = float("nan")
-    yield made_up(folder, verdict="unexplained", findings=(), network=((0.6, 0.05), (nan, nan)), unexplained=(0,))
+    yield made_up(
+        folder,
+        verdict="unexplained",
+        findings=(),
+        network=((0.6, 0.05), (nan, nan)),
+        unexplained=(0,),
+    )
     yield made_up(folder, verdict="unexplained", unexplained=(1,))
 
 
@@ -213,11 +329,17 @@ def test_every_verdict_has_its_page(tmp_path, number):
     d = list(variants(tmp_path))[number]
     save(d, tmp_path / "out")
     text = page_of(tmp_path / "out").text
-    assert {"nothing_missing": "Nothing missing", "ambiguous": "Ambiguous", "unexplained": "Unexplained"}[d.verdict] in text
+    assert {
+        "nothing_missing": "Nothing missing",
+        "ambiguous": "Ambiguous",
+        "unexplained": "Unexplained",
+    }[d.verdict] in text
     files = json.loads((tmp_path / "out" / "report.json").read_text())["files"]["figures"]
     assert ("figures/parameters.png" in files) == bool(d.findings)
     for told in (text, table(d)):
-        assert ("Coulomb friction (slide) or stiction (slide) or payload" in told) == bool(d.ambiguous)
+        assert ("Coulomb friction (slide) or stiction (slide) or payload" in told) == bool(
+            d.ambiguous
+        )
         assert ("move at several constant speeds" in told) == bool(d.ambiguous)
         assert "nan" not in told.lower()
     if d.verdict == "unexplained" and not d.findings:
@@ -226,8 +348,8 @@ def test_every_verdict_has_its_page(tmp_path, number):
         assert "Nothing is certain." in text
     if d.verdict == "unexplained" and d.findings:
         assert (
-            "Something is left on hinge that no effect of the catalogue explains. The simulation lacks 1 effect for certain"
-            in text
+            "Something is left on hinge that no effect of the catalogue explains. The simulation"
+            " lacks 1 effect for certain" in text
         )
         assert "Certain all the same: Coulomb friction (slide)." in text
         assert "The certain effect above holds all the same." in table(d)
@@ -239,23 +361,43 @@ def test_every_verdict_has_its_page(tmp_path, number):
 def rows_of(text):
     """Cells of the first table, as texts, joint by joint."""
     body = re.search(r"<table class=\"kinds\">.*?<tbody>(.*?)</tbody>", text, re.DOTALL).group(1)
-    rows = [re.findall(r"<td>(.*?)</td>", row, re.DOTALL) for row in re.findall(r"<tr>(.*?)</tr>", body, re.DOTALL)]
+    rows = [
+        re.findall(r"<td>(.*?)</td>", row, re.DOTALL)
+        for row in re.findall(r"<tr>(.*?)</tr>", body, re.DOTALL)
+    ]
     return {
-        re.sub("<.*?>", "", row[0]): [re.sub("<.*?>", " ", cell).replace("\xa0", " ").split() for cell in row[1:]] for row in rows
+        re.sub("<.*?>", "", row[0]): [
+            re.sub("<.*?>", " ", cell).replace("\xa0", " ").split() for cell in row[1:]
+        ]
+        for row in rows
     }
 
 
 def test_the_first_table_has_joints_and_kinds(tmp_path):
-    """Values stand in the column of their kind, with their confidence; suspicions in grey and in parentheses."""
+    """Values stand in the column of their kind, with their confidence; suspicions in grey and in
+    parentheses.
+    """
     names = ("base", "shoulder_joint", "elbow_joint")
-    found = (friction(3), viscous(3, 1), inertia(3, 1), friction(3, 0.75, 2, confidence=0.5), load())
+    found = (
+        friction(3),
+        viscous(3, 1),
+        inertia(3, 1),
+        friction(3, 0.75, 2, confidence=0.5),
+        load(),
+    )
     d = made_up(tmp_path, names=names, findings=found)
     text = page(d, {}, (), tmp_path)
     rows = rows_of(text)
     assert tuple(rows) == names
     assert rows["base"] == [[], ["3.25", "±", "0.12", "N", "97", "%"], [], [], [], []]
     one, dry, rotor, link, offset, other = rows["shoulder_joint"]
-    assert (" ".join(one), " ".join(rotor), dry, offset, other) == ("1.500 ± 0.020 97 %", "0.250 ± 0.013 97 %", [], [], [])
+    assert (" ".join(one), " ".join(rotor), dry, offset, other) == (
+        "1.500 ± 0.020 97 %",
+        "0.250 ± 0.013 97 %",
+        [],
+        [],
+        [],
+    )
     assert " ".join(link) == "mass -1.000 ± 0.050 kg 97 %"
     assert " ".join(rows["elbow_joint"][1]) == "(0.75 ± 0.12 Nm 50 % )"
     assert text.count('class="doubt"') == 2  # there, and in the list of what each is worth
@@ -274,7 +416,9 @@ def test_the_first_table_has_joints_and_kinds(tmp_path):
 def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
     """Friction that varies with position has dry friction in it: the joint is not one without."""
     values = np.linspace(0.5, 2.0, 9)
-    one = PositionDependentFriction(jnp.array([values]), jnp.zeros((1, 9)), jnp.array([-1.0]), jnp.array([1.0]))
+    one = PositionDependentFriction(
+        jnp.array([values]), jnp.zeros((1, 9)), jnp.array([-1.0]), jnp.array([1.0])
+    )
     parameters = {"level": Estimate(values.tolist(), "Nm", (0.1 * values).tolist())}
     uneven = finding("position_dependent_friction", 1, OnJoint(one, 1, 2), parameters, where=1)
     d = made_up(tmp_path, findings=(uneven,))
@@ -287,26 +431,33 @@ def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
 @pytest.mark.slow
 def test_thirty_findings_on_seven_joints(tmp_path):
     names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
-    many = [make(7, j) for make in (viscous, inertia) for j in range(1, 7)] + [friction(7, 1.0 + j, j, 0.5) for j in range(7)]
+    many = [make(7, j) for make in (viscous, inertia) for j in range(1, 7)] + [
+        friction(7, 1.0 + j, j, 0.5) for j in range(7)
+    ]
     uneven = [friction(7, 9.0 + j, j, 0.2, gain=0.02 * j) for j in range(7)]
     found = (*many, *uneven, load(), friction(7), viscous(7, 3), viscous(7, 4))
     assert len(found) == 30
     d = made_up(tmp_path, names=names, findings=found)
     text = table(d)
     assert max(len(line) for line in text.splitlines()) <= COLUMNS
-    assert text.startswith("Found. The simulation lacks 16 effects. 14 more are possible, but not certain.")
+    assert text.startswith(
+        "Found. The simulation lacks 16 effects. 14 more are possible, but not certain."
+    )
     squeezed = re.sub(r"\s", "", text)
     words = Elements(page(d, draw(d), (), tmp_path)).text
     for name in names:
         assert name in words
         assert name[-20:] in squeezed or name[:20] in squeezed
-    assert report.plot_residual(d).get_suptitle() == "What the model does not explain"  # all seven are shown
+    # all seven are shown
+    assert report.plot_residual(d).get_suptitle() == "What the model does not explain"
     assert len([axes for axes in report.plot_where(d).axes if axes.get_ylabel()]) == 7
     bars = [t.get_text() for t in report.plot_improvement(d).axes[0].get_yticklabels()]
     assert len(bars) == 30
     assert bars[0].startswith(("Coulomb friction", "payload"))
     patches = report.plot_improvement(d).axes[0].patches
-    assert sum(p.get_facecolor()[:3] != (1.0, 1.0, 1.0) for p in patches) == sum(f.sure for f in d.findings)
+    assert sum(p.get_facecolor()[:3] != (1.0, 1.0, 1.0) for p in patches) == sum(
+        f.sure for f in d.findings
+    )
     gains = [p.get_width() for p in patches]
     assert gains == sorted(gains, reverse=True)
 
@@ -335,18 +486,26 @@ def test_with_a_reference_findings_are_changes(tmp_path):
     for diagnosis, summary in zip((d, same), summaries, strict=True):
         for text in (table(diagnosis), Elements(page(diagnosis, {}, (), tmp_path)).text, summary):
             assert "since the reference log" in text
-            assert not re.search(r"simulation lacks|is missing|Missing", text.replace("what is missing there", ""))
+            assert not re.search(
+                r"simulation lacks|is missing|Missing", text.replace("what is missing there", "")
+            )
     assert "1 effect has changed since the reference log." in summaries[0]
     save(d, tmp_path / "out")
     assert (
-        sorted(e.to_dict()["effect"] for e in read_model(tmp_path / "out" / "model.xml").plant.effects)[0] == "coulomb_friction"
+        sorted(
+            e.to_dict()["effect"] for e in read_model(tmp_path / "out" / "model.xml").plant.effects
+        )[0]
+        == "coulomb_friction"
     )
 
 
 def test_logs_that_have_little_in_them_still_draw(tmp_path):
     d = made_up(tmp_path, rows=40)
     nothing = d.traces._replace(
-        before=0.0 * d.traces.before, after=0.0 * d.traces.after, command=0.0 * d.traces.command, counted=d.traces.counted & False
+        before=0.0 * d.traces.before,
+        after=0.0 * d.traces.after,
+        command=0.0 * d.traces.command,
+        counted=d.traces.counted & False,
     )
     side = Side([0.0, 0.0], [float("nan"), 1e299], {"0.1": [float("nan")] * 2})
     empty = replace(d, traces=nothing, gap=Gap(["N", "Nm"], side, side, [0.0, 0.0]), rivals=())
@@ -368,7 +527,11 @@ def test_figures_are_functions(tmp_path):
 def unpainted(monkeypatch):
     """Files of the right names instead of figures: for tests of where things go."""
     needed = ("parameters", "improvement")
-    monkeypatch.setattr(folder, "draw", lambda d: {name: b"PNG" for name in FIGURES if d.findings or name not in needed})
+    monkeypatch.setattr(
+        folder,
+        "draw",
+        lambda d: {name: b"PNG" for name in FIGURES if d.findings or name not in needed},
+    )
 
 
 @pytest.mark.usefixtures("unpainted")
@@ -436,7 +599,9 @@ def test_a_diagnosis_is_saved_without_its_model_file(tmp_path, after):
     else:
         d.model.path.write_text(d.model.path.read_text().replace('mass="2"', 'mass="7"'))
     save(d, tmp_path / "two")
-    assert (tmp_path / "two" / "model.xml").read_text() == (tmp_path / "one" / "model.xml").read_text()
+    assert (tmp_path / "two" / "model.xml").read_text() == (
+        tmp_path / "one" / "model.xml"
+    ).read_text()
 
 
 @pytest.mark.slow
@@ -471,7 +636,9 @@ def test_curves_break_at_gaps_and_bins_do_not_reach_across_zero():
     time, values = broken(np.arange(6.0), np.arange(6.0), np.array([0, 3]))
     assert len(time) == 7
     assert np.isnan(values[3])
-    time, values = broken(np.arange(1e5), np.where(np.arange(1e5) == 77777, 9.0, 0.0), np.array([0]))
+    time, values = broken(
+        np.arange(1e5), np.where(np.arange(1e5) == 77777, 9.0, 0.0), np.array([0])
+    )
     assert len(time) < 7000
     assert np.max(values) == 9.0
     x = np.linspace(-1.0, 2.0, 4001)
@@ -490,7 +657,11 @@ def test_a_measured_log_from_end_to_end(tmp_path):
     tau = 2.0 * qdd + 3.0 * qd + 1.5 * np.tanh(qd / 1e-3)
     noise = 1e-6 * np.random.default_rng(0).standard_normal(steps)
     with jax.numpy_rank_promotion("allow"):  # MuJoCo's own code is not as strict as this suite
-        d = diagnose(from_arrays(time, wanted + noise, tau), model, effects=["viscous_friction", "coulomb_friction", "spring"])
+        d = diagnose(
+            from_arrays(time, wanted + noise, tau),
+            model,
+            effects=["viscous_friction", "coulomb_friction", "spring"],
+        )
     assert d.verdict == "named"
     assert {f.name for f in d.findings} == {"viscous_friction", "coulomb_friction"}
     save(d, tmp_path / "out")

@@ -1,4 +1,6 @@
-"""Whole robots of the benchmark: the truth is true, roots are independent, and the score is fair to what a log cannot tell."""
+"""Whole robots of the benchmark: the truth is true, roots are independent, and the score is fair to
+what a log cannot tell.
+"""
 
 import copy
 import csv
@@ -21,7 +23,13 @@ from jaxidl.gap.benchmark.whole import EXOTIC
 from jaxidl.gap.benchmark.worth import Motion, altered, columns, inertial, rms
 
 SMALL = 3  # number of a robot of three joints that runs for half a minute
-COMMON = ("viscous_friction", "coulomb_friction", "inertia_error", "com_error", "inertia_tensor_error")
+COMMON = (
+    "viscous_friction",
+    "coulomb_friction",
+    "inertia_error",
+    "com_error",
+    "inertia_tensor_error",
+)
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +44,19 @@ def entry(hidden):
     given = {}
     for name, value in expected(hidden).items():
         table = value(np.linspace(-1, 1, 30)) if callable(value) else np.asarray(value)
-        given[name] = {"value": table.tolist(), "stderr": np.full(table.shape, 0.01 * np.linalg.norm(table) + 1e-9).tolist()}
+        given[name] = {
+            "value": table.tolist(),
+            "stderr": np.full(table.shape, 0.01 * np.linalg.norm(table) + 1e-9).tolist(),
+        }
     given |= {"lower": {"value": -1.0}, "upper": {"value": 1.0}}
     options = {key: hidden["parameters"][key] for key in ("other",) if key in hidden["parameters"]}
-    return {"effect": hidden["effect"], "joint": hidden["joint"], "parameters": given, "options": options, "confidence": 0.95}
+    return {
+        "effect": hidden["effect"],
+        "joint": hidden["joint"],
+        "parameters": given,
+        "options": options,
+        "confidence": 0.95,
+    }
 
 
 def report(*effects):
@@ -83,9 +100,15 @@ def test_everything_common_is_hidden_on_every_joint(measured):
 
 
 def test_hidden_torques_are_the_gap(measured):
-    """What the believed model lacks is the sum of what the effects were noted to do, and of what is wrong about the links."""
+    """What the believed model lacks is the sum of what the effects were noted to do, and of what is
+    wrong about the links.
+    """
     _, drawn, run, _ = measured
-    bodies = [make(*part) for part in drawn.hidden if part.effect in ("inertia_error", "com_error", "inertia_tensor_error")]
+    bodies = [
+        make(*part)
+        for part in drawn.hidden
+        if part.effect in ("inertia_error", "com_error", "inertia_tensor_error")
+    ]
     step = run.time[1]
     qdd = np.gradient(run.speed, step, axis=0)
     need = inverse_dynamics(altered(drawn.arm.xml, bodies), run.clean, run.speed, qdd)
@@ -100,20 +123,34 @@ def test_hidden_torques_are_the_gap(measured):
 def test_cases_do_not_depend_on_each_other(measured):
     robot = measured[0]
     assert robots(2026, 3) == robots(2026, 9)[:3]
-    assert robot.draw().hidden == Robot(2026, SMALL).draw().hidden != Robot(2027, SMALL).draw().hidden
+    assert (
+        robot.draw().hidden == Robot(2026, SMALL).draw().hidden != Robot(2027, SMALL).draw().hidden
+    )
     assert len({one.id for one in robots(1, 50) + robots(2, 50)}) == 100
     assert set(EXOTIC) < set(INJECTED)
-    assert [case.id for case in chosen(("robot",), (), 20, 7)] == [one.id for one in robots(7, 60)[::20]]
+    assert [case.id for case in chosen(("robot",), (), 20, 7)] == [
+        one.id for one in robots(7, 60)[::20]
+    ]
 
 
 def test_regressor_of_links_is_their_torque():
     arm = random_arm(np.random.default_rng(5))
     motion = excitation(np.random.default_rng(6), len(arm.masses), 10.0, 10.0)
-    names, table = columns(arm.xml, Motion(np.arange(len(motion[0])) / 10, *motion, np.zeros_like(motion[0])))
+    names, table = columns(
+        arm.xml, Motion(np.arange(len(motion[0])) / 10, *motion, np.zeros_like(motion[0]))
+    )
     hidden = [
         make("inertia_error", 1, {"extra": 0.1, "mass": 0.5}),
         make("com_error", 2, {"moment": [0.02, -0.01, 0.03]}),
-        make("payload", None, {"mass": 1.0, "com": [0.0, 0.02, 0.1], "inertia": [0.002, 0.003, 0.004, 0.0005, 0.0, 0.0]}),
+        make(
+            "payload",
+            None,
+            {
+                "mass": 1.0,
+                "com": [0.0, 0.02, 0.1],
+                "inertia": [0.002, 0.003, 0.004, 0.0005, 0.0, 0.0],
+            },
+        ),
     ]
     true, believed = altered(arm.xml, hidden), altered(arm.xml, [])
     difference = inertial(true) - inertial(believed)
@@ -121,7 +158,11 @@ def test_regressor_of_links_is_their_torque():
     assert len(names) == table.shape[2] == difference.size
     assert table @ difference.ravel() == pytest.approx(wanted, abs=1e-8)
     ten = load(
-        {"mass": np.array([1.0]), "com": np.array([0.0, 0.02, 0.1]), "inertia": np.array([0.002, 0.003, 0.004, 0.0005, 0, 0])}
+        {
+            "mass": np.array([1.0]),
+            "com": np.array([0.0, 0.02, 0.1]),
+            "inertia": np.array([0.002, 0.003, 0.004, 0.0005, 0, 0]),
+        }
     )
     assert difference[-1, :10] == pytest.approx(ten, abs=1e-9)
 
@@ -140,8 +181,18 @@ def test_wrong_names_cost(measured):
     record = measured[3]
     good = [entry(h) for h in record["hidden"]]
     spring = {"effect": "spring", "joint": 0, "parameters": {}, "confidence": 0.9}
-    scale = {"effect": "torque_scale", "joint": 0, "parameters": {"scale": {"value": 2.5}}, "confidence": 0.9}
-    absurd = {"effect": "payload", "joint": None, "parameters": {"mass": {"value": 50.0}}, "confidence": 0.9}
+    scale = {
+        "effect": "torque_scale",
+        "joint": 0,
+        "parameters": {"scale": {"value": 2.5}},
+        "confidence": 0.9,
+    }
+    absurd = {
+        "effect": "payload",
+        "joint": None,
+        "parameters": {"mass": {"value": 50.0}},
+        "confidence": 0.9,
+    }
     rest = [e for e in good if (e["effect"], e["joint"]) != ("torque_scale", 0)]
     result = score({"r": record}, {"r": report(*rest, spring, scale, absurd)})
     assert result["robots"]["precision"]["share"] == pytest.approx(len(rest) / (len(rest) + 3))
@@ -151,23 +202,33 @@ def test_wrong_names_cost(measured):
     assert suspicion["calibration"]["robot"]["0.0-0.5"] == pytest.approx(
         {"share": 0.0, "n": 1, "low": 0.0, "high": 0.7935}, abs=1e-3
     )
-    few = score({"r": record}, {"r": report(*[e for e in good if e["effect"] != "coulomb_friction"])})["robots"]
+    few = score(
+        {"r": record}, {"r": report(*[e for e in good if e["effect"] != "coulomb_friction"])}
+    )["robots"]
     assert few["recall_by_effect"]["coulomb_friction"]["share"] == 0.0
     assert few["recall"]["share"] < 1.0
     assert score({"r": record}, {"r": None})["robots"]["recall"]["share"] == 0.0
 
 
 def test_scale_of_the_log_is_no_error(measured):
-    """A coulomb friction seen through a motor constant 10 % too small is 10 % larger; unless the constant is named."""
+    """A coulomb friction seen through a motor constant 10 % too small is 10 % larger; unless the
+    constant is named.
+    """
     record = copy.deepcopy(measured[3])
     scale = next(h for h in record["hidden"] if (h["effect"], h["joint"]) == ("torque_scale", 1))
     scale["parameters"]["scale"] = 0.9
     dry = next(h for h in record["hidden"] if (h["effect"], h["joint"]) == ("coulomb_friction", 1))
     alone, seen = entry(dry), entry(dry)
     seen["parameters"]["level"]["value"] /= 0.9
-    assert robot_judge.parameter_errors(record, report(seen), seen)["level"][0] == pytest.approx(0, abs=1e-9)
-    assert robot_judge.parameter_errors(record, report(alone), alone)["level"][0] == pytest.approx(0.1)
-    assert robot_judge.parameter_errors(record, report(alone, entry(scale)), alone)["level"][0] == pytest.approx(0, abs=1e-9)
+    assert robot_judge.parameter_errors(record, report(seen), seen)["level"][0] == pytest.approx(
+        0, abs=1e-9
+    )
+    assert robot_judge.parameter_errors(record, report(alone), alone)["level"][0] == pytest.approx(
+        0.1
+    )
+    assert robot_judge.parameter_errors(record, report(alone, entry(scale)), alone)["level"][
+        0
+    ] == pytest.approx(0, abs=1e-9)
 
 
 def test_what_a_formula_contains_is_found(measured):
@@ -186,15 +247,23 @@ def test_what_a_formula_contains_is_found(measured):
     said["parameters"]["level"]["value"] = 0.3 + level
     given = report(said)
     assert robot_judge.found(record, given, dry)
-    assert robot_judge.parameter_errors(record, given, said)["level"][0] == pytest.approx(0, abs=1e-9)
+    assert robot_judge.parameter_errors(record, given, said)["level"][0] == pytest.approx(
+        0, abs=1e-9
+    )
     assert robot_judge.parameter_errors(record, report(said, entry(dry)), said)["level"][0] > 0.1
 
 
 def test_rank_decides_which_link_errors_are_one():
-    """About its own vertical axis a first link's inertia is its rotor's, on joint 1 it is not; a load is a wrong last link."""
+    """About its own vertical axis a first link's inertia is its rotor's, on joint 1 it is not; a
+    load is a wrong last link.
+    """
     xml = random_arm(np.random.default_rng(7)).xml
     joints = altered(xml, []).nv
-    motion = Motion(np.arange(200) / 10, *excitation(np.random.default_rng(8), joints, 20.0, 10.0), np.ones((200, joints)))
+    motion = Motion(
+        np.arange(200) / 10,
+        *excitation(np.random.default_rng(8), joints, 20.0, 10.0),
+        np.ones((200, joints)),
+    )
     names, table = columns(xml, motion)
     axis = np.array(altered(xml, []).jnt_axis[0])
     axial = ("xx", "yy", "zz")[int(np.argmax(np.abs(axis)))]
@@ -214,7 +283,9 @@ def test_rank_decides_which_link_errors_are_one():
     assert links.left(error, [("inertia_error", 0)]) < 1e-6 * whole
     assert links.left(error, [("inertia_error", 1)]) > 0.1 * whole
     assert links.left(error, [("payload", None)]) > 0.1 * whole
-    assert links.fitted([("inertia_error", 0)])["inertia_error", 0]["extra"] == pytest.approx([1.0], rel=1e-6)
+    assert links.fitted([("inertia_error", 0)])["inertia_error", 0]["extra"] == pytest.approx(
+        [1.0], rel=1e-6
+    )
     both = links.fitted([("inertia_error", 0), ("inertia_tensor_error", 0)])
     assert np.isnan(both["inertia_error", 0]["extra"]).all()
     shift = np.zeros(len(names))
@@ -252,7 +323,14 @@ def test_training_table_has_every_number_and_whether_it_is_right(measured, tmp_p
     with pytest.raises(ConfigurationError, match=r"no truth\.json"):
         training_table(tmp_path)
     dry = next(h for h in record["hidden"] if h["effect"] == "coulomb_friction")
-    wrong = {"effect": "spring", "joint": 0, "parameters": {}, "confidence": 0.4, "gain": 0.1, "features": {"seen": True}}
+    wrong = {
+        "effect": "spring",
+        "joint": 0,
+        "parameters": {},
+        "confidence": 0.4,
+        "gain": 0.1,
+        "features": {"seen": True},
+    }
     store(tmp_path / "truth.json", {robot.id: record, "robot-unfinished": record})
     store(tmp_path / "reports" / f"{robot.id}.json", report(entry(dry), wrong))
     rows = list(csv.DictReader(training_table(tmp_path).read_text().splitlines()))

@@ -19,16 +19,32 @@ def hidden(effect="coulomb_friction", joint=0, **parameters):
 def case(*effects, mechanism="slider", severity="clear"):
     names = [effect["effect"] for effect in effects]
     family = "outside" if names == ["outside"] else ("none", "single", "pair")[len(names)]
-    return {"mechanism": mechanism, "family": family, "severity": severity if effects else None, "hidden": list(effects)}
+    return {
+        "mechanism": mechanism,
+        "family": family,
+        "severity": severity if effects else None,
+        "hidden": list(effects),
+    }
 
 
 def report(*names, verdict=None, ambiguous=(), parameters=None, gap=None):
     """Names and candidates as (effect, joint)."""
     return {
         "verdict": verdict or ("named" if names else "nothing_missing"),
-        "effects": [{"effect": effect, "joint": joint, "parameters": parameters or {}} for effect, joint in names],
-        "ambiguous": [{"candidates": [{"effect": e, "joint": j} for e, j in group], "experiment": ""} for group in ambiguous],
-        "gap": gap or {"before": {"torque_rms": [5.0, 3.0]}, "after": {"torque_rms": [2.0, 3.0]}, "noise_floor": [1.0, 1.0]},
+        "effects": [
+            {"effect": effect, "joint": joint, "parameters": parameters or {}}
+            for effect, joint in names
+        ],
+        "ambiguous": [
+            {"candidates": [{"effect": e, "joint": j} for e, j in group], "experiment": ""}
+            for group in ambiguous
+        ],
+        "gap": gap
+        or {
+            "before": {"torque_rms": [5.0, 3.0]},
+            "after": {"torque_rms": [2.0, 3.0]},
+            "noise_floor": [1.0, 1.0],
+        },
     }
 
 
@@ -36,8 +52,12 @@ C, V = ("coulomb_friction", 0), ("viscous_friction", 0)
 
 
 def test_wilson_interval_is_the_textbook_one():
-    assert share([1.0] * 8 + [0.0] * 2) == pytest.approx({"share": 0.8, "n": 10, "low": 0.4902, "high": 0.9433}, abs=1e-4)
-    assert share([0.0] * 10) == pytest.approx({"share": 0, "n": 10, "low": 0, "high": 0.2775}, abs=1e-4)
+    assert share([1.0] * 8 + [0.0] * 2) == pytest.approx(
+        {"share": 0.8, "n": 10, "low": 0.4902, "high": 0.9433}, abs=1e-4
+    )
+    assert share([0.0] * 10) == pytest.approx(
+        {"share": 0, "n": 10, "low": 0, "high": 0.2775}, abs=1e-4
+    )
     assert share([0.5, 0.5])["share"] == 0.5
     assert math.isnan(share([])["share"])
 
@@ -70,16 +90,35 @@ def test_credit_of_a_single_effect(given, credit):
 
 def test_payload_is_nowhere_in_particular():
     load = hidden("payload", None, mass=0.2, com=[0, 0, -0.3])
-    assert judge.single_credit(load, report(("payload", None))) == judge.single_credit(load, report(("payload", 1))) == 1.0
+    assert (
+        judge.single_credit(load, report(("payload", None)))
+        == judge.single_credit(load, report(("payload", 1)))
+        == 1.0
+    )
 
 
 def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
     """Friction under load by direction is friction under load and a motor constant: exactly."""
     gear = hidden("directional_load_friction", 0, driving=0.3, driven=0.1)
-    load, motor, itself, mass = ((n, 0) for n in ("load_dependent_friction", "torque_scale", gear["effect"], "inertia_error"))
-    assert judge.single_credit(gear, report(load, motor)) == judge.single_credit(gear, report(itself, load)) == 1.0
-    assert judge.single_credit(gear, report(load, mass, verdict="ambiguous", ambiguous=[[mass, itself]])) == 0.5
-    assert judge.single_credit(gear, report(load)) == judge.single_credit(gear, report(load, mass)) == 0.0
+    load, motor, itself, mass = (
+        (n, 0) for n in ("load_dependent_friction", "torque_scale", gear["effect"], "inertia_error")
+    )
+    assert (
+        judge.single_credit(gear, report(load, motor))
+        == judge.single_credit(gear, report(itself, load))
+        == 1.0
+    )
+    assert (
+        judge.single_credit(
+            gear, report(load, mass, verdict="ambiguous", ambiguous=[[mass, itself]])
+        )
+        == 0.5
+    )
+    assert (
+        judge.single_credit(gear, report(load))
+        == judge.single_credit(gear, report(load, mass))
+        == 0.0
+    )
     assert judge.single_credit(hidden(), report()) == 0.0
     assert judge.pair_credits([gear, hidden()], report(load, motor)) == [1.0, 0.0]
     assert judge.tied(case(gear))
@@ -91,7 +130,9 @@ def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
 def test_credits_of_a_pair():
     two = [hidden(), hidden("spring", 1, stiffness=3.0, rest=0.1)]
     assert judge.pair_credits(two, report(("spring", 1), C)) == [1.0, 1.0]
-    assert judge.pair_credits(two, report(C, ambiguous=[[("spring", 1), ("torque_ripple", 1)]])) == [1.0, 0.5]
+    assert judge.pair_credits(
+        two, report(C, ambiguous=[[("spring", 1), ("torque_ripple", 1)]])
+    ) == [1.0, 0.5]
     assert judge.pair_credits(two, report(C, ("spring", 0))) == [1.0, 0.0]
     assert judge.pair_credits(two, None) == [0.0, 0.0]
 
@@ -124,8 +165,16 @@ def test_column_of_the_confusion_matrix(given, name):
 
 
 def test_confusion_counts():
-    pairs = [(case(hidden()), report(C)), (case(hidden()), report(V)), (case(hidden()), report(C)), (case(), report())]
-    assert confusion(pairs) == {"coulomb_friction": {"coulomb_friction": 2, "viscous_friction": 1}, "none": {"none": 1}}
+    pairs = [
+        (case(hidden()), report(C)),
+        (case(hidden()), report(V)),
+        (case(hidden()), report(C)),
+        (case(), report()),
+    ]
+    assert confusion(pairs) == {
+        "coulomb_friction": {"coulomb_friction": 2, "viscous_friction": 1},
+        "none": {"none": 1},
+    }
 
 
 def test_a_suspicion_is_no_name():
@@ -147,7 +196,11 @@ def test_a_suspicion_is_no_name():
         (report(C, ("spring", 1), verdict="unexplained"), [1], True),
         (report(("payload", None), verdict="unexplained"), [1], False),
         (report(C, verdict="ambiguous"), None, False),
-        (report(C, verdict="ambiguous", ambiguous=[[("spring", 1), ("torque_ripple", 1)]]), None, True),
+        (
+            report(C, verdict="ambiguous", ambiguous=[[("spring", 1), ("torque_ripple", 1)]]),
+            None,
+            True,
+        ),
         (report(C, verdict="ambiguous", ambiguous=[[C, V]]), None, False),
         (report(), None, False),
         (None, None, False),
@@ -166,7 +219,12 @@ def test_calibration_counts_by_confidence_and_family():
             effect["confidence"] = confidence
         return made
 
-    pairs = [(case(hidden()), sure(0.95, C, V)), (case(hidden()), sure(0.8, C)), (case(), sure(0.2, V)), (case(), report(V))]
+    pairs = [
+        (case(hidden()), sure(0.95, C, V)),
+        (case(hidden()), sure(0.8, C)),
+        (case(), sure(0.2, V)),
+        (case(), report(V)),
+    ]
     curve = calibration(pairs, share)
     assert {name: (bin["share"], bin["n"]) for name, bin in curve.items() if bin["n"]} == {
         "0.0-0.5": (0.0, 1),
@@ -180,9 +238,14 @@ def test_parameter_errors():
         return judge.parameter_errors(truth, {"parameters": reported}, "pendulum")
 
     level = {"value": 2.2, "unit": "N", "stderr": 0.05}
-    assert errors(hidden(), level=level, other=level)["level"] == (pytest.approx(0.1), pytest.approx([4.0]))
+    assert errors(hidden(), level=level, other=level)["level"] == (
+        pytest.approx(0.1),
+        pytest.approx([4.0]),
+    )
     assert errors(hidden(joint=1), level={"value": [9.0, 2.2]})["level"] == (pytest.approx(0.1), [])
-    assert errors(hidden("torque_scale", scale=0.8), scale={"value": 0.82})["scale"][0] == pytest.approx(0.1)
+    assert errors(hidden("torque_scale", scale=0.8), scale={"value": 0.82})["scale"][
+        0
+    ] == pytest.approx(0.1)
     load = hidden("payload", None, com=[0.0, 0.0, -0.5])
     found = errors(load, com={"value": [0.03, 0.0, -0.54], "stderr": [0.01, 0.01, 0.02]})["com"]
     assert found == (pytest.approx(0.1), pytest.approx([3.0, 0.0, 2.0]))
@@ -195,16 +258,26 @@ def test_parameter_errors():
 def test_parameters_that_go_by_another_name():
     def errors(truth, **values):
         return judge.parameter_errors(
-            truth, {"parameters": {k: {"value": v, "stderr": 0.1} for k, v in values.items()}}, "pendulum"
+            truth,
+            {"parameters": {k: {"value": v, "stderr": 0.1} for k, v in values.items()}},
+            "pendulum",
         )
 
     stribeck = hidden("stribeck_friction", sliding=2.0, excess=1.0, speed=0.1)
     assert errors(stribeck, level=2.2, excess=1.0, speed=0.1)["level"][0] == pytest.approx(0.1)
     ripple = hidden("torque_ripple", amplitude=2.0, period=0.3, phase=math.pi / 2)
     found = errors(ripple, sine=0.2, cosine=2.0, period=0.3)
-    assert found["sine"][0] == pytest.approx(0.1)  # of the wave's amplitude, though the true sine is zero
+    # of the wave's amplitude, though the true sine is zero
+    assert found["sine"][0] == pytest.approx(0.1)
     assert found["cosine"][0] == pytest.approx(0, abs=1e-12)
-    wave = hidden("position_dependent_friction", level=1.0, variation=0.5, period=1.0, phase=0.0, kind="coulomb")
+    wave = hidden(
+        "position_dependent_friction",
+        level=1.0,
+        variation=0.5,
+        period=1.0,
+        phase=0.0,
+        kind="coulomb",
+    )
     positions = [-0.5 + k / 10 for k in range(11)]
     table = [1 + 0.5 * math.sin(2 * math.pi * q) for q in positions]
     right = errors(wave, level=table, lower=-0.5, upper=0.5)["level"]
@@ -218,7 +291,9 @@ def test_parameters_that_go_by_another_name():
 def test_share_of_the_gap_removed():
     assert judge.removed(case(hidden()), report(C)) == pytest.approx(0.75)
     whole = case(hidden("payload", None, mass=1.0))
-    assert judge.removed(whole, report(("payload", None))) == pytest.approx((34**0.5 - 13**0.5) / (34**0.5 - 2**0.5))
+    assert judge.removed(whole, report(("payload", None))) == pytest.approx(
+        (34**0.5 - 13**0.5) / (34**0.5 - 2**0.5)
+    )
     assert judge.removed(case(hidden()), report()) is None
     flat = {"before": {"torque_rms": [1.0]}, "after": {"torque_rms": [1.0]}, "noise_floor": [1.0]}
     assert judge.removed(case(hidden()), report(C, gap=flat)) is None
@@ -266,7 +341,9 @@ def test_whole_score():
     assert result["outside"]["misnamed"]["share"] == 0.5
     assert result["pairs"]["both"]["share"] == pytest.approx((1 + 0.75) / 2)
     assert result["pairs"]["exact"]["share"] == 0.5
-    assert result["parameters"]["by_effect"]["coulomb_friction"]["level"]["median"] == pytest.approx(0.1)
+    assert result["parameters"]["by_effect"]["coulomb_friction"]["level"][
+        "median"
+    ] == pytest.approx(0.1)
     assert result["parameters"]["within_two_stderr"]["share"] == 1.0
     assert result["calibration"]["single"]["0.9-1.0"]["share"] == 0.5
     assert result["gap_removed"]["single"]["n"] == 2
@@ -282,4 +359,6 @@ def test_a_mechanism_that_its_controller_lost_is_no_case(tmp_path, monkeypatch):
     monkeypatch.setattr(run, "make_case", lost)
     case = all_cases()[0]
     run.judge_case(case, tmp_path)
-    assert json.loads((tmp_path / "reports" / f"{case.id}.json").read_text()) == {"lost": "joint 1 reads 2 where 0 is wanted"}
+    assert json.loads((tmp_path / "reports" / f"{case.id}.json").read_text()) == {
+        "lost": "joint 1 reads 2 where 0 is wanted"
+    }

@@ -1,4 +1,6 @@
-"""Sets of effects on made-up rows: their score against refits by brute force, the search, what may be named, how sure it is."""
+"""Sets of effects on made-up rows: their score against refits by brute force, the search, what may
+be named, how sure it is.
+"""
 
 from dataclasses import replace
 from types import SimpleNamespace
@@ -21,15 +23,27 @@ N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
 SHAPES = {  # by number of amplitudes; what they are called does not matter here
     1: Shape(ConstantOffset, 0, JOINTS, ("offset",), {"offset": 0.0}, {}, {}),
-    2: Shape(AsymmetricFriction, 0, JOINTS, ("positive", "negative"), dict.fromkeys(AsymmetricFriction.parameters, 0.0), {}, {}),
+    2: Shape(
+        AsymmetricFriction,
+        0,
+        JOINTS,
+        ("positive", "negative"),
+        dict.fromkeys(AsymmetricFriction.parameters, 0.0),
+        {},
+        {},
+    ),
 }
 
 
 def rows_with(gap, seed=0):
-    """Rows of which every second one of joint 1's rests do not count; the last quarter is kept aside, in three blocks."""
+    """Rows of which every second one of joint 1's rests do not count; the last quarter is kept
+    aside, in three blocks.
+    """
     rng = np.random.default_rng(seed)
     train = 3 * N // 4
-    block = np.concatenate([np.arange(train) * BLOCKS // train, -1 - np.arange(N - train) * 3 // (N - train)])
+    block = np.concatenate(
+        [np.arange(train) * BLOCKS // train, -1 - np.arange(N - train) * 3 // (N - train)]
+    )
     used = np.ones((N, JOINTS), bool)
     used[100:140:2, 1] = False
     command = rng.normal(0.0, 2.0, (N, JOINTS))
@@ -43,7 +57,14 @@ def item(name, columns, joints=(0,), low=-FAR, high=FAR, **more):
     options = {"precision": np.zeros(p), "odds": 0.0} | more
     bounds = np.broadcast_to(low, p).astype(float), np.broadcast_to(high, p).astype(float)
     shape = options.pop("shape", None) or SHAPES[p]
-    return Item((name, joints[0] if len(joints) == 1 else None, ""), shape, tuple(joints), columns, *bounds, **options)
+    return Item(
+        (name, joints[0] if len(joints) == 1 else None, ""),
+        shape,
+        tuple(joints),
+        columns,
+        *bounds,
+        **options,
+    )
 
 
 def score_of(rows, items, **more):
@@ -55,9 +76,17 @@ def planted():
     """Items of one joint and of both, of which three make the gap; and their score."""
     rng = np.random.default_rng(1)
     pool = [item(f"one{k}", rng.normal(size=(1, N, 1)), (k % 2,)) for k in range(8)]
-    pool += [item("two", rng.normal(size=(2, N, 2)), (0, 1)), item("pair", rng.normal(size=(2, N, 1)), (1,))]
+    pool += [
+        item("two", rng.normal(size=(2, N, 2)), (0, 1)),
+        item("pair", rng.normal(size=(2, N, 1)), (1,)),
+    ]
     # so alike that each looks right as long as the truth is not there
-    pool.append(item("alike", 0.6 * pool[0].columns + 0.8 * pool[2].columns + 0.2 * rng.normal(size=(1, N, 1))))
+    pool.append(
+        item(
+            "alike",
+            0.6 * pool[0].columns + 0.8 * pool[2].columns + 0.2 * rng.normal(size=(1, N, 1)),
+        )
+    )
     pool = [replace(i, odds=-2.0) for i in pool]
     truth = [pool[0], pool[2], pool[8]]
     gap = 0.3 * rng.normal(size=(N, JOINTS))
@@ -68,7 +97,9 @@ def planted():
 
 
 def stacked(rows, members, fitted):
-    """Design (M, P) and gap (M,) of the rows that count, joint after joint, where ``fitted`` (N,)."""
+    """Design (M, P) and gap (M,) of the rows that count, joint after joint, where ``fitted``
+    (N,).
+    """
     width = sum(len(m.lower) for m in members)
     xs, ys = [], []
     for j in range(JOINTS):
@@ -90,26 +121,42 @@ def test_error_on_blocks_left_out_is_that_of_refits_by_brute_force(planted):
     rows, pool, _, score = planted
     found = score.solve([pool[0], pool[8], pool[9]])
     for b in range(BLOCKS):
-        x, *_ = np.linalg.lstsq(*stacked(rows, found.members, rows.training & (rows.block != b)), rcond=None)
+        x, *_ = np.linalg.lstsq(
+            *stacked(rows, found.members, rows.training & (rows.block != b)), rcond=None
+        )
         np.testing.assert_allclose(found.folds[b], x, atol=1e-6)
         for j in range(JOINTS):
             only = rows._replace(used=rows.used & (np.arange(JOINTS) == j))
             left = stacked(only, found.members, rows.block == b)
-            np.testing.assert_allclose(found.error[b, j], np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5)
+            np.testing.assert_allclose(
+                found.error[b, j], np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5
+            )
     x, *_ = np.linalg.lstsq(*stacked(rows, found.members, rows.training), rcond=None)
     np.testing.assert_allclose(found.x, x, atol=1e-6)
     left = stacked(rows, found.members, ~rows.training)
-    np.testing.assert_allclose(score.aside(found).sum(), np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5)
+    np.testing.assert_allclose(
+        score.aside(found).sum(), np.sum((left[1] - left[0] @ x) ** 2) / 0.5**2, rtol=1e-5
+    )
     mean = found.error.sum(0) / score.count[score.training].sum(0)
     assert found.value == pytest.approx(-25.0 * np.log(mean).sum() - 3 * 2.0)
 
 
 def test_a_score_made_from_another_one_is_the_same(planted):
-    """Items that stay, one that goes, one that comes, one whose columns change: the same Gram matrices, the same solution."""
+    """Items that stay, one that goes, one that comes, one whose columns change: the same Gram
+    matrices, the same solution.
+    """
     rows, pool, _, score = planted
     changed = replace(pool[2], columns=1.3 * pool[2].columns)
-    items = [pool[9], changed, *pool[3:9], item("new", np.random.default_rng(3).normal(size=(2, N, 2)), (0, 1))]
-    again, alone = Score(rows, items, score.noise, score.effective, None, score), score_of(rows, items)
+    items = [
+        pool[9],
+        changed,
+        *pool[3:9],
+        item("new", np.random.default_rng(3).normal(size=(2, N, 2)), (0, 1)),
+    ]
+    again, alone = (
+        Score(rows, items, score.noise, score.effective, None, score),
+        score_of(rows, items),
+    )
     for one, other in zip((*again.gram, *again.right), (*alone.gram, *alone.right), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12)
     a, b = (s.solve([items[0], changed, items[-1]]) for s in (again, alone))
@@ -120,9 +167,15 @@ def test_a_score_made_from_another_one_is_the_same(planted):
 def test_bounds_hold_as_in_a_bounded_fit(planted):
     rows, pool, _, _ = planted
     zero = np.zeros(2)
-    tight = [replace(pool[0], upper=zero[:1] + 0.6), replace(pool[2], lower=zero[:1]), replace(pool[9], lower=zero)]
+    tight = [
+        replace(pool[0], upper=zero[:1] + 0.6),
+        replace(pool[2], lower=zero[:1]),
+        replace(pool[9], lower=zero),
+    ]
     found = score_of(rows, tight).solve(tight)
-    low, high = (np.concatenate([getattr(m, side) for m in found.members]) for side in ("lower", "upper"))
+    low, high = (
+        np.concatenate([getattr(m, side) for m in found.members]) for side in ("lower", "upper")
+    )
     best = lsq_linear(*stacked(rows, found.members, rows.training), bounds=(low, high))
     np.testing.assert_allclose(found.x, best.x, atol=1e-6)
     assert found.x[found.of(tight[0])][0] == 0.6
@@ -138,9 +191,11 @@ def test_a_prior_on_coefficients_is_a_ridge(planted):
 
 
 def test_standard_errors_are_the_scatter_where_neighbours_say_the_same():
-    """Of 900 samples each 18 are one: what comes out scatters as the covariance says for 50 things, over logs drawn anew."""
+    """Of 900 samples each 18 are one: what comes out scatters as the covariance says for 50 things,
+    over logs drawn anew.
+    """
     rng, alike = np.random.default_rng(5), 18
-    drawn = lambda: np.repeat(rng.normal(size=N // alike + 1), alike)[:N]  # noqa: E731
+    drawn = lambda: np.repeat(rng.normal(size=N // alike + 1), alike)[:N]
     found, said = [], []
     for _ in range(200):
         x, y = drawn(), drawn()
@@ -160,13 +215,16 @@ def test_what_a_log_does_not_tell_is_as_wide_as_was_plausible(planted):
     solution = score.solve([pool[0], unseen])
     at = solution.of(unseen).start
     per = np.median(score.count[score.training].sum(0) / 50.0)  # samples that say as much as one
-    assert np.sqrt(score.covariance(solution)[at, at]) == pytest.approx(np.sqrt(per / 2.0), rel=1e-3)
+    assert np.sqrt(score.covariance(solution)[at, at]) == pytest.approx(
+        np.sqrt(per / 2.0), rel=1e-3
+    )
 
 
 def test_an_effect_that_lets_little_of_the_command_through_explains_little():
     rng = np.random.default_rng(2)
     rows = rows_with(rng.normal(size=(N, JOINTS)))
-    rows = rows._replace(gap=0.9 * rows.command + 0.1 * rng.normal(size=(N, JOINTS)))  # a command that hardly arrives
+    # a command that hardly arrives
+    rows = rows._replace(gap=0.9 * rows.command + 0.1 * rng.normal(size=(N, JOINTS)))
     scale = item("scale", rows.command[None, :, :1])
     acting = replace(scale, actuates=True)
     plain, honest = (score_of(rows, [i]).solve([i]) for i in (scale, acting))
@@ -189,7 +247,8 @@ def test_where_a_motor_lets_no_more_through_it_explains_nothing(planted):
     np.testing.assert_allclose(found.passed, [0.75, 1.0], rtol=1e-6)
     mean = found.error.sum(0) / score.count[score.training].sum(0)
     variance = np.var(rows.command[rows.training & rows.used[:, 0], 0]) / 0.5**2
-    joint = 0.75 * np.log(mean[0] / 0.75) + 0.25 * np.log(variance)  # any command explains the motion there
+    # any command explains the motion there
+    joint = 0.75 * np.log(mean[0] / 0.75) + 0.25 * np.log(variance)
     assert found.value == pytest.approx(-25.0 * (joint + np.log(mean[1])) - 2.0)
 
 
@@ -201,15 +260,32 @@ def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     first = there.solve(common)
     gram, _ = there.normal(first.members)
     new = rows._replace(gap=rows.gap - _made(common, first))
-    here = score_of(new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0), np.zeros(len(gram[0]))))
+    here = score_of(
+        new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0), np.zeros(len(gram[0])))
+    )
     found = here.solve([*common, pool[9]])
-    x, y = (np.concatenate(parts) for parts in zip(
-        stacked(rows, found.members, rows.training), _nothing(stacked(other, found.members, other.training), 1), strict=True
-    ))  # fmt: skip
+    x, y = (
+        np.concatenate(parts)
+        for parts in zip(
+            stacked(rows, found.members, rows.training),
+            _nothing(stacked(other, found.members, other.training), 1),
+            strict=True,
+        )
+    )
     joint, *_ = np.linalg.lstsq(x, y, rcond=None)
-    both = np.concatenate([found.x[found.of(m)] + (first.x[first.of(m)] if m in common else 0.0) for m in found.members])
+    both = np.concatenate(
+        [
+            found.x[found.of(m)] + (first.x[first.of(m)] if m in common else 0.0)
+            for m in found.members
+        ]
+    )
     np.testing.assert_allclose(both, joint, atol=1e-5)
-    assert np.abs(both - np.linalg.lstsq(*stacked(rows, found.members, rows.training), rcond=None)[0]).max() > 1e-3
+    assert (
+        np.abs(
+            both - np.linalg.lstsq(*stacked(rows, found.members, rows.training), rcond=None)[0]
+        ).max()
+        > 1e-3
+    )
 
 
 def _made(members, found):
@@ -220,7 +296,9 @@ def _made(members, found):
 
 
 def _nothing(design, last):
-    """The design of another log, in which the effects beside the common ones are not: its last item's two columns."""
+    """The design of another log, in which the effects beside the common ones are not: its last
+    item's two columns.
+    """
     x, y = design
     return np.concatenate([x[:, :-2], 0.0 * x[:, -2:]], 1), y
 
@@ -229,8 +307,13 @@ def test_blocks_drawn_again_count_as_often_as_they_are_drawn(planted):
     rows, _, truth, score = planted
     weights = np.array([2.0, 0.0, 1.0, 1.0, 3.0, 0.0, 1.0, 0.0])
     found = score.resampled(weights).solve(truth)
-    xs = [stacked(rows, found.members, rows.block == b) for b in np.repeat(np.arange(BLOCKS), weights.astype(int))]
-    x, *_ = np.linalg.lstsq(np.concatenate([x for x, _ in xs]), np.concatenate([y for _, y in xs]), rcond=None)
+    xs = [
+        stacked(rows, found.members, rows.block == b)
+        for b in np.repeat(np.arange(BLOCKS), weights.astype(int))
+    ]
+    x, *_ = np.linalg.lstsq(
+        np.concatenate([x for x, _ in xs]), np.concatenate([y for _, y in xs]), rcond=None
+    )
     np.testing.assert_allclose(found.x, x, atol=1e-6)
     assert score.solve(truth).value != found.value  # and nothing of it is remembered in the first
 
@@ -243,7 +326,8 @@ def test_samples_that_are_alike_count_for_less():
     for t in range(1, len(white)):
         slow[t] = 0.9 * slow[t - 1] + white[t]
     assert correlation_time(white) == pytest.approx(1.0, abs=0.2)
-    assert correlation_time(slow) == pytest.approx((1 + 0.9) / (1 - 0.9), rel=0.2)  # of a first-order process
+    # of a first-order process
+    assert correlation_time(slow) == pytest.approx((1 + 0.9) / (1 - 0.9), rel=0.2)
 
 
 # the search
@@ -256,12 +340,16 @@ def test_the_search_finds_what_was_planted_from_any_start(planted):
 
 
 def test_one_takes_the_place_of_all_that_it_can_imitate():
-    """Three columns together are cheaper as one item, which no exchange of one or two for it would show."""
+    """Three columns together are cheaper as one item, which no exchange of one or two for it would
+    show.
+    """
     rng = np.random.default_rng(8)
     columns = rng.normal(size=(3, N, 1))
     parts = [item(f"part{k}", columns[k : k + 1], odds=-3.0) for k in range(3)]
     whole = item("whole", rng.normal(size=(3, 3)) @ columns[..., 0], odds=-8.0, shape=SHAPES[2])
-    rows = rows_with(np.stack([columns[..., 0].sum(0), np.zeros(N)], 1) + 0.05 * rng.normal(size=(N, JOINTS)))
+    rows = rows_with(
+        np.stack([columns[..., 0].sum(0), np.zeros(N)], 1) + 0.05 * rng.normal(size=(N, JOINTS))
+    )
     score = score_of(rows, [*parts, whole])
     assert score.imitated(parts, whole) == parts
     assert score.imitated([*parts[:2], whole], parts[2]) == []
@@ -292,19 +380,29 @@ def test_each_objection_is_raised_where_it_holds(planted):
     now = score.solve(truth)
     assert [objection(score, now, m, 0.05, DT) for m in now.members] == [""] * 3
     assert objection(score, now, pool[2], 0.9, DT) == "it removes less than 90% of the error"
-    sign = np.where(rows.block % 2 == 0, 1.0, -0.9)  # what is there in every second block, and the opposite in the others
-    swinging = score_of(rows._replace(gap=rows.gap + (sign * pool[3].columns[0, :, 0])[:, None] * [0.0, 1.0]), pool)
-    assert "exclude zero" in objection(swinging, swinging.solve([*truth, pool[3]]), pool[3], 0.05, DT)
+    # what is there in every second block, and the opposite in the others
+    sign = np.where(rows.block % 2 == 0, 1.0, -0.9)
+    swinging = score_of(
+        rows._replace(gap=rows.gap + (sign * pool[3].columns[0, :, 0])[:, None] * [0.0, 1.0]), pool
+    )
+    assert "exclude zero" in objection(
+        swinging, swinging.solve([*truth, pool[3]]), pool[3], 0.05, DT
+    )
     bound = replace(pool[0], upper=np.array([0.4]))
     tight = score_of(rows, [bound, *truth[1:]])
     assert objection(tight, tight.solve(tight.items), bound, 0.05, DT) == "its value is on a bound"
     gap = rows.gap.copy()
-    gap[~rows.training, 0] -= 2.0 * pool[0].columns[0, ~rows.training, 0]  # the opposite, in the part kept aside
+    # the opposite, in the part kept aside
+    gap[~rows.training, 0] -= 2.0 * pool[0].columns[0, ~rows.training, 0]
     turned = score_of(rows._replace(gap=gap), pool)
     then = turned.solve(truth)
-    assert objection(turned, then, pool[0], 0.05, DT) == "data kept aside are predicted better without it"
+    assert (
+        objection(turned, then, pool[0], 0.05, DT)
+        == "data kept aside are predicted better without it"
+    )
     once = rows.gap.copy()
-    once[rows.block == -2, 0] -= 2.0 * pool[0].columns[0, rows.block == -2, 0]  # in one block only, which is no scatter
+    # in one block only, which is no scatter
+    once[rows.block == -2, 0] -= 2.0 * pool[0].columns[0, rows.block == -2, 0]
     odd = score_of(rows._replace(gap=once), pool)
     assert objection(odd, odd.solve(truth), pool[0], 0.05, DT) == ""
     share, stderr = worse_by(turned, turned.solve(truth[1:]), then, 0)
@@ -316,7 +414,13 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     bound = replace(pool[0], upper=np.array([0.4]))
     score = score_of(rows, [bound, *truth[1:]])
     rows = rows._replace(
-        signals=SimpleNamespace(dt=DT, body=None, qd=np.zeros((N, JOINTS)), rows=np.arange(N), rest_speed=np.ones(JOINTS))
+        signals=SimpleNamespace(
+            dt=DT,
+            body=None,
+            qd=np.zeros((N, JOINTS)),
+            rows=np.arange(N),
+            rest_speed=np.ones(JOINTS),
+        )
     )
     now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05)
     assert strong == {bound.group: "its value is on a bound"}
@@ -330,7 +434,13 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
 def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
     rows, pool, truth, _ = planted
     rows = rows._replace(
-        signals=SimpleNamespace(dt=DT, body=None, qd=np.zeros((N, JOINTS)), rows=np.arange(N), rest_speed=np.ones(JOINTS))
+        signals=SimpleNamespace(
+            dt=DT,
+            body=None,
+            qd=np.zeros((N, JOINTS)),
+            rows=np.arange(N),
+            rest_speed=np.ones(JOINTS),
+        )
     )
     score = score_of(rows, pool)
     now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8)
@@ -350,11 +460,14 @@ def test_a_promise_is_what_an_item_is_worth_on_the_blocks_themselves(planted):
     held_out = now.error.sum(0)
     for i in (truth[2], pool[3], pool[9]):
         with_it, without = (
-            np.array([_left(rows, members, j) for j in range(JOINTS)]) for members in ([*truth[:2], i], truth[:2])
+            np.array([_left(rows, members, j) for j in range(JOINTS)])
+            for members in ([*truth[:2], i], truth[:2])
         )
         on = list(i.joints)
         gain = (without - with_it)[on].sum() / 0.5**2
-        worth = -25.0 * len(on) * np.log(1.0 - gain / held_out[on].sum()) - 0.5 * len(i.lower) + i.odds
+        worth = (
+            -25.0 * len(on) * np.log(1.0 - gain / held_out[on].sum()) - 0.5 * len(i.lower) + i.odds
+        )
         assert promise[id(i)] == pytest.approx(worth, abs=0.05)
     assert max(promise, key=lambda k: promise[k]) == id(truth[2])
 
@@ -412,7 +525,10 @@ def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(p
 
 def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     _, pool, _, _ = planted
-    often, seldom = Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}), Support({pool[0].group: 0.9}, {})
+    often, seldom = (
+        Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}),
+        Support({pool[0].group: 0.9}, {}),
+    )
     assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
     assert ambiguous([pool[0]], seldom) == []
 

@@ -1,4 +1,6 @@
-"""The gap workflow from a log to a diagnosis, on mechanisms in which an effect is hidden, and on a measured drive."""
+"""The gap workflow from a log to a diagnosis, on mechanisms in which an effect is hidden, and on a
+measured drive.
+"""
 
 import json
 import os
@@ -17,7 +19,11 @@ from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.logs.signals import derivative
 
-EMPS = Path(os.environ.get("JAXIDL_EMPS", Path(__file__).parents[2] / "shared" / "data" / "emps" / "emps.csv"))
+EMPS = Path(
+    os.environ.get(
+        "JAXIDL_EMPS", Path(__file__).parents[2] / "shared" / "data" / "emps" / "emps.csv"
+    )
+)
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
 
@@ -34,7 +40,10 @@ def named(found: gap.Diagnosis) -> list[tuple[str, int | None]]:
     return [(f.name, f.joint) for f in found.findings]
 
 
-LINKS = pytest.mark.xfail(reason="a known limit: on one hinge a link's errors are preferred to a load or a spring", strict=False)
+LINKS = pytest.mark.xfail(
+    reason="a known limit: on one hinge a link's errors are preferred to a load or a spring",
+    strict=False,
+)
 
 CASES = [
     ("slider", "coulomb_friction", {"level": 1.2}, "level"),
@@ -46,7 +55,11 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("mechanism", "effect", "parameters", "shown"), CASES, ids=[f"case{n}" for n in range(len(CASES))])
+@pytest.mark.parametrize(
+    ("mechanism", "effect", "parameters", "shown"),
+    CASES,
+    ids=[f"case{n}" for n in range(len(CASES))],
+)
 def test_hidden_effect_is_named_with_its_parameter(tmp_path, mechanism, effect, parameters, shown):
     found = gap.diagnose(*hidden(tmp_path, mechanism, (effect, 0, parameters)), rollouts=False)
     assert [(f.name, f.joint) for f in found.findings] == [(effect, 0)]
@@ -64,15 +77,23 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path, mechanism):
 
 
 def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp_path):
-    found = gap.diagnose(*hidden(tmp_path, "slider", ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"})), rollouts=False)
-    assert {name for a in found.ambiguous for name, _ in a.candidates} >= {"inertia_error", "torque_scale"}
+    found = gap.diagnose(
+        *hidden(tmp_path, "slider", ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"})),
+        rollouts=False,
+    )
+    assert {name for a in found.ambiguous for name, _ in a.candidates} >= {
+        "inertia_error",
+        "torque_scale",
+    }
     assert "known mass" in found.ambiguous[0].experiment
 
 
 @pytest.mark.slow
 @LINKS
 def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
-    """Found first are a wrong inertia and Coulomb friction, each of which looks right as long as the other is there."""
+    """Found first are a wrong inertia and Coulomb friction, each of which looks right as long as
+    the other is there.
+    """
     bearing = ("stribeck_friction", 0, {"sliding": 0.2, "excess": 0.25, "speed": 0.3})
     tool = ("payload", 0, {"mass": 0.2, "com": [0.1, 0.0, -0.3]})
     found = gap.diagnose(*hidden(tmp_path, "pendulum", bearing, tool, seed=7), rollouts=False)
@@ -81,14 +102,17 @@ def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
     assert told["stribeck_friction"]["excess"].value == pytest.approx(0.25, rel=0.1)
     (tool,) = (f.effect for f in found.findings if f.name == "payload")
     assert isinstance(tool, Payload)
-    _, x, _, z, _, yy, *_ = np.asarray(tool.numbers()).tolist()  # all that one hinge shows of a load: no mass by itself
+    # all that one hinge shows of a load: no mass by itself
+    _, x, _, z, _, yy, *_ = np.asarray(tool.numbers()).tolist()
     assert (x, z) == pytest.approx((0.02, -0.06), abs=0.002)
     assert yy == pytest.approx(0.02, rel=0.05)
 
 
 @pytest.mark.slow
 def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load(tmp_path):
-    """A joint that hardly has inertia: its command is its friction, of which any share "explains" the rest."""
+    """A joint that hardly has inertia: its command is its friction, of which any share "explains"
+    the rest.
+    """
     t = np.arange(8000) * 0.002
     tones = [(0.4, 0.25, 0.0), (0.25, 0.43, 1.0), (0.15, 0.71, 2.0)]
     q = sum(a * np.sin(2 * np.pi * f * t + phase) for a, f, phase in tones)
@@ -97,7 +121,9 @@ def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load
     tau = 0.02 * np.gradient(qd, 0.002) + 1.2 * qd + 0.6 * np.tanh(qd / 1e-3)
     (tmp_path / "model.xml").write_text(SLIDER.format(mass=0.02))
     found = gap.diagnose(
-        gap.from_arrays(t, (q + rng.normal(0.0, 2e-5, len(t)))[:, None], tau[:, None]), tmp_path / "model.xml", rollouts=False
+        gap.from_arrays(t, (q + rng.normal(0.0, 2e-5, len(t)))[:, None], tau[:, None]),
+        tmp_path / "model.xml",
+        rollouts=False,
     )
     assert set(named(found)) == {("viscous_friction", 0), ("coulomb_friction", 0)}
 
@@ -106,7 +132,10 @@ def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load
 @LINKS
 def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
     log, model = hidden(
-        tmp_path, "pendulum", ("coulomb_friction", 0, {"level": 0.3}), ("spring", 0, {"stiffness": 0.8, "rest": 0.2})
+        tmp_path,
+        "pendulum",
+        ("coulomb_friction", 0, {"level": 0.3}),
+        ("spring", 0, {"stiffness": 0.8, "rest": 0.2}),
     )
     found = gap.diagnose(log, model)
     assert set(named(found)) == {("coulomb_friction", 0), ("spring", 0)}
@@ -126,8 +155,12 @@ ENCODERS = [
 ]
 
 
-@pytest.mark.parametrize(("effect", "parameters", "speeds"), ENCODERS, ids=["bias", "delay", "delay-speeds"])
-def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect, parameters, speeds):
+@pytest.mark.parametrize(
+    ("effect", "parameters", "speeds"), ENCODERS, ids=["bias", "delay", "delay-speeds"]
+)
+def test_model_patched_with_what_the_encoder_does_lacks_nothing(
+    tmp_path, effect, parameters, speeds
+):
     """Where a log has speeds, too, they come from the same readings."""
     log, model = hidden(tmp_path, "pendulum", (effect, 0, parameters))
     if speeds:
@@ -136,13 +169,18 @@ def test_model_patched_with_what_the_encoder_does_lacks_nothing(tmp_path, effect
     found = gap.diagnose(log, model, effects=[effect, "viscous_friction"])
     assert named(found) == [(effect, 0)]
     ((parameter, truth),) = parameters.items()
-    step = np.load(log)["time"][1] if parameter == "delay" else 0.0  # where within it a torque acts is the logger's convention
-    assert found.findings[0].parameters[parameter].value == pytest.approx(truth, rel=0.02, abs=0.5 * step)
+    # where within it a torque acts is the logger's convention
+    step = np.load(log)["time"][1] if parameter == "delay" else 0.0
+    assert found.findings[0].parameters[parameter].value == pytest.approx(
+        truth, rel=0.02, abs=0.5 * step
+    )
     report.save(found, tmp_path / "report")
-    again = gap.diagnose(log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"])
+    again = gap.diagnose(
+        log, tmp_path / "report" / "model.xml", effects=[effect, "viscous_friction"]
+    )
     assert (again.verdict, again.findings) == ("nothing_missing", ())
-    # what is reported was fitted without the data kept aside, the model that is handed out to all of the log; and when within a
-    # sample torques act is fitted in the one and not in the other
+    # what is reported was fitted without the data kept aside, the model that is handed out to all
+    # of the log; and when within a sample torques act is fitted in the one and not in the other
     assert again.gap.before.torque_rms[0] < 1.1 * found.gap.after.torque_rms[0]
     for horizon, errors in found.gap.after.rollout_rms.items():
         assert errors[0] < 0.1 * found.gap.before.rollout_rms[horizon][0]
@@ -174,8 +212,18 @@ def test_wrong_options_are_explained(tmp_path, options, words):
 def test_command_line_ends_bad_input_in_one_line_and_writes_nothing(tmp_path):
     (tmp_path / "model.xml").write_text(SLIDER.format(mass=1))
     (tmp_path / "log.csv").write_text("time,q0\n0,1\n")
-    command = [sys.executable, "-m", "jaxidl", "gap", str(tmp_path / "log.csv"), "--model", str(tmp_path / "model.xml")]
-    done = subprocess.run([*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False)
+    command = [
+        sys.executable,
+        "-m",
+        "jaxidl",
+        "gap",
+        str(tmp_path / "log.csv"),
+        "--model",
+        str(tmp_path / "model.xml"),
+    ]
+    done = subprocess.run(
+        [*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 2
     assert "tau0" in done.stderr
     assert done.stderr.count("\n") == 1
@@ -194,8 +242,15 @@ def test_measured_drive_has_viscous_and_dry_friction_that_differ_by_direction(em
     found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)
     names = {name for name, _ in named(found)}
     assert {"viscous_friction", "coulomb_friction"} <= names
-    assert names & {"constant_offset", "asymmetric_friction"}  # at its one travelling speed an offset is that, too
-    assert names <= {"viscous_friction", "coulomb_friction", "constant_offset", "asymmetric_friction", "sublinear_friction"}
+    # at its one travelling speed an offset is that, too
+    assert names & {"constant_offset", "asymmetric_friction"}
+    assert names <= {
+        "viscous_friction",
+        "coulomb_friction",
+        "constant_offset",
+        "asymmetric_friction",
+        "sublinear_friction",
+    }
     assert found.gap.after.torque_relative[0] <= 0.045
 
 

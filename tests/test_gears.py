@@ -1,4 +1,6 @@
-"""Friction of gears and couplings of motors against their definitions, written down a second time."""
+"""Friction of gears and couplings of motors against their definitions, written down a second
+time.
+"""
 
 import jax.numpy as jnp
 import numpy as np
@@ -10,17 +12,22 @@ from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
 
 DT = 1e-3
-one = lambda x: jnp.array([float(x)])  # noqa: E731
-pair = lambda a, b: jnp.array([a, b])  # noqa: E731
+one = lambda x: jnp.array([float(x)])
+pair = lambda a, b: jnp.array([a, b])
 ZERO, AT = jnp.zeros(1), jnp.zeros(2)
 
 
-@pytest.mark.parametrize(("tau", "direction", "level"), [(4.0, 1.0, 0.8), (4.0, -1.0, 0.2), (-4.0, -1.0, 0.8), (-4.0, 1.0, 0.2)])
+@pytest.mark.parametrize(
+    ("tau", "direction", "level"),
+    [(4.0, 1.0, 0.8), (4.0, -1.0, 0.2), (-4.0, -1.0, 0.8), (-4.0, 1.0, 0.2)],
+)
 def test_a_gear_that_is_driven_rubs_otherwise(tau, direction, level):
     effect = fx.DirectionalLoadFriction(one(0.2), one(0.05))
     np.testing.assert_allclose(effect.dry(ZERO, one(0.0), one(tau), one(direction)), level)
     same = fx.DirectionalLoadFriction(one(0.3), one(0.3)).dry(ZERO, ZERO, one(tau), one(direction))
-    np.testing.assert_allclose(same, fx.LoadDependentFriction(one(0.3)).dry(ZERO, ZERO, one(tau), one(direction)))
+    np.testing.assert_allclose(
+        same, fx.LoadDependentFriction(one(0.3)).dry(ZERO, ZERO, one(tau), one(direction))
+    )
 
 
 def test_cold_friction_goes_with_time():
@@ -33,23 +40,34 @@ def test_cold_friction_goes_with_time():
     np.testing.assert_allclose(delivered, -(0.5 + 2.0 * np.exp(-t / 0.7)) * 3.0, rtol=1e-9)
     with_memory = Plant(point_mass(2.0, 1), (effect,))
     late = with_memory.step(State(ZERO, speed), (one(7.0),), one(0.0), DT)[0].qd
-    np.testing.assert_allclose((late - speed) / DT, -(0.5 + 2.0 * np.exp(-10.0)) * 3.0 / 2.0, rtol=1e-9)
+    np.testing.assert_allclose(
+        (late - speed) / DT, -(0.5 + 2.0 * np.exp(-10.0)) * 3.0 / 2.0, rtol=1e-9
+    )
 
 
 def test_sublinear_friction_bends_a_line_and_leaves_the_line_as_it_is():
     """A line fitted to it up to full speed is zero; at rest and at full speed it lacks ``bend``."""
     effect, speeds = fx.SublinearFriction(one(2.0), one(0.5)), np.linspace(0.0, 0.5, 4001)
     levels = np.array([effect.dry(ZERO, one(s), ZERO, one(1.0))[0] for s in speeds[::100]])
-    np.testing.assert_allclose(levels, -2.0 * np.polynomial.Legendre([0.0, 0.0, 1.0])(speeds[::100] / 0.25 - 1.0), atol=1e-12)
+    np.testing.assert_allclose(
+        levels,
+        -2.0 * np.polynomial.Legendre([0.0, 0.0, 1.0])(speeds[::100] / 0.25 - 1.0),
+        atol=1e-12,
+    )
     np.testing.assert_allclose(levels[[0, 20, -1]], [-2.0, 1.0, -2.0])
-    np.testing.assert_allclose(effect.dry(ZERO, one(-3.0), ZERO, one(-1.0)), -2.0)  # faster: as at full speed
-    slack = Plant(point_mass(2.0, 1), (effect, fx.CoulombFriction(one(5.0)))).grip(ZERO, one(0.25), ZERO, one(1.0))
+    # faster: as at full speed
+    np.testing.assert_allclose(effect.dry(ZERO, one(-3.0), ZERO, one(-1.0)), -2.0)
+    slack = Plant(point_mass(2.0, 1), (effect, fx.CoulombFriction(one(5.0)))).grip(
+        ZERO, one(0.25), ZERO, one(1.0)
+    )
     np.testing.assert_allclose(slack, 6.0)  # together with other friction
 
 
 @pytest.mark.parametrize("difference", [False, True])
 def test_friction_of_two_joints_takes_power_from_their_common_speed(difference):
-    effect = fx.CoupledJointFriction(jnp.array(2.0), jnp.array(0.5), jnp.array(0.01), joint=0, other=2, difference=difference)
+    effect = fx.CoupledJointFriction(
+        jnp.array(2.0), jnp.array(0.5), jnp.array(0.01), joint=0, other=2, difference=difference
+    )
     sign, qd = -1.0 if difference else 1.0, jnp.array([0.7, 5.0, 0.4])
     speed = 0.7 + sign * 0.4
     expected = -2.0 * speed - 0.5 * np.tanh(speed / 0.01)
@@ -71,10 +89,15 @@ def test_a_motors_torque_curve_bends_and_ends_at_half():
 
 def test_ripple_with_harmonics_is_the_sum_of_ripples():
     many = fx.TorqueRipple(
-        jnp.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]), jnp.array([[0.0, -0.4, 0.1], [0.2, 0.2, 0.0]]), pair(0.2, 0.3)
+        jnp.array([[0.5, 0.2, 0.0], [0.1, 0.0, 0.3]]),
+        jnp.array([[0.0, -0.4, 0.1], [0.2, 0.2, 0.0]]),
+        pair(0.2, 0.3),
     )
     q, at = pair(0.07, -0.31), pair(0.0, 0.0)
-    parts = (fx.TorqueRipple(many.sine[:, h], many.cosine[:, h], many.period / (h + 1)).torque(q, at, at) for h in range(3))
+    parts = (
+        fx.TorqueRipple(many.sine[:, h], many.cosine[:, h], many.period / (h + 1)).torque(q, at, at)
+        for h in range(3)
+    )
     np.testing.assert_allclose(many.torque(q, at, at), sum(parts))
     own = OnJoint(fx.TorqueRipple(many.sine[1:], many.cosine[1:], many.period[1:]), 1, 2)
     np.testing.assert_allclose(own.torque(q, at, at)[1], many.torque(q, at, at)[1])
@@ -83,7 +106,8 @@ def test_ripple_with_harmonics_is_the_sum_of_ripples():
 
 def test_couplings_are_looked_for_between_neighbours():
     scale = Scale(9.0, 1.0, -1.0, 1.0, 1.0, 0.1, 10.0, DT, 1, 4, (-1.0,) * 4, (1.0,) * 4)
-    assert {v.options["other"] for v in fx.CoupledJointFriction.variants(scale)} == {2}  # each pair once
+    # each pair once
+    assert {v.options["other"] for v in fx.CoupledJointFriction.variants(scale)} == {2}
     assert {v.options["other"] for v in fx.MotorCoupling.variants(scale)} == {0, 2}
     effect = placed(fx.MotorCoupling, fx.MotorCoupling.variants(scale)[0], 1, 4)
     assert (effect.joint, effect.other) == (1, 0)

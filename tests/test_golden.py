@@ -1,4 +1,6 @@
-"""Parity with the reference program, and with our own numbers where the program's are not at hand."""
+"""Parity with the reference program, and with our own numbers where the program's are not at
+hand.
+"""
 
 from pathlib import Path
 
@@ -31,14 +33,18 @@ SETTINGS = [(c, g, f, s) for c in ("pid", "doomed") for g in GAINS for f in (5, 
 
 def run_of(controller, gain, friction, stiction, noise=5e-4, seed=1):
     study = PaperStudy()
-    condition = Condition(GAINS.index(gain), *map(jnp.asarray, (noise, float(friction), float(stiction))))
+    condition = Condition(
+        GAINS.index(gain), *map(jnp.asarray, (noise, float(friction), float(stiction)))
+    )
     setting = study.setting(controller, condition)
     draws = jnp.asarray(draw_noise(seed, 1, study.steps)[0])
     return jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
 
 
 def test_the_noise_stream_is_the_reference_programs(reference):
-    np.testing.assert_array_equal(draw_noise(1, 1, 1000)[0], np.load(reference / "traces.npz")["standard_normal_seed1"])
+    np.testing.assert_array_equal(
+        draw_noise(1, 1, 1000)[0], np.load(reference / "traces.npz")["standard_normal_seed1"]
+    )
 
 
 @pytest.mark.parametrize("setting", SETTINGS, ids=lambda s: "-".join(map(str, s)))
@@ -46,7 +52,9 @@ def test_traces_agree_with_the_reference_program(reference, setting):
     golden, run = np.load(reference / "traces.npz"), run_of(*setting)
     controller, gain, friction, stiction = setting
     for name in ARRAYS:
-        wanted = golden[f"{controller}_{gain}_friction{friction}_stiction{stiction}_noise5e-04_seed1/{name}"]
+        wanted = golden[
+            f"{controller}_{gain}_friction{friction}_stiction{stiction}_noise5e-04_seed1/{name}"
+        ]
         np.testing.assert_allclose(getattr(run, name), wanted, rtol=0, atol=5e-9, err_msg=name)
 
 
@@ -65,7 +73,9 @@ def initial_parameters(golden, dtype):
         layer = "fully_connected" + (f"_{i}" if i else "")
 
         def both(name, layer=layer):
-            return np.stack([golden[f"initial/inference_op_{axis}/{layer}/{name}"] for axis in (0, 1)]).astype(dtype)
+            return np.stack(
+                [golden[f"initial/inference_op_{axis}/{layer}/{name}"] for axis in (0, 1)]
+            ).astype(dtype)
 
         params[f"weights_{i}"] = jnp.asarray(both("weights").transpose(0, 2, 1))
         params[f"biases_{i}"] = jnp.asarray(both("biases")[..., None])
@@ -74,8 +84,11 @@ def initial_parameters(golden, dtype):
     return {"params": params}
 
 
-# float32 is chaotic in its rounding (the reference was made in it, too): 0.40 % and 2.1 % here, with room for other processors
-@pytest.mark.parametrize(("dtype", "early", "median"), [(np.float64, 1e-5, 0.01), (np.float32, 0.006, 0.03)])
+# float32 is chaotic in its rounding (the reference was made in it, too): 0.40 % and 2.1 % here,
+# with room for other processors
+@pytest.mark.parametrize(
+    ("dtype", "early", "median"), [(np.float64, 1e-5, 0.01), (np.float32, 0.006, 0.03)]
+)
 def test_training_follows_the_reference_program(reference, dtype, early, median):
     golden = np.load(reference / "training.npz")
     training, model = Training(), ErrorModel()
@@ -84,7 +97,9 @@ def test_training_follows_the_reference_program(reference, dtype, early, median)
     assert training.steps(1999) == len(golden["losses"]) == 500
     np.testing.assert_allclose(model.scale_inputs(data.x), golden["inputs"], rtol=1e-5, atol=1e-7)
     learner = start(training, initial_parameters(golden, dtype))
-    _, progress = jax.jit(lambda *a: fit(model, training, *a))(learner, data, jnp.asarray(golden["batch_indices"]))
+    _, progress = jax.jit(lambda *a: fit(model, training, *a))(
+        learner, data, jnp.asarray(golden["batch_indices"])
+    )
     off = np.abs(progress.loss - golden["losses"]) / golden["losses"]
     assert progress.loss.dtype == dtype
     assert off[:50].max() < early
@@ -105,11 +120,15 @@ def test_executions_stay_what_they_were(setting):
     run, golden = run_of(*setting), np.load(OURS)
     for name in ("q", "tau", "tau_feedback"):
         wanted = golden["-".join(map(str, setting)) + "/" + name]
-        np.testing.assert_allclose(np.asarray(getattr(run, name))[::50], wanted, rtol=0, atol=1e-7, err_msg=name)
+        np.testing.assert_allclose(
+            np.asarray(getattr(run, name))[::50], wanted, rtol=0, atol=1e-7, err_msg=name
+        )
 
 
 def write_golden() -> None:
-    """Make ``golden/executions.npz`` anew: ``python -c "from tests.test_golden import write_golden; write_golden()"``."""
+    """Make ``golden/executions.npz`` anew: ``python -c "from tests.test_golden import write_golden;
+    write_golden()"``.
+    """
     with jax.enable_x64(True):
         arrays = {
             "-".join(map(str, s)) + "/" + name: np.asarray(getattr(run_of(*s), name))[::50]

@@ -27,15 +27,25 @@ def product(*, a, b, power=2):
 def computed(monkeypatch):
     """The points that were computed."""
     found, original = [], Job.traced
-    monkeypatch.setattr(Job, "traced", lambda job, points: found.extend(points) or original(job, points))
+    monkeypatch.setattr(
+        Job, "traced", lambda job, points: found.extend(points) or original(job, points)
+    )
     return found
 
 
 def test_a_run_is_a_function_of_its_point(tmp_path):
-    data = sweep(product, {"b": (1.0, 2.0), "power": (1, 3), "a": (10, 20, 30)}, tmp_path / "r.nc", static=("power",), quiet=True)
+    data = sweep(
+        product,
+        {"b": (1.0, 2.0), "power": (1, 3), "a": (10, 20, 30)},
+        tmp_path / "r.nc",
+        static=("power",),
+        quiet=True,
+    )
     assert dict(data.sizes) == {"b": 2, "power": 2, "a": 3, "value_0": 3}
     np.testing.assert_array_equal(data["value"].sel(a=20, power=3, b=1.0), [0.0, 20.0, 160.0])
-    np.testing.assert_array_equal(data["sum"].sel(power=1).transpose("a", "b"), [[11, 12], [21, 22], [31, 32]])
+    np.testing.assert_array_equal(
+        data["sum"].sel(power=1).transpose("a", "b"), [[11, 12], [21, 22], [31, 32]]
+    )
     assert data["fits"].dtype == bool
     assert data.attrs["programs"] == "2"
     assert read(tmp_path / "r.nc").identical(data)
@@ -45,7 +55,13 @@ def test_only_what_is_new_is_computed(tmp_path, computed):
     axes = {"a": (1.0, 2.0), "b": (0.0,)}
     first = sweep(product, axes, tmp_path / "r.nc", settings={"version": 1}, quiet=True)
     computed.clear()
-    more = sweep(product, axes | {"a": (3.0, 1.0, 2.0)}, tmp_path / "r.nc", settings={"version": 1}, quiet=True)
+    more = sweep(
+        product,
+        axes | {"a": (3.0, 1.0, 2.0)},
+        tmp_path / "r.nc",
+        settings={"version": 1},
+        quiet=True,
+    )
     assert {dict(at)["a"] for at in computed[1:]} == {3.0}  # the first one is a trial of shapes
     assert more.sel(a=[1.0, 2.0]).equals(first)
     with pytest.raises(StoreError, match=r"version \(1 there, 2 here\)"):
@@ -65,7 +81,7 @@ def test_texts_are_static_unless_the_host_makes_numbers_of_them(tmp_path):
     data = sweep(named, axes, tmp_path / "a.nc", quiet=True)
     assert data.attrs["programs"] == "2"
     np.testing.assert_array_equal(data["length"], [[2.0, 20.0], [1.0, 10.0]])
-    given = lambda at: {"name": np.float64(len(at["name"])), "draw": 0.5}  # noqa: E731
+    given = lambda at: {"name": np.float64(len(at["name"])), "draw": 0.5}
     data = sweep(indexed, axes, tmp_path / "b.nc", inputs=given, quiet=True)
     assert data.attrs["programs"] == "1"
     np.testing.assert_array_equal(data["length"], [[2.5, 20.5], [1.5, 10.5]])
@@ -93,9 +109,17 @@ def test_points_that_are_alike_are_computed_once(tmp_path, computed):
         ({"a": (1.0, 1.0), "b": (1.0,)}, {}, "each value of a once"),
         ({"a": (1.0,), "b": (True,)}, {}, "texts or numbers on axis b"),
         ({"a": (1.0,)}, {}, "an axis for the argument b"),
-        ({"a": (1.0,), "b": (1.0,), "c": (1.0,)}, {}, "axes that are arguments of the function; got c"),
+        (
+            {"a": (1.0,), "b": (1.0,), "c": (1.0,)},
+            {},
+            "axes that are arguments of the function; got c",
+        ),
         ({"a": (1.0,), "b": (1.0,)}, {"static": ("d",)}, "static axes among the axes; got d"),
-        ({"a": (1.0,), "b": (1.0,)}, {"variables": {"origin": Variable()}}, "names for axes and variables; got origin"),
+        (
+            {"a": (1.0,), "b": (1.0,)},
+            {"variables": {"origin": Variable()}},
+            "names for axes and variables; got origin",
+        ),
         ({"a": (1.0,), "b": (1.0,)}, {"width": 0}, "--width between 1"),
         ({"a": (1.0,), "b": (1.0,)}, {"devices": 1, "cluster": "local"}, "--devices or --cluster"),
     ],
@@ -117,13 +141,17 @@ def test_the_example_runs_stops_and_continues(tmp_path, monkeypatch):
     whole = sweep(example.run_one, axes, tmp_path / "whole.nc", quiet=True)
     with monkeypatch.context() as patch:
         waits = iter(range(2))
-        patch.setattr("jaxidl.jobs.sweeping.wait", lambda x: jax.block_until_ready(x) if next(waits) < 1 else _stop())
+        patch.setattr(
+            "jaxidl.jobs.sweeping.wait",
+            lambda x: jax.block_until_ready(x) if next(waits) < 1 else _stop(),
+        )
         with pytest.raises(KeyboardInterrupt):
             sweep(example.run_one, axes, tmp_path / "cut.nc", quiet=True)
     assert len(list((tmp_path / "cut.nc.parts").glob("*.npz"))) == 1
     again = sweep(example.run_one, axes, tmp_path / "cut.nc", quiet=True)
     assert again.drop_attrs().identical(whole.drop_attrs())
-    assert (again["error"].sel(friction=[1.0, 10.0, 100.0]).diff("friction") > 0.0).all()  # more friction, further off the path
+    # more friction, further off the path
+    assert (again["error"].sel(friction=[1.0, 10.0, 100.0]).diff("friction") > 0.0).all()
     assert json.loads(again.attrs["origins"])
 
 

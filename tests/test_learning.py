@@ -49,13 +49,20 @@ def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
     noise = jnp.asarray(draw_noise(3, 3, 60))
     setting = study.setting(controller, CONDITION)
     one = [execute(setting.plant, setting.model, setting.law, setting.task, z) for z in noise]
-    many = jax.vmap(lambda z: execute(setting.plant, setting.model, setting.law, setting.task, z))(noise)
+    many = jax.vmap(lambda z: execute(setting.plant, setting.model, setting.law, setting.task, z))(
+        noise
+    )
     for k, run in enumerate(one):
         own = [leaf[k] for leaf in jax.tree.leaves(many)]
         for a, b in zip(own, jax.tree.leaves(run), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-9)
     q, qd, tau, learning = python_execution(setting, noise[0])
-    for got, wanted in ((one[0].q, q), (one[0].qd_sensing, qd), (one[0].tau, tau), (one[0].tau_feedback, learning)):
+    for got, wanted in (
+        (one[0].q, q),
+        (one[0].qd_sensing, qd),
+        (one[0].tau, tau),
+        (one[0].tau_feedback, learning),
+    ):
         np.testing.assert_allclose(got, wanted, rtol=1e-12, atol=1e-9)
 
 
@@ -68,8 +75,15 @@ def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kep
     executions = 3 if kept == 0 else 5  # more than are kept
     noise = jnp.asarray(draw_noise(5, executions, study.steps))
     setting = study.setting("doomed", CONDITION)
-    settings = {"source": "joint", "error_model": study.error_model, "training": study.training, "kept": kept}
-    metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, keep=True, **settings))(noise, key)
+    settings = {
+        "source": "joint",
+        "error_model": study.error_model,
+        "training": study.training,
+        "kept": kept,
+    }
+    metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, keep=True, **settings))(
+        noise, key
+    )
     by_hand = start(study.training, study.error_model.init(jax.random.fold_in(key, 0)))
     torque_of, past = None, []  # the newest first
     for k in range(executions):
@@ -78,14 +92,22 @@ def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kep
             data = jax.tree.map(lambda *parts: jnp.concatenate(parts), *seen)
             rows = (1 + kept) * int(study.training.train_mask(len(past[0].x)).sum())
             batches = draw_batches(jax.random.fold_in(key, k), rows, study.training)
-            by_hand, _ = fit(study.error_model, study.training, by_hand, data, batches, executions=1 + kept)
-            torque_of = lambda s, a, now, p=by_hand.params: study.error_model.torque(p, s, a, now)  # noqa: E731
+            by_hand, _ = fit(
+                study.error_model, study.training, by_hand, data, batches, executions=1 + kept
+            )
+            torque_of = lambda s, a, now, p=by_hand.params: study.error_model.torque(p, s, a, now)
         run = execute(setting.plant, setting.model, setting.law, setting.task, noise[k], torque_of)
         past.insert(0, joint(run))
         # float32 training amplifies the rounding of differently fused programs
         np.testing.assert_allclose(runs.q[k], run.q, rtol=1e-3, atol=1e-5)
-        np.testing.assert_allclose(metrics.q_error[k], jnp.abs(run.q - setting.reference).mean(), rtol=1e-3)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-2, atol=1e-4), learner.params, by_hand.params)
+        np.testing.assert_allclose(
+            metrics.q_error[k], jnp.abs(run.q - setting.reference).mean(), rtol=1e-3
+        )
+    jax.tree.map(
+        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-2, atol=1e-4),
+        learner.params,
+        by_hand.params,
+    )
 
 
 def test_everything_works_in_single_precision_without_x64(small_study):
@@ -94,7 +116,11 @@ def test_everything_works_in_single_precision_without_x64(small_study):
             warnings.simplefilter("ignore")  # the setting's own execution
             setting = small_study.setting("pid", Condition(1, 5e-4, 5.0, 5.0))
         noise = jnp.asarray(draw_noise(1, 2, small_study.steps), jnp.float32)
-        how = {"source": "direct", "error_model": small_study.error_model, "training": small_study.training}
+        how = {
+            "source": "direct",
+            "error_model": small_study.error_model,
+            "training": small_study.training,
+        }
         _warn_of_single_precision.cache_clear()
         with pytest.warns(UserWarning, match="jax_enable_x64") as said:
             metrics, _, _ = jax.jit(lambda n: learn(setting, n, jax.random.key(0), **how))(noise)
@@ -108,14 +134,22 @@ def probe(plant, model, law, steps=400):
     joints = model.mass.shape[0]
     rest = State(jnp.zeros(joints), jnp.zeros(joints))
     task = Task(rest, PdPolicy(jnp.ones(joints), 100.0, 20.0), 5000.0, dt=0.001, steps=steps)
-    ideal = execute(Plant(plant.body), plant.body, Doomed(0.0, 0.0, 0.1), task, jnp.zeros((steps, joints))).q
+    ideal = execute(
+        Plant(plant.body), plant.body, Doomed(0.0, 0.0, 0.1), task, jnp.zeros((steps, joints))
+    ).q
     return Setting(plant, model, law, task, ideal)
 
 
 STIFF = Pid(PidGains(500.0, 50.0, 0.01), PidGains(500.0, 50.0, 0.01), 0.1)
 PROBES = {
-    "constant bias": (Plant(point_mass(2.0), (ConstantOffset(jnp.array([-30.0, 20.0])),)), point_mass(2.0)),
-    "viscous friction": (Plant(point_mass(2.0), (ViscousFriction(jnp.array([20.0, 30.0])),)), point_mass(2.0)),
+    "constant bias": (
+        Plant(point_mass(2.0), (ConstantOffset(jnp.array([-30.0, 20.0])),)),
+        point_mass(2.0),
+    ),
+    "viscous friction": (
+        Plant(point_mass(2.0), (ViscousFriction(jnp.array([20.0, 30.0])),)),
+        point_mass(2.0),
+    ),
     "mass error": (Plant(point_mass(2.0)), point_mass(1.0)),
 }
 
@@ -133,15 +167,20 @@ def test_targets_equal_the_closed_form(name):
     }[name]
     true_qdd = jnp.diff(run.qd, axis=0, append=run.qd[-1:]) / setting.task.dt
     data = indirect(run)
-    # sensed velocities are one-sided differences: their acceleration is the mean of this step's and the last one's
+    # sensed velocities are one-sided differences: their acceleration is the mean of this step's and
+    # the last one's
     sensed = np.asarray(run.qdd_actual)[1:-1]
     np.testing.assert_allclose(sensed, (true_qdd[1:-1] + true_qdd[:-2]) / 2, rtol=1e-6, atol=1e-6)
     slack = model.mass[None] * (true_qdd - run.qdd_actual)
-    np.testing.assert_allclose((data.y - slack)[1:-1], missing(run.qd, true_qdd)[1:-1], rtol=1e-6, atol=1e-5)
+    np.testing.assert_allclose(
+        (data.y - slack)[1:-1], missing(run.qd, true_qdd)[1:-1], rtol=1e-6, atol=1e-5
+    )
 
 
 def test_direct_targets_equal_the_closed_form():
-    """Direct, PID: the filtered high-gain feedback one step later, plus what the error model had given."""
+    """Direct, PID: the filtered high-gain feedback one step later, plus what the error model had
+    given.
+    """
     plant, model = PROBES["constant bias"]
     setting = probe(plant, model, STIFF)
     given = jnp.array([3.0, 4.0])
@@ -153,7 +192,9 @@ def test_direct_targets_equal_the_closed_form():
     for sample in np.asarray(500 * e + 50 * rate + 0.01 * e + integral):
         filtered = sample if filtered is None else 0.1 * sample + 0.9 * filtered
         rows.append(filtered)
-    np.testing.assert_allclose(direct(run).y, np.stack(rows)[1:] + np.asarray(given), rtol=1e-10, atol=1e-9)
+    np.testing.assert_allclose(
+        direct(run).y, np.stack(rows)[1:] + np.asarray(given), rtol=1e-10, atol=1e-9
+    )
     np.testing.assert_allclose(direct(run).x[:, 4:], run.qdd_desired[:-1])
 
 
@@ -162,16 +203,23 @@ def test_direct_targets_equal_the_closed_form():
 def test_the_learner_removes_what_is_known_to_be_missing(name, source):
     plant, model = PROBES[name]
     error_model = ErrorModel(
-        layers=(32, 16, 1), position_scale=1.0, velocity_scale=5.0, acceleration_scale=100.0, torque_scale=100.0
+        layers=(32, 16, 1),
+        position_scale=1.0,
+        velocity_scale=5.0,
+        acceleration_scale=100.0,
+        torque_scale=100.0,
     )
     training = Training(epochs=60, batch=32, learning_rate=3e-3)
     noise = jnp.zeros((6, 400, 2))
     how = {"source": source, "error_model": error_model, "training": training}
-    metrics, _, _ = jax.jit(lambda s, n: learn(s, n, jax.random.key(1), **how))(probe(plant, model, STIFF), noise)
+    metrics, _, _ = jax.jit(lambda s, n: learn(s, n, jax.random.key(1), **how))(
+        probe(plant, model, STIFF), noise
+    )
     assert bool(metrics.finite.all())
     assert metrics.q_error[-1] < 0.3 * metrics.q_error[0]
-    # the direct target is the *filtered* feedback, ten steps late: where the missing torque changes fast it contradicts the
-    # indirect target, and a network trained on both can only settle between them
+    # the direct target is the *filtered* feedback, ten steps late: where the missing torque changes
+    # fast it contradicts the indirect target, and a network trained on both can only settle between
+    # them
     left = {"indirect": 0.05, "direct": 0.35, "joint": 0.6}[source]
     assert metrics.feedback_applied[-1] < left * metrics.feedback_applied[0]
 
@@ -182,7 +230,11 @@ def test_any_number_of_joints(joints):
     model = ErrorModel(joints=joints, layers=(8, 1))
     how = {"source": "joint", "error_model": model, "training": Training(epochs=1)}
     metrics, learner, runs = learn(
-        probe(plant, point_mass(1.0, joints), STIFF, 100), jnp.zeros((2, 100, joints)), jax.random.key(0), keep=True, **how
+        probe(plant, point_mass(1.0, joints), STIFF, 100),
+        jnp.zeros((2, 100, joints)),
+        jax.random.key(0),
+        keep=True,
+        **how,
     )
     assert runs.q.shape == (2, 100, joints)
     assert learner.params["params"]["weights_0"].shape == (joints, 8, 3 * joints)
@@ -191,10 +243,18 @@ def test_any_number_of_joints(joints):
 
 def test_training_on_the_sensed_state_changes_the_inputs_only():
     setting = PaperStudy(steps=50).setting("doomed", CONDITION)
-    run = execute(setting.plant, setting.model, setting.law, setting.task, jnp.asarray(draw_noise(1, 1, 50)[0]))
+    run = execute(
+        setting.plant,
+        setting.model,
+        setting.law,
+        setting.task,
+        jnp.asarray(draw_noise(1, 1, 50)[0]),
+    )
     true, sensed = (joint(run, train_on=which) for which in ("true_state", "sensed_state"))
     np.testing.assert_array_equal(true.y, sensed.y)
-    np.testing.assert_array_equal(sensed.x[:50, :4], jnp.concatenate([run.q_sensing, run.qd_sensing], axis=1))
+    np.testing.assert_array_equal(
+        sensed.x[:50, :4], jnp.concatenate([run.q_sensing, run.qd_sensing], axis=1)
+    )
     assert jnp.abs(true.x - sensed.x).max() > 1e-5
 
 

@@ -1,4 +1,6 @@
-"""Links, loads and a base that are not as the model says: linear in inertial parameters, in MJX, along a log and in a file."""
+"""Links, loads and a base that are not as the model says: linear in inertial parameters, in MJX,
+along a log and in a file.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +21,7 @@ SLANTED = """<mujoco><option gravity="0.3 -1 -9.7"/><worldbody><body pos="0.1 0 
   <inertial pos="0.1 -0.05 0.2" quat="0.7 0.1 -0.5 0.5" mass="2" diaginertia="0.03 0.04 0.05"/>
   <body pos="0.2 0.1 0.4" euler="-70 10 5" name="upper"><joint name="elbow" axis="0 1 0" armature="0.1"/>
     <inertial pos="0.02 0.1 0.1" mass="1" diaginertia="0.01 0.02 0.015"/>
-    <body pos="0 0.1 0.2" euler="10 80 30" name="flange"/></body></body></worldbody></mujoco>"""
+    <body pos="0 0.1 0.2" euler="10 80 30" name="flange"/></body></body></worldbody></mujoco>"""  # noqa: E501
 JOINTS = 3
 RNG = np.random.default_rng(0)
 ERROR = np.array([0.3, 0.02, -0.05, 0.04, 0.02, 0.03, 0.025, 0.004, -0.003, 0.002])
@@ -38,10 +40,14 @@ def heavier_in_c(b, numbers):
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[b])
     turn, m, c = turn.reshape(3, 3), model.body_mass[b], model.body_ipos[b]
-    outer = lambda m, c: m * (c @ c * np.eye(3) - np.outer(c, c))  # noqa: E731
+    outer = lambda m, c: m * (c @ c * np.eye(3) - np.outer(c, c))
     mass, moment = m + numbers[0], m * c + numbers[1:4]
     tensor = turn @ np.diag(model.body_inertia[b]) @ turn.T + outer(m, c)
-    tensor += [[numbers[4], numbers[7], numbers[8]], [numbers[7], numbers[5], numbers[9]], [numbers[8], numbers[9], numbers[6]]]
+    tensor += [
+        [numbers[4], numbers[7], numbers[8]],
+        [numbers[7], numbers[5], numbers[9]],
+        [numbers[8], numbers[9], numbers[6]],
+    ]
     values, axes = np.linalg.eigh(tensor - outer(mass, moment / mass))
     axes[:, 2] *= np.linalg.det(axes)
     model.body_mass[b], model.body_ipos[b], model.body_inertia[b] = mass, moment / mass, values
@@ -59,14 +65,19 @@ def in_c(model, q, qd, qdd):
 
 @pytest.mark.parametrize("b", [1, 2, 3], ids=["lower", "upper", "flange"])
 def test_what_is_added_to_a_body_moves_as_in_c(body, b):
-    """At random states the torque is that of MuJoCo in C with the numbers written into its model: in MJX and from the tables."""
+    """At random states the torque is that of MuJoCo in C with the numbers written into its model:
+    in MJX and from the tables.
+    """
     states = RNG.normal(size=(3, 6, JOINTS))
     true = heavier_in_c(b, ERROR)
     if b == 3:
-        alter = lambda body: body.add_payload(jnp.asarray(ERROR))  # noqa: E731
+        alter = lambda body: body.add_payload(jnp.asarray(ERROR))
     else:
-        alter = lambda body: body.add_link(jnp.zeros((JOINTS, 10)).at[2 * b - 2].set(ERROR))  # noqa: E731
-    table, inverse = tables(body, *states), jax.jit(lambda *state: alter(body).inverse_dynamics(*state))
+        alter = lambda body: body.add_link(jnp.zeros((JOINTS, 10)).at[2 * b - 2].set(ERROR))
+    table, inverse = (
+        tables(body, *states),
+        jax.jit(lambda *state: alter(body).inverse_dynamics(*state)),
+    )
     for k, state in enumerate(zip(*states, strict=True)):
         expected = in_c(true, *state)
         np.testing.assert_allclose(inverse(*state), expected, rtol=1e-9, atol=1e-10)
@@ -79,15 +90,20 @@ def test_a_tilted_base_is_another_gravity(body):
     states, angles = RNG.normal(size=(3, 4, JOINTS)), np.array([0.04, -0.02])
     gravity = np.array([0.3, -1.0, -9.7])
     turns = level(body.source)
-    np.testing.assert_allclose(gravity @ turns, 0.0, atol=1e-12)  # horizontal axes: no more and no less gravity
+    # horizontal axes: no more and no less gravity
+    np.testing.assert_allclose(gravity @ turns, 0.0, atol=1e-12)
     np.testing.assert_allclose(np.linalg.norm(turns, axis=0), np.linalg.norm(gravity))
     model = mujoco.MjModel.from_xml_string(SLANTED)
     model.opt.gravity[:] = gravity + turns @ angles
     table, inverse = tables(body, *states), jax.jit(body.tilt(jnp.asarray(angles)).inverse_dynamics)
     for k, state in enumerate(zip(*states, strict=True)):
         expected = in_c(model, *state)
-        np.testing.assert_allclose(inverse(*map(jnp.asarray, state)), expected, rtol=1e-9, atol=1e-10)
-        np.testing.assert_allclose(table.torque[k] + table.by_tilt[k] @ angles, expected, rtol=1e-9, atol=1e-10)
+        np.testing.assert_allclose(
+            inverse(*map(jnp.asarray, state)), expected, rtol=1e-9, atol=1e-10
+        )
+        np.testing.assert_allclose(
+            table.torque[k] + table.by_tilt[k] @ angles, expected, rtol=1e-9, atol=1e-10
+        )
         np.testing.assert_allclose(table.by_gravity[k] @ turns, table.by_tilt[k], atol=1e-12)
 
 
@@ -119,7 +135,10 @@ def test_numbers_of_a_point_and_of_another_frame():
     point = ten(jnp.array(mass), mass * com, about(mass, com))
     turn = jnp.asarray(np.linalg.qr(RNG.normal(size=(3, 3)))[0])
     there = turn @ com + jnp.array([0.4, 0.5, -0.6])
-    np.testing.assert_allclose(moved(point, turn, there - turn @ com), ten(jnp.array(mass), mass * there, about(mass, there)))
+    np.testing.assert_allclose(
+        moved(point, turn, there - turn @ com),
+        ten(jnp.array(mass), mass * there, about(mass, there)),
+    )
     six = jnp.arange(1.0, 7.0)
     np.testing.assert_array_equal(elements(matrix(six)), six)
     assert matrix(six)[1, 2] == 6.0  # yz is the last
@@ -127,7 +146,10 @@ def test_numbers_of_a_point_and_of_another_frame():
 
 def test_a_payload_settles_to_mass_centre_and_inertia():
     load = fx.Payload(
-        jnp.array(2.8), jnp.array([0.01, 0.02, 0.1]), jnp.zeros(3), 0.01 * jnp.array([3.0, 4.0, 5.0, 0.1, 0.0, 0.2])
+        jnp.array(2.8),
+        jnp.array([0.01, 0.02, 0.1]),
+        jnp.zeros(3),
+        0.01 * jnp.array([3.0, 4.0, 5.0, 0.1, 0.0, 0.2]),
     )
     (variant,) = fx.Payload.variants(fx.Scale(1.0, 1.0, -1.0, 1.0, 1.0, 0.1, 10.0, 1e-3))
     zero = placed(fx.Payload, variant, 0, 6)
@@ -135,21 +157,31 @@ def test_a_payload_settles_to_mass_centre_and_inertia():
     numbers = load.numbers()
     fitted = zero.replace(mass=numbers[0], moment=numbers[1:4], inertia=numbers[4:])
     for name in load.parameters:
-        np.testing.assert_allclose(getattr(fitted.settled(), name), getattr(load, name), atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(
+            getattr(fitted.settled(), name), getattr(load, name), atol=1e-12, err_msg=name
+        )
     np.testing.assert_allclose(fitted.settled().numbers(), numbers, atol=1e-12)
-    gone = fitted.replace(mass=-numbers[0], moment=-numbers[1:4], inertia=-numbers[4:])  # a load that is not there any more
+    # a load that is not there any more
+    gone = fitted.replace(mass=-numbers[0], moment=-numbers[1:4], inertia=-numbers[4:])
     np.testing.assert_allclose(gone.settled().com, load.com)
     assert gone.settled().mass == -2.8
-    for other in (zero, zero.replace(mass=jnp.array(1e-4), moment=jnp.ones(3))):  # no centre, or one far away
+    # no centre, or one far away
+    for other in (zero, zero.replace(mass=jnp.array(1e-4), moment=jnp.ones(3))):
         np.testing.assert_array_equal(other.settled().numbers(), other.numbers())
-    by_moment = jax.jacfwd(lambda moment: fitted.replace(moment=moment).settled().com)(fitted.moment)
+    by_moment = jax.jacfwd(lambda moment: fitted.replace(moment=moment).settled().com)(
+        fitted.moment
+    )
     np.testing.assert_allclose(by_moment, np.eye(3) / 2.8, atol=1e-12)
-    assert np.all(np.isfinite(jax.jacfwd(lambda mass: zero.replace(mass=mass).settled().com)(zero.mass)))
+    assert np.all(
+        np.isfinite(jax.jacfwd(lambda mass: zero.replace(mass=mass).settled().com)(zero.mass))
+    )
 
 
 ERRORS = {
     "com_error": fx.ComError(jnp.array([[0.02, -0.03, 0.05]])),
-    "inertia_tensor_error": fx.InertiaTensorError(jnp.array([[0.01, 0.02, 0.03, 0.004, -0.005, 0.006]])),
+    "inertia_tensor_error": fx.InertiaTensorError(
+        jnp.array([[0.01, 0.02, 0.03, 0.004, -0.005, 0.006]])
+    ),
 }
 
 
@@ -191,8 +223,11 @@ def test_least_squares_finds_them_from_a_log(body):
     rows = [jnp.asarray(s[:20]) for s in states]
     torque = jax.jit(jax.vmap(body.add_link(jnp.asarray(true)).inverse_dynamics))(*rows)
     columns = table.by_link.reshape(400, JOINTS, 30)
-    found = np.linalg.lstsq(columns[:20].reshape(60, 30), (torque - table.torque[:20]).ravel(), rcond=1e-9)[0]
-    np.testing.assert_allclose(columns @ found, columns @ true.ravel(), atol=1e-7)  # at states that were not seen
+    found = np.linalg.lstsq(
+        columns[:20].reshape(60, 30), (torque - table.torque[:20]).ravel(), rcond=1e-9
+    )[0]
+    # at states that were not seen
+    np.testing.assert_allclose(columns @ found, columns @ true.ravel(), atol=1e-7)
 
 
 def test_a_point_mass_knows_mass_only():
@@ -208,9 +243,20 @@ def test_a_point_mass_knows_mass_only():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_load_settles_to_one_that_can_be_simulated(sign):
-    """A fit to a log with noise may find a principal moment a little below zero: it becomes zero, the others stay."""
-    load = fx.Payload(jnp.array(2.0), jnp.array([0.0, 0.0, 0.1]), jnp.zeros(3), jnp.array([0.02, -0.004, 0.01, 0.0, 0.0, 0.0]))
+    """A fit to a log with noise may find a principal moment a little below zero: it becomes zero,
+    the others stay.
+    """
+    load = fx.Payload(
+        jnp.array(2.0),
+        jnp.array([0.0, 0.0, 0.1]),
+        jnp.zeros(3),
+        jnp.array([0.02, -0.004, 0.01, 0.0, 0.0, 0.0]),
+    )
     numbers = sign * load.numbers()
-    settled = load.replace(mass=numbers[0], com=jnp.zeros(3), moment=numbers[1:4], inertia=numbers[4:]).settled()
-    np.testing.assert_allclose(settled.inertia, sign * np.array([0.02, 0.0, 0.01, 0.0, 0.0, 0.0]), atol=1e-12)
+    settled = load.replace(
+        mass=numbers[0], com=jnp.zeros(3), moment=numbers[1:4], inertia=numbers[4:]
+    ).settled()
+    np.testing.assert_allclose(
+        settled.inertia, sign * np.array([0.02, 0.0, 0.01, 0.0, 0.0, 0.0]), atol=1e-12
+    )
     np.testing.assert_allclose(settled.com, load.com, atol=1e-12)

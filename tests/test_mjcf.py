@@ -1,4 +1,6 @@
-"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, and what becomes of a file."""
+"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, and what becomes of a
+file.
+"""
 
 import jax
 import jax.numpy as jnp
@@ -13,8 +15,9 @@ from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics, tables
 
 LINK = (
-    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass value="{1}"/>'
-    '<inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002" iyz="0.0005"/></inertial></link>'
+    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass'
+    ' value="{1}"/><inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002"'
+    ' iyz="0.0005"/></inertial></link>'
 )
 HINGE = (
     '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
@@ -23,7 +26,7 @@ HINGE = (
 URDF = f"""<robot name="chain"><link name="l0"/>
 {"".join(LINK.format(j, 2.0 - 0.4 * j) for j in (1, 2, 3, 4))}<link name="tool"/>
 {"".join(HINGE.format(j, j - 1, axis) for j, axis in zip((1, 2, 3, 4), ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0"), strict=True))}
-<joint name="end" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0 0 -0.2"/></joint></robot>"""
+<joint name="end" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0 0 -0.2"/></joint></robot>"""  # noqa: E501
 
 RICH = """<mujoco><compiler angle="degree" boundmass="0.001"/><option timestep="0.001" integrator="implicitfast"/>
 <default><default class="k"><joint damping="0.3" armature="0.1"/></default></default>
@@ -33,7 +36,7 @@ RICH = """<mujoco><compiler angle="degree" boundmass="0.001"/><option timestep="
 <frame pos="0.1 0.2 0.3" euler="10 20 30" childclass="k"><joint axis="1 0 0" pos="1 2 3"/><body pos="0 0 -0.5">
 <joint axis="0 1 0" stiffness="2" springref="90" frictionloss="0.1"/><geom type="ellipsoid" size="0.1 0.2 0.3"/></body></frame>
 <body><joint type="slide"/><geom size="0.1"/></body></body><body name="table"><geom type="box" size="1 1 1"/></body></worldbody>
-<actuator><motor joint="j"/></actuator><sensor><jointpos joint="j"/></sensor></mujoco>"""
+<actuator><motor joint="j"/></actuator><sensor><jointpos joint="j"/></sensor></mujoco>"""  # noqa: E501
 
 
 def stored(folder, text, name="model.xml"):
@@ -50,7 +53,11 @@ def in_c(path):
 
 @pytest.mark.parametrize("name", [*MECHANISMS, "chain"])
 def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
-    path = stored(tmp_path, URDF, "chain.urdf") if name == "chain" else stored(tmp_path, MECHANISMS[name])
+    path = (
+        stored(tmp_path, URDF, "chain.urdf")
+        if name == "chain"
+        else stored(tmp_path, MECHANISMS[name])
+    )
     body = read_model(path).plant.body
     model, data = in_c(path)
     start = jnp.linspace(0.9, -0.4, model.nv)
@@ -75,15 +82,20 @@ def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
             mujoco.mj_inverse(model, probe)
             mujoco.mj_fullM(model, probe, inertia)
             np.testing.assert_allclose(mass, inertia, rtol=1e-10, atol=1e-12)
-            np.testing.assert_allclose(mass @ bend + bias, probe.qfrc_inverse, rtol=1e-10, atol=1e-10)
-        np.testing.assert_allclose(q, data.qpos, atol=1e-9)  # the same scheme: rounding, grown over a second
+            np.testing.assert_allclose(
+                mass @ bend + bias, probe.qfrc_inverse, rtol=1e-10, atol=1e-10
+            )
+        # the same scheme: rounding, grown over a second
+        np.testing.assert_allclose(q, data.qpos, atol=1e-9)
         mujoco.mj_step(model, data)
     assert np.ptp(history[0], axis=0).max() > 0.5 or name == "slider"
 
 
 @pytest.mark.parametrize("text", [RICH, URDF, TWO_LINK], ids=["rich", "chain", "two_link"])
 def test_frames_are_where_mujoco_in_c_has_them(text, tmp_path):
-    body = read_model(stored(tmp_path, text, "model.urdf" if text is URDF else "model.xml")).plant.body
+    body = read_model(
+        stored(tmp_path, text, "model.urdf" if text is URDF else "model.xml")
+    ).plant.body
     data = mujoco.MjData(body.source)
     for q in np.random.default_rng(5).normal(size=(3, body.source.nq)):
         data.qpos[:] = q
@@ -98,7 +110,9 @@ def test_a_batch_is_its_instants(tmp_path):
     log = jnp.asarray(np.random.default_rng(0).normal(size=(3, 7, 1)))
     one = jax.jit(body.inverse_dynamics)
     many = jax.jit(jax.vmap(body.inverse_dynamics))(*log)
-    np.testing.assert_allclose(many, [one(*instant) for instant in zip(*log, strict=True)], rtol=1e-12)
+    np.testing.assert_allclose(
+        many, [one(*instant) for instant in zip(*log, strict=True)], rtol=1e-12
+    )
     np.testing.assert_allclose(many, inverse_dynamics(body, *map(np.asarray, log)), rtol=1e-10)
 
 
@@ -110,14 +124,23 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
 
     def both(x):
         q, qd, qdd, extra, mass, load, com = jnp.split(x, cuts)
-        altered = body.add_mass(mass).add_inertia(extra).add_payload(Payload(load[0], com).numbers())
-        return jnp.concatenate([altered.inverse_dynamics(q, qd, qdd), altered.forward_dynamics(q, qd, qdd)])
+        altered = (
+            body.add_mass(mass).add_inertia(extra).add_payload(Payload(load[0], com).numbers())
+        )
+        return jnp.concatenate(
+            [altered.inverse_dynamics(q, qd, qdd), altered.forward_dynamics(q, qd, qdd)]
+        )
 
     quick = {"xla_backend_optimization_level": 0}
     value = jax.jit(both, compiler_options=quick)
-    forward, way = jax.jit(jax.jacfwd(both), compiler_options=quick), jnp.array([1.0, -0.7, 0.4, 0.2])
+    forward, way = (
+        jax.jit(jax.jacfwd(both), compiler_options=quick),
+        jnp.array([1.0, -0.7, 0.4, 0.2]),
+    )
     reverse = jax.jit(jax.grad(lambda x: way @ both(x)), compiler_options=quick)
-    x = jnp.asarray(np.concatenate([rng.normal(size=6), [0.1, 0.2, 0.3, -0.2, 0.4, 0.1, 0.05, -0.3]]))
+    x = jnp.asarray(
+        np.concatenate([rng.normal(size=6), [0.1, 0.2, 0.3, -0.2, 0.4, 0.1, 0.05, -0.3]])
+    )
     numeric = np.stack([(value(x + h) - value(x - h)) / 2e-6 for h in 1e-6 * np.eye(len(x))], -1)
     np.testing.assert_allclose(way @ forward(x), reverse(x), rtol=1e-9, atol=1e-10)
     np.testing.assert_allclose(forward(x), numeric, rtol=1e-6, atol=1e-7)
@@ -133,10 +156,15 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
             (table.by_q[t], q, "position"),
             (table.by_qd[t], qd, "velocity"),
             (table.by_mass[t], mass, "mass"),
-            (table.by_load[t] @ Payload(jnp.array(1.0), jnp.array(com)).numbers(), load[:, 0], "load"),
+            (
+                table.by_load[t] @ Payload(jnp.array(1.0), jnp.array(com)).numbers(),
+                load[:, 0],
+                "load",
+            ),
             (np.diag(states[2, t]), extra, "rotor inertia"),
         ):
-            np.testing.assert_allclose(got, true, rtol=1e-7, atol=1e-7, err_msg=by)  # positions: central differences
+            # positions: central differences
+            np.testing.assert_allclose(got, true, rtol=1e-7, atol=1e-7, err_msg=by)
 
 
 def test_tables_between_their_instants(tmp_path):
@@ -146,7 +174,8 @@ def test_tables_between_their_instants(tmp_path):
     fine, coarse = (tables(body, *log, stride=stride) for stride in (1, 7))
     np.testing.assert_array_equal(fine.torque, coarse.torque)
     for name, a, b in zip(fine._fields, fine, coarse, strict=True):
-        np.testing.assert_allclose(b, a, atol=2e-3 * np.abs(a).max(), err_msg=name)  # chords of 7 ms
+        # chords of 7 ms
+        np.testing.assert_allclose(b, a, atol=2e-3 * np.abs(a).max(), err_msg=name)
 
 
 @pytest.mark.slow
@@ -163,16 +192,23 @@ def test_a_body_may_be_a_programs_argument(tmp_path):
     for load in (0.0, 0.4):
         heavier = body.add_mass(jnp.full(4, load)).add_inertia(jnp.array([load, 0.0, 0.0, 0.1]))
         inertia, bias = heavier.equation_of_motion(q, qd)
-        np.testing.assert_allclose(fall(heavier, q, qd, tau), np.linalg.solve(inertia, tau - bias), rtol=1e-9)
+        np.testing.assert_allclose(
+            fall(heavier, q, qd, tau), np.linalg.solve(inertia, tau - bias), rtol=1e-9
+        )
     assert len(traces) == 1
     assert len(jax.tree.leaves(body)) == 3
 
 
 def test_payloads_add_up_each_at_its_place(tmp_path):
     body = read_model(stored(tmp_path, TWO_LINK)).plant.body
-    loads = [Payload(jnp.array(m), jnp.array(c)) for m, c in ((0.5, [0.1, 0.2, -0.3]), (0.2, [-0.2, 0.0, 0.1]))]
+    loads = [
+        Payload(jnp.array(m), jnp.array(c))
+        for m, c in ((0.5, [0.1, 0.2, -0.3]), (0.2, [-0.2, 0.0, 0.1]))
+    ]
     state = jnp.asarray(np.random.default_rng(2).normal(size=(3, 2)))
-    heavy = jax.jit(lambda *state: loads[1].alter(loads[0].alter(body)).inverse_dynamics(*state))(*state)
+    heavy = jax.jit(lambda *state: loads[1].alter(loads[0].alter(body)).inverse_dynamics(*state))(
+        *state
+    )
     state = np.asarray(state)
     by_load = tables(body, *state[:, None]).by_load[0]
     shift = sum(by_load @ np.asarray(load.numbers()) for load in loads)
@@ -186,7 +222,9 @@ def test_what_a_file_says_of_its_joints_becomes_effects(tmp_path):
     assert any("actuators" in note for note in model.notes)
     assert any("limits" in note for note in model.notes)
     records = [effect.to_dict() for effect in model.plant.effects]
-    found = [(r["effect"], r["joint"], *(p["value"] for p in r["parameters"].values())) for r in records]
+    found = [
+        (r["effect"], r["joint"], *(p["value"] for p in r["parameters"].values())) for r in records
+    ]
     assert [entry[:3] for entry in found] == [
         ("viscous_friction", 0, 0.3),
         ("viscous_friction", 1, 0.3),

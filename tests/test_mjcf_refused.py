@@ -1,4 +1,6 @@
-"""Model files that are refused in one line, and damaged ones that are read or refused, whatever the damage."""
+"""Model files that are refused in one line, and damaged ones that are read or refused, whatever the
+damage.
+"""
 
 import copy
 import json
@@ -27,19 +29,28 @@ def scene(joint="", inside="", after="", option=""):
 REFUSED = {
     "at least one joint": "<mujoco><worldbody><body><geom size='0.1'/></body></worldbody></mujoco>",
     "slide and hinge joints": scene(inside='<body><joint type="ball"/><geom size="0.1"/></body>'),
-    "free or ball": "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>",
+    "free or ball": (
+        "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
+    ),
     "equality": scene(' name="a"', after='<equality><joint joint1="a" joint2="b"/></equality>'),
-    "tendons": scene(' name="a"', after='<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon>'),
+    "tendons": scene(
+        ' name="a"', after='<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon>'
+    ),
     "polynomial": scene(' damping="1 2"'),
     "springdamper": scene(' springdamper="0.1 1"'),
-    "actuator with armature": scene(' name="a"', after='<actuator><motor joint="a" armature="0.1"/></actuator>'),
+    "actuator with armature": scene(
+        ' name="a"', after='<actuator><motor joint="a" armature="0.1"/></actuator>'
+    ),
     "gravity compensation": scene().replace("<body>", '<body gravcomp="1">', 1),
     "fluid": scene(option='<option density="1000"/>'),
     "flag": scene(option='<option><flag damper="disable"/></option>'),
     "possible friction": scene(' damping="-1"'),
     "inertia at every joint": scene(' armature="-100"'),
     "MJCF or URDF": "<mujoco><worldbody>",
-    "gone.stl": scene(inside='<geom type="mesh" mesh="m"/>', after='<asset><mesh name="m" file="gone.stl"/></asset>'),
+    "gone.stl": scene(
+        inside='<geom type="mesh" mesh="m"/>',
+        after='<asset><mesh name="m" file="gone.stl"/></asset>',
+    ),
     "to compile": scene(inside='<geom size="-1"/>'),
     "must load it": b"\x00\x01\xff\xfe" * 100,
     "below 1e+30": scene().replace('size="0.1"', 'size="0.1" mass="1e40"', 1),
@@ -65,13 +76,31 @@ def test_missing_files_and_folders_are_refused(tmp_path):
     assert "a folder" in complaint(tmp_path)
 
 
-ODD = ["nan", "inf", "-inf", "1e308", "-1e300", "1e18", "0", "-1", "1e-320", "", "x", "1 2 3 4 5 6 7 8 9", "99999999999999999999"]
+ODD = [
+    "nan",
+    "inf",
+    "-inf",
+    "1e308",
+    "-1e300",
+    "1e18",
+    "0",
+    "-1",
+    "1e-320",
+    "",
+    "x",
+    "1 2 3 4 5 6 7 8 9",
+    "99999999999999999999",
+]
 
 
 def damaged(text, rng):
-    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled, swapped or made odd."""
+    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled,
+    swapped or made odd.
+    """
     kind, attributes = rng.randrange(12), list(re.finditer(r'\s\w+="[^"]*"', text))
-    numbers, elements = (list(re.finditer(pattern, text)) for pattern in (r"-?\d*\.?\d+", r"<[^>]*/>"))
+    numbers, elements = (
+        list(re.finditer(pattern, text)) for pattern in (r"-?\d*\.?\d+", r"<[^>]*/>")
+    )
     if kind == 0:
         raw = bytearray(text.encode())
         for _ in range(rng.randint(1, 6)):
@@ -98,10 +127,15 @@ def read_or_refused(path):
 @pytest.mark.parametrize("name", [*MECHANISMS, "chain", "rich"])
 def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    text, ending = {"chain": (URDF, "urdf"), "rich": (RICH, "xml")}.get(name) or (MECHANISMS[name], "xml")
+    text, ending = {"chain": (URDF, "urdf"), "rich": (RICH, "xml")}.get(name) or (
+        MECHANISMS[name],
+        "xml",
+    )
     path, refused = tmp_path / f"model.{ending}", 0
     for seed in range(60):
-        model, said = read_or_refused(stored(tmp_path, damaged(text, random.Random(f"{name} {seed}")), path.name))
+        model, said = read_or_refused(
+            stored(tmp_path, damaged(text, random.Random(f"{name} {seed}")), path.name)
+        )
         refused += model is None
         if model is None:
             assert len(said.splitlines()) == 1
@@ -111,7 +145,12 @@ def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
         mujoco.mj_forward(source, data)
         mujoco.mj_fullM(source, data, inertia)
         assert np.isfinite(inertia).all()
-        assert np.linalg.eigvalsh(inertia / np.sqrt(np.outer(inertia.diagonal(), inertia.diagonal()))).min() > 0.0
+        assert (
+            np.linalg.eigvalsh(
+                inertia / np.sqrt(np.outer(inertia.diagonal(), inertia.diagonal()))
+            ).min()
+            > 0.0
+        )
     assert 10 < refused < 60
     assert [file.name for file in tmp_path.iterdir()] == [path.name]  # MuJoCo has left no log
     assert capfd.readouterr() == ("", "")
@@ -119,7 +158,13 @@ def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
 
 def spots(value, path=()):
     """Paths to everything inside a JSON value."""
-    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    inside = (
+        value.items()
+        if isinstance(value, dict)
+        else enumerate(value)
+        if isinstance(value, list)
+        else ()
+    )
     for key, part in inside:
         yield (*path, key)
         yield from spots(part, (*path, key))
@@ -128,7 +173,24 @@ def spots(value, path=()):
 def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
     path = stored(tmp_path, TWO_LINK)
     entries = [{**effect.to_dict(), "in_mjcf": False, "mjcf": None} for effect in EXAMPLES.values()]
-    odd = [None, True, [], {}, "x", "nan", -1, 3, 1e308, [1, 2, 3], [[1], [2]], "inf", 10**400, 2.5, 10**9, {"value": 1}]
+    odd = [
+        None,
+        True,
+        [],
+        {},
+        "x",
+        "nan",
+        -1,
+        3,
+        1e308,
+        [1, 2, 3],
+        [[1], [2]],
+        "inf",
+        10**400,
+        2.5,
+        10**9,
+        {"value": 1},
+    ]
     for seed in range(150):
         rng = random.Random(seed)
         record = {"model": path.name, "effects": [copy.deepcopy(rng.choice(entries))]}
@@ -141,7 +203,9 @@ def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
         else:
             inner[last] = rng.choice(odd)
         raw = json.dumps(record).encode()
-        (tmp_path / "effects.json").write_bytes(raw[: rng.randrange(len(raw))] if rng.random() < 0.1 else raw)
+        (tmp_path / "effects.json").write_bytes(
+            raw[: rng.randrange(len(raw))] if rng.random() < 0.1 else raw
+        )
         model, said = read_or_refused(path)
         assert len(said.splitlines()) == (model is None)
         for effect in model.plant.effects if model else ():
@@ -150,11 +214,22 @@ def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
 
 def test_effects_that_do_not_fit_the_model_are_refused(tmp_path):
     path = stored(tmp_path, TWO_LINK)
-    three = {"effect": "viscous_friction", "parameters": {"coefficient": {"value": 1.0}}, "joint": 2, "joints": 3}
+    three = {
+        "effect": "viscous_friction",
+        "parameters": {"coefficient": {"value": 1.0}},
+        "joint": 2,
+        "joints": 3,
+    }
     for entry, words in (
         (three, "one of 2 joints"),
-        ({**three, "joint": None, "parameters": {"coefficient": {"value": [1, 2, 3]}}}, "each of 2 joints"),
-        ({**EXAMPLES["coupled_friction"].to_dict(), "options": {"joint": 0, "other": 2}}, "option other"),
+        (
+            {**three, "joint": None, "parameters": {"coefficient": {"value": [1, 2, 3]}}},
+            "each of 2 joints",
+        ),
+        (
+            {**EXAMPLES["coupled_friction"].to_dict(), "options": {"joint": 0, "other": 2}},
+            "option other",
+        ),
         ({**EXAMPLES["actuator_delay"].to_dict(), "options": {"steps": 10**12}}, "option steps"),
     ):
         stored(tmp_path, json.dumps({"model": path.name, "effects": [entry]}), "effects.json")

@@ -1,4 +1,6 @@
-"""Model files as robots come with them: missing meshes, links without mass, joints that mimic, and parts of a robot."""
+"""Model files as robots come with them: missing meshes, links without mass, joints that mimic, and
+parts of a robot.
+"""
 
 import mujoco
 import numpy as np
@@ -9,8 +11,9 @@ from jaxidl.systems.export import patched
 from jaxidl.systems.mjcf import names_of, read_model
 
 LINK = (
-    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass value="{1}"/>'
-    '<inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002" iyz="0.0005"/></inertial></link>'
+    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass'
+    ' value="{1}"/><inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002"'
+    ' iyz="0.0005"/></inertial></link>'
 )
 HINGE = (
     '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
@@ -21,14 +24,22 @@ SHAPES = SHAPE.format("visual", "a.dae") + SHAPE.format("collision", "a.stl")
 AXES = ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0")
 
 
-def urdf(*, shapes="", masses=(1.6, 1.2, 0.8, 0.4), inside=None, mimic="", kind="continuous", last=""):
+def urdf(
+    *, shapes="", masses=(1.6, 1.2, 0.8, 0.4), inside=None, mimic="", kind="continuous", last=""
+):
     """A chain of four joints; ``inside`` replaces inertials of links by their number."""
-    links = [LINK.format(j + 1, mass).replace("</link>", shapes + "</link>") for j, mass in enumerate(masses)]
+    links = [
+        LINK.format(j + 1, mass).replace("</link>", shapes + "</link>")
+        for j, mass in enumerate(masses)
+    ]
     for j, text in (inside or {}).items():
         links[j - 1] = f'<link name="l{j}">{text}{shapes}</link>'
     joints = [HINGE.format(j + 1, j, axis) for j, axis in enumerate(AXES)]
     joints[3] = joints[3].replace("continuous", kind).replace("</joint>", mimic + "</joint>")
-    return f'<robot name="chain"><link name="l0">{shapes}</link>{"".join(links)}{"".join(joints)}{last}</robot>'
+    return (
+        '<robot name="chain"><link'
+        f' name="l0">{shapes}</link>{"".join(links)}{"".join(joints)}{last}</robot>'
+    )
 
 
 def stored(folder, text, name="model.xml"):
@@ -67,7 +78,9 @@ def test_meshes_that_are_not_there_are_left_out(tmp_path):
     dressed = read_model(stored(tmp_path, urdf(shapes=SHAPES), "dressed.urdf"))
     assert any("1 mesh file not found" in note for note in dressed.notes), dressed.notes
     at = states(0, 4)
-    np.testing.assert_array_equal(torque(dressed.plant.body.source, *at), torque(bare.plant.body.source, *at))
+    np.testing.assert_array_equal(
+        torque(dressed.plant.body.source, *at), torque(bare.plant.body.source, *at)
+    )
 
 
 def test_files_of_mjcf_that_are_not_there(tmp_path):
@@ -76,16 +89,26 @@ def test_files_of_mjcf_that_are_not_there(tmp_path):
     shape = '<geom type="mesh" mesh="m" material="k"{}/>'
     inertial = '<inertial pos="0 0 -0.1" mass="1" diaginertia="1 1 1"/>'
     ground = '<geom type="hfield" hfield="h"/>'
-    text = scene(inside=inertial + shape.format(""), after=assets + f"<worldbody>{ground}{shape.format('')}</worldbody>")
+    text = scene(
+        inside=inertial + shape.format(""),
+        after=assets + f"<worldbody>{ground}{shape.format('')}</worldbody>",
+    )
     model = read_model(stored(tmp_path, text))
     assert [note for note in model.notes if "texture" in note or "mesh" in note] == [
         "2 mesh files not found or not readable: left out, dynamics needs no geometry",
         "1 texture file not found: left out",
     ]
     assert model.plant.body.source.body_mass[1] == 1.0
-    primitive = scene(' name="a"', inside=shape.format(' mass="0"') + '<geom size="0.1" mass="3"/>', after=assets)
-    assert read_model(stored(tmp_path, primitive)).plant.body.source.body_mass[1] == pytest.approx(3 + 4 / 3 * np.pi, rel=1e-9)
-    for inside, words in (("", "body of joint a"), ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>', None)):
+    primitive = scene(
+        ' name="a"', inside=shape.format(' mass="0"') + '<geom size="0.1" mass="3"/>', after=assets
+    )
+    assert read_model(stored(tmp_path, primitive)).plant.body.source.body_mass[1] == pytest.approx(
+        3 + 4 / 3 * np.pi, rel=1e-9
+    )
+    for inside, words in (
+        ("", "body of joint a"),
+        ('<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>', None),
+    ):
         path = stored(tmp_path, scene(' name="a"', inside=inside + shape.format(""), after=assets))
         if words:
             assert words in complaint(path)
@@ -98,52 +121,79 @@ def test_a_patched_model_without_its_meshes_reads_back(tmp_path):
     model = read_model(stored(tmp_path, urdf(shapes=SHAPES, inside={2: ""}), "robot.urdf"))
     text, _ = patched(model, [])
     again = read_model(stored(tmp_path, text))
-    np.testing.assert_allclose(again.plant.body.source.body_mass, model.plant.body.source.body_mass, rtol=1e-12)
+    np.testing.assert_allclose(
+        again.plant.body.source.body_mass, model.plant.body.source.body_mass, rtol=1e-12
+    )
     assert "gone" not in text
     assert "package" not in text
 
 
 def test_a_link_without_mass_between_two_joints(tmp_path):
     """As wrists are drawn; what hangs on it has all the inertia there is."""
-    for nothing in ("", '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'):
+    for nothing in (
+        "",
+        (
+            '<inertial><mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0"'
+            ' iyz="0"/></inertial>'
+        ),
+    ):
         model = read_model(stored(tmp_path, urdf(inside={2: nothing}), "robot.urdf"))
         assert any("no mass or inertia of its own: l2" in note for note in model.notes)
         light = mujoco.MjModel.from_xml_string(urdf())
         light.body("l2").mass[:], light.body("l2").inertia[:] = 1e-15, 1e-15
         at = states(1, 4)
-        np.testing.assert_allclose(torque(model.plant.body.source, *at), torque(light, *at), atol=1e-6)
+        np.testing.assert_allclose(
+            torque(model.plant.body.source, *at), torque(light, *at), atol=1e-6
+        )
 
 
 def test_a_joint_without_any_inertia_is_named(tmp_path):
     assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: ""}), "robot.urdf"))
     box = "<collision><geometry><box size='1 1 1'/></geometry></collision>"
-    assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: box}), "robot.urdf"))  # no mass but what the file gives
+    # no mass but what the file gives
+    assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: box}), "robot.urdf"))
     on_axis = (
-        '<inertial><origin xyz="0.3 0 0"/><mass value="1"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>'
+        '<inertial><origin xyz="0.3 0 0"/><mass value="1"/><inertia ixx="0" iyy="0" izz="0" ixy="0"'
+        ' ixz="0" iyz="0"/></inertial>'
     )
     assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: on_axis}), "robot.urdf"))
 
 
-FLAT = '<inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="0" iyz="0"/></inertial>'
+FLAT = (
+    '<inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="0"'
+    ' iyz="0"/></inertial>'
+)
 
 
 def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
-    """The largest moment stays, the others become what they must be at least; slightly wrong is slightly changed."""
+    """The largest moment stays, the others become what they must be at least; slightly wrong is
+    slightly changed.
+    """
     for least, most in ((0.01, 0.04), (0.01, 0.0201)):
-        model = read_model(stored(tmp_path, urdf(inside={3: FLAT.format(least, least, most, 0)}), "robot.urdf"))
+        model = read_model(
+            stored(tmp_path, urdf(inside={3: FLAT.format(least, least, most, 0)}), "robot.urdf")
+        )
         (note,) = [note for note in model.notes if "A + B < C" in note]
         assert " l3 " in note
         np.testing.assert_allclose(
             sorted(model.plant.body.source.body_inertia[4]), [most / 2, most / 2, most]
         )  # the base is body 1
-    turned = read_model(stored(tmp_path, urdf(inside={3: FLAT.format(0.025, 0.025, 0.01, 0.015)}), "robot.urdf"))
+    turned = read_model(
+        stored(tmp_path, urdf(inside={3: FLAT.format(0.025, 0.025, 0.01, 0.015)}), "robot.urdf")
+    )
     data = mujoco.MjData(turned.plant.body.source)  # moments 0.01, 0.01 and 0.04 about (1, 1, 0)
     mujoco.mj_kinematics(turned.plant.body.source, data)
     principal = np.zeros(9)
     mujoco.mju_quat2Mat(principal, turned.plant.body.source.body_iquat[4])
-    tensor = principal.reshape(3, 3) * turned.plant.body.source.body_inertia[4] @ principal.reshape(3, 3).T
+    tensor = (
+        principal.reshape(3, 3)
+        * turned.plant.body.source.body_inertia[4]
+        @ principal.reshape(3, 3).T
+    )
     np.testing.assert_allclose(tensor, [[0.03, 0.01, 0], [0.01, 0.03, 0], [0, 0, 0.02]], atol=1e-9)
-    assert "positive" in complaint(stored(tmp_path, urdf(inside={3: FLAT.format(0.01, 0.01, -0.04, 0)}), "robot.urdf"))
+    assert "positive" in complaint(
+        stored(tmp_path, urdf(inside={3: FLAT.format(0.01, 0.01, -0.04, 0)}), "robot.urdf")
+    )
 
 
 def test_inertia_that_rounding_made_negative_is_none(tmp_path):
@@ -154,7 +204,9 @@ def test_inertia_that_rounding_made_negative_is_none(tmp_path):
 
 
 def test_a_file_without_masses_says_so(tmp_path):
-    assert "no mass at all" in complaint(stored(tmp_path, urdf(inside=dict.fromkeys((1, 2, 3, 4), "")), "robot.urdf"))
+    assert "no mass at all" in complaint(
+        stored(tmp_path, urdf(inside=dict.fromkeys((1, 2, 3, 4), "")), "robot.urdf")
+    )
 
 
 def fused(text, name, at):
@@ -179,20 +231,33 @@ def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
     for at in (None, 0.7):
         model = read_model(path, joints=rest, locked={} if at is None else {name: at})
         assert model.names == tuple(reversed(rest))  # in the file's order
-        assert f"locked, for they are not among the joints asked for: {name} at {at or 0:.4g}" in model.notes
+        assert (
+            f"locked, for they are not among the joints asked for: {name} at {at or 0:.4g}"
+            in model.notes
+        )
         motion = states(2, 3)
         expected = fused(urdf(), name, at or 0.0)(*motion)
-        np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+        )
         text, _ = patched(model, [])
         again = read_model(stored(tmp_path, text))
-        np.testing.assert_allclose(torque(again.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            torque(again.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_a_slide_that_is_locked(tmp_path):
     joint = '<joint name="{}" type="{}" axis="{}" pos="0.1 0 0"/>'
-    body = f'<body pos="0.1 0.2 0" quat="0.6 0.8 0 0">{joint}<geom size="0.1" pos="0.2 0 0.1"/>{{}}</body>'
+    body = (
+        f'<body pos="0.1 0.2 0" quat="0.6 0.8 0 0">{joint}<geom size="0.1" pos="0.2 0'
+        ' 0.1"/>{}</body>'
+    )
     inner = body.format("b", "hinge", "0 1 0", "")
-    path = stored(tmp_path, f"<mujoco><worldbody>{body.format('a', 'slide', '0 0.6 0.8', inner)}</worldbody></mujoco>")
+    path = stored(
+        tmp_path,
+        f"<mujoco><worldbody>{body.format('a', 'slide', '0 0.6 0.8', inner)}</worldbody></mujoco>",
+    )
     model = read_model(path, joints=["b"], locked={"a": -0.3})
     motion = states(3, 1)
     expected = fused(path.read_text(), "a", -0.3)(*motion)
@@ -201,7 +266,11 @@ def test_a_slide_that_is_locked(tmp_path):
 
 def test_names_that_the_file_does_not_have(tmp_path):
     path = stored(tmp_path, urdf(), "robot.urdf")
-    for joints, words in ((["j5"], "choose among j1, j2, j3, j4"), (["j1", "j1"], "j1 twice"), ([], "none")):
+    for joints, words in (
+        (["j5"], "choose among j1, j2, j3, j4"),
+        (["j1", "j1"], "j1 twice"),
+        ([], "none"),
+    ):
         with pytest.raises(ModelError, match=words):
             read_model(path, joints=joints)
 
@@ -216,7 +285,9 @@ def test_a_joint_that_mimics_another_is_locked(tmp_path):
     assert "joint j4 mimics j2: it is locked at 0.2, its own motion plays no part" in model.notes
     motion = states(4, 3)
     expected = fused(urdf(), "j4", 0.2)(*motion)
-    np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+    )
     part = read_model(path, joints=["j3"], locked={"j2": 0.4})
     assert "joint j4 mimics j2: it is locked at 0, its own motion plays no part" in part.notes
     with pytest.raises(ModelError, match="j4, which mimics j2"):
@@ -231,7 +302,12 @@ def test_joints_that_float_are_refused_unless_a_part_is_asked_for(tmp_path, kind
     model = read_model(path, joints=["j1", "j2", "j3"])
     assert model.names == ("j1", "j2", "j3")
     motion = states(5, 3)
-    np.testing.assert_allclose(torque(model.plant.body.source, *motion), fused(urdf(), "j4", 0.0)(*motion), rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(
+        torque(model.plant.body.source, *motion),
+        fused(urdf(), "j4", 0.0)(*motion),
+        rtol=1e-9,
+        atol=1e-9,
+    )
 
 
 GRIPPER = """<mujoco><worldbody><body><joint name="arm" axis="0 1 0"/><geom size="0.1" pos="0.3 0 0"/>
@@ -241,7 +317,7 @@ GRIPPER = """<mujoco><worldbody><body><joint name="arm" axis="0 1 0"/><geom size
 <equality><joint joint1="f1" joint2="f2"/><connect body1="left" body2="right" anchor="0 0 0"/></equality>
 <actuator><motor joint="arm"/><position tendon="split" name="grip"/></actuator>
 <sensor><jointpos joint="f1"/><actuatorfrc actuator="grip"/><jointpos joint="arm"/></sensor>
-<keyframe><key qpos="1 0 0"/></keyframe></mujoco>"""
+<keyframe><key qpos="1 0 0"/></keyframe></mujoco>"""  # noqa: E501
 
 
 def test_an_arm_without_its_gripper(tmp_path):
@@ -250,17 +326,24 @@ def test_an_arm_without_its_gripper(tmp_path):
     model = read_model(path, joints=["arm"])
     assert model.names == ("arm",)
     whole = mujoco.MjModel.from_xml_path(str(path))
-    assert model.plant.body.source.body_mass.sum() == pytest.approx(whole.body_mass.sum(), rel=1e-12)
+    assert model.plant.body.source.body_mass.sum() == pytest.approx(
+        whole.body_mass.sum(), rel=1e-12
+    )
     text, _ = patched(model, [])
     assert read_model(stored(tmp_path, text)).names == ("arm",)
-    with pytest.raises(ModelError, match="no equality constraints"):  # one finger still moves against the other
+    # one finger still moves against the other
+    with pytest.raises(ModelError, match="no equality constraints"):
         read_model(stored(tmp_path, GRIPPER), joints=["arm", "f1"])
 
 
 def test_what_must_be_made_into_urdf_first(tmp_path):
     xacro = '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
-    assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(stored(tmp_path, xacro, "robot.urdf.xacro"))
-    assert "SDF is not read" in complaint(stored(tmp_path, '<sdf version="1.9"></sdf>', "robot.sdf"))
+    assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(
+        stored(tmp_path, xacro, "robot.urdf.xacro")
+    )
+    assert "SDF is not read" in complaint(
+        stored(tmp_path, '<sdf version="1.9"></sdf>', "robot.sdf")
+    )
 
 
 DEGREES = """<mujoco><compiler angle="degree"/>
@@ -268,7 +351,7 @@ DEGREES = """<mujoco><compiler angle="degree"/>
 <worldbody><body name="a" pos="0 0 0.1"><joint name="j" class="k" axis="0 1 0" ref="20" range="-30 40"/>
 <geom type="cylinder" size="0.02 0.1"/><frame pos="0.1 0.2 0.3" euler="10 20 30" childclass="k"><joint axis="1 0 0" pos="1 2 3"/>
 <body name="c" pos="0 0 -0.5"><joint axis="0 1 0" stiffness="2" springref="90"/><geom type="ellipsoid" size="0.1 0.2 0.3"/></body>
-</frame></body></worldbody></mujoco>"""
+</frame></body></worldbody></mujoco>"""  # noqa: E501
 
 
 def test_a_part_of_a_file_in_degrees_with_frames_and_joints_without_names(tmp_path):
@@ -280,7 +363,16 @@ def test_a_part_of_a_file_in_degrees_with_frames_and_joints_without_names(tmp_pa
     whole, everything = bare.compile(), np.zeros((3, 3))
     everything[0, 0] = np.deg2rad(20)
     everything[:, 1:] = motion
-    np.testing.assert_allclose(torque(model.plant.body.source, *motion), torque(whole, *everything)[1:], rtol=1e-9, atol=1e-9)
-    assert [effect.to_dict()["effect"] for effect in model.plant.effects] == ["viscous_friction", "viscous_friction", "spring"]
+    np.testing.assert_allclose(
+        torque(model.plant.body.source, *motion),
+        torque(whole, *everything)[1:],
+        rtol=1e-9,
+        atol=1e-9,
+    )
+    assert [effect.to_dict()["effect"] for effect in model.plant.effects] == [
+        "viscous_friction",
+        "viscous_friction",
+        "spring",
+    ]
     with pytest.raises(ModelError, match=r"lock it at 0\.349"):
         read_model(tmp_path / "model.xml", joints=["joint1", "joint2"], locked={"j": 0.0})

@@ -1,4 +1,6 @@
-"""Only the catalogue knows its effects by name: those of a user have the same rights everywhere else."""
+"""Only the catalogue knows its effects by name: those of a user have the same rights everywhere
+else.
+"""
 
 import ast
 from pathlib import Path
@@ -23,9 +25,16 @@ def named(path: Path) -> set[str]:
     """Effects that a module names, as classes or as whole strings."""
     nodes = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
     classes = {
-        getattr(node, key) for node in nodes for key in ("id", "attr", "name") if isinstance(getattr(node, key, None), str)
+        getattr(node, key)
+        for node in nodes
+        for key in ("id", "attr", "name")
+        if isinstance(getattr(node, key, None), str)
     }
-    texts = {node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+    texts = {
+        node.value
+        for node in nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    }
     return (classes & CLASSES) | (texts & NAMES)
 
 
@@ -33,7 +42,10 @@ def test_no_module_outside_the_catalogue_names_an_effect():
     found = {}
     for path in sorted(PACKAGE.rglob("*.py")):
         place = path.relative_to(PACKAGE).as_posix()
-        elsewhere = not place.startswith(("effects/", *(f"{b}/" for b in BUILDERS))) and place not in BUILDERS
+        elsewhere = (
+            not place.startswith(("effects/", *(f"{b}/" for b in BUILDERS)))
+            and place not in BUILDERS
+        )
         if elsewhere and (words := named(path)):
             found[place] = sorted(words)
     assert not found

@@ -1,4 +1,6 @@
-"""An effect of a user's own: how it is made known, and the example that defines, sweeps, differentiates and finds one."""
+"""An effect of a user's own: how it is made known, and the example that defines, sweeps,
+differentiates and finds one.
+"""
 
 import json
 import runpy
@@ -13,7 +15,17 @@ import pytest
 from flax import struct
 
 from jaxidl import gap, report
-from jaxidl.effects import CATALOGUE, Effect, OnJoint, Parameter, Spring, from_dict, register, searchable, searched
+from jaxidl.effects import (
+    CATALOGUE,
+    Effect,
+    OnJoint,
+    Parameter,
+    Spring,
+    from_dict,
+    register,
+    searchable,
+    searched,
+)
 from jaxidl.errors import ConfigurationError, EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
@@ -52,7 +64,9 @@ def test_the_brake_spoils_tracking_and_learning_restores_it(script):
 
 @pytest.mark.slow
 def test_derivatives_by_its_parameters_agree(script):
-    forward, reverse, numeric = (np.asarray(script[name]) for name in ("forward", "reverse", "numeric"))
+    forward, reverse, numeric = (
+        np.asarray(script[name]) for name in ("forward", "reverse", "numeric")
+    )
     assert np.all(forward > 0.0)  # a stronger brake, or one that fades later
     np.testing.assert_allclose(forward, reverse, rtol=1e-9)
     np.testing.assert_allclose(forward, numeric, rtol=1e-6)
@@ -61,9 +75,13 @@ def test_derivatives_by_its_parameters_agree(script):
 @pytest.mark.slow
 def test_without_it_others_stand_in_and_with_it_the_gap_is_smaller(script):
     before, found = script["before"], script["found"]
-    assert "sublinear_friction" in {f.name for f in before.findings}  # what the catalogue has that is most like it
+    # what the catalogue has that is most like it
+    assert "sublinear_friction" in {f.name for f in before.findings}
     assert found.verdict == "named"
-    assert {(f.name, f.joint) for f in found.findings} == {("eddy_brake", 0), ("coulomb_friction", 0)}
+    assert {(f.name, f.joint) for f in found.findings} == {
+        ("eddy_brake", 0),
+        ("coulomb_friction", 0),
+    }
     brake = next(f for f in found.findings if f.name == "eddy_brake")
     assert brake.sentence.startswith("a brake that drags most at one speed")
     assert {name: p.unit for name, p in brake.parameters.items()} == {"k": "Nm s/rad", "v": "rad/s"}
@@ -79,15 +97,25 @@ def test_what_was_found_is_written_and_read_again(script, tmp_path):
     found, cls = script["found"], script["EddyBrake"]
     assert "eddy brake" in report.save(found, tmp_path / "out").read_text(encoding="utf-8").lower()
     again = read_model(tmp_path / "out" / "model.xml")
-    (brake,) = [e for e in again.plant.effects if isinstance(e, OnJoint) and isinstance(e.effect, cls)]
-    assert brake.to_dict() == next(f.effect for f in found.findings if f.name == "eddy_brake").to_dict()
+    (brake,) = [
+        e for e in again.plant.effects if isinstance(e, OnJoint) and isinstance(e.effect, cls)
+    ]
+    assert (
+        brake.to_dict()
+        == next(f.effect for f in found.findings if f.name == "eddy_brake").to_dict()
+    )
 
 
 @pytest.mark.slow
 def test_it_is_not_named_where_plain_friction_is_hidden(script):
     columns = simulate(PENDULUM, [make("viscous_friction", 0, {"coefficient": 0.3})], 3)
     log = gap.from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])
-    found = gap.diagnose(log, script["folder"] / "model.xml", effects=("eddy_brake", "viscous_friction"), rollouts=False)
+    found = gap.diagnose(
+        log,
+        script["folder"] / "model.xml",
+        effects=("eddy_brake", "viscous_friction"),
+        rollouts=False,
+    )
     assert [f.name for f in found.findings] == ["viscous_friction"]
     assert found.options["effects"] == ["eddy_brake", "viscous_friction"]
 
@@ -103,7 +131,9 @@ def magnet(strength=1.0, **members):
 
         name: ClassVar[str] = members.get("name", "magnet")
         sentence: ClassVar[str] = members.get("sentence", "a magnet pulls in one direction")
-        parameters: ClassVar = members.get("parameters", {"pull": Parameter("N", 0.0, 1e3, "the pull")})
+        parameters: ClassVar = members.get(
+            "parameters", {"pull": Parameter("N", 0.0, 1e3, "the pull")}
+        )
         whole: ClassVar[bool] = members.get("whole", False)
 
         def torque(self, q, qd, tau):
@@ -148,7 +178,9 @@ def test_what_shall_not_be_searched_is_searched_only_where_named(clean, tmp_path
     (tmp_path / "model.xml").write_text(PENDULUM)
     columns = simulate(PENDULUM, [make("constant_offset", 0, {"offset": 0.4})], 3)
     log = gap.from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])
-    found = gap.diagnose(log, tmp_path / "model.xml", effects=("viscous_friction", "magnet"), rollouts=False)
+    found = gap.diagnose(
+        log, tmp_path / "model.xml", effects=("viscous_friction", "magnet"), rollouts=False
+    )
     assert [f.name for f in found.findings] == ["magnet"]
     assert found.findings[0].parameters["pull"].value == pytest.approx(0.4, rel=0.02)
     register(CATALOGUE["magnet"])
@@ -163,7 +195,9 @@ def test_what_shall_not_be_searched_is_searched_only_where_named(clean, tmp_path
 
 
 class Shell(Effect):
-    """More mass and a first moment on each joint's body: an effect of a user's that only alters the rigid body."""
+    """More mass and a first moment on each joint's body: an effect of a user's that only alters the
+    rigid body.
+    """
 
     more: jax.Array
 
@@ -203,7 +237,10 @@ def test_effects_of_a_users_own_go_into_mjcf_as_those_of_the_package_do(clean, t
     added = [OnJoint(Shell(jnp.array([0.3])), 0, 1), OnJoint(Rail(jnp.array([0.2])), 0, 1)]
     path, record = write_patched(model, added, tmp_path / "new")
     entries = json.loads(record.read_text())["effects"]
-    assert [(e["in_mjcf"], e["mjcf"]) for e in entries] == [(True, "joint/armature, body/inertial"), (True, "joint/damping")]
+    assert [(e["in_mjcf"], e["mjcf"]) for e in entries] == [
+        (True, "joint/armature, body/inertial"),
+        (True, "joint/damping"),
+    ]
     again = read_model(path).plant
     state = jnp.array([[0.3], [0.7], [1.1]])
     plants = (again, model.plant.replace(effects=(*model.plant.effects, *added)))
@@ -234,20 +271,41 @@ class Wide(Effect):
 
 REFUSED = {
     "no effect": (lambda: dict, "a subclass of jaxidl.effects.Effect"),
-    "an instance": (lambda: Spring(jnp.ones(1), jnp.ones(1)), "a subclass of jaxidl.effects.Effect"),
+    "an instance": (
+        lambda: Spring(jnp.ones(1), jnp.ones(1)),
+        "a subclass of jaxidl.effects.Effect",
+    ),
     "no name": (lambda: magnet(name=""), "a name of .*Magnet, one word; got ''"),
     "two words": (lambda: magnet(name="a magnet"), "a name of .*Magnet, one word"),
     "no sentence": (lambda: magnet(sentence=" "), "a sentence of .*Magnet"),
     "no parameters": (lambda: magnet(parameters={}), "got parameters none and traced fields pull"),
-    "another parameter": (lambda: magnet(parameters={"push": Parameter("N", 0.0, 1.0, "a push")}), "got parameters push and"),
+    "another parameter": (
+        lambda: magnet(parameters={"push": Parameter("N", 0.0, 1.0, "a push")}),
+        "got parameters push and",
+    ),
     "a list": (lambda: magnet(parameters=["pull"]), "got parameters none and traced fields pull"),
-    "no Parameter": (lambda: magnet(parameters={"pull": "N"}), "a Parameter of .*Magnet for each traced field"),
-    "a field too many": (lambda: Wide, "got parameters pull and traced fields pull, reach; .* static"),
-    "a taken name": (lambda: magnet(name="spring"), r"got 'spring' of jaxidl\.effects\.position\.Spring; choose another name"),
+    "no Parameter": (
+        lambda: magnet(parameters={"pull": "N"}),
+        "a Parameter of .*Magnet for each traced field",
+    ),
+    "a field too many": (
+        lambda: Wide,
+        "got parameters pull and traced fields pull, reach; .* static",
+    ),
+    "a taken name": (
+        lambda: magnet(name="spring"),
+        r"got 'spring' of jaxidl\.effects\.position\.Spring; choose another name",
+    ),
     "a reserved name": (lambda: magnet(name=ALIGNMENT), "got 'alignment' of the gap workflow"),
     "static field": (lambda: Bare, "defaults of the static fields of bare; got none of turns"),
-    "guess by another name": (lambda: magnet(guesses=[{"push": 1.0}]), "guesses of magnet .*; got push = 1.0"),
-    "infinite guess": (lambda: magnet(guesses=[{"pull": np.inf}]), "guesses of magnet .*; got pull = inf"),
+    "guess by another name": (
+        lambda: magnet(guesses=[{"push": 1.0}]),
+        "guesses of magnet .*; got push = 1.0",
+    ),
+    "infinite guess": (
+        lambda: magnet(guesses=[{"pull": np.inf}]),
+        "guesses of magnet .*; got pull = inf",
+    ),
 }
 
 

@@ -30,16 +30,25 @@ def test_the_first_execution_is_the_reference_programs(setting):
 
 @pytest.mark.slow
 def test_low_gain_learning_goes_as_on_the_reference_page(tmp_path):
-    """The page's rows at low gain and low noise, with two seeds: whole learning runs of the study as it is."""
+    """The page's rows at low gain and low noise, with two seeds: whole learning runs of the study
+    as it is.
+    """
     grid = Grid(
-        gains=("low",), noise=(1e-4,), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2), sources=("indirect", "joint")
+        gains=("low",),
+        noise=(1e-4,),
+        friction=(5.0,),
+        stiction=(5.0,),
+        epochs=(20,),
+        seeds=(1, 2),
+        sources=("indirect", "joint"),
     )
     data = run_sweep(grid, tmp_path / "r.nc", quiet=True)
     assert bool(data.finite.all())
     q = data.q_error.squeeze()
     pid, doomed = q.sel(controller="pid"), q.sel(controller="doomed")
     stuck = pid.sel(source="indirect")
-    np.testing.assert_allclose(stuck[:, :5], 0.899, atol=0.001)  # stiction is not broken: nothing is learned
+    # stiction is not broken: nothing is learned
+    np.testing.assert_allclose(stuck[:, :5], 0.899, atol=0.001)
     assert (stuck[:, -1] > 0.5).all()
     assert (pid.sel(source="joint")[:, -5:] < 0.15).all()
     page = {

@@ -5,14 +5,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.effects import ActuatorLag, ConstantOffset, InertiaError, PaperFriction, SensingNoise, ViscousFriction, paper_stiction
+from jaxidl.effects import (
+    ActuatorLag,
+    ConstantOffset,
+    InertiaError,
+    PaperFriction,
+    SensingNoise,
+    ViscousFriction,
+    paper_stiction,
+)
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
 
 
 def roll(plant, state, tau, dt, steps):
     """Positions after ``steps`` under constant torque."""
-    return jax.lax.fori_loop(0, steps, lambda _, carry: plant.step(*carry, tau, dt), (state, plant.start(state.q)))[0]
+    return jax.lax.fori_loop(
+        0, steps, lambda _, carry: plant.step(*carry, tau, dt), (state, plant.start(state.q))
+    )[0]
 
 
 @pytest.mark.parametrize("joints", [1, 2, 7])
@@ -38,10 +48,14 @@ def test_effects_add_up_and_stiction_has_the_last_word():
     offset, viscous = ConstantOffset(jnp.array([1.0, 1.0])), ViscousFriction(jnp.array([3.0, 3.0]))
     moving = State(jnp.array([0.1, 0.1]), jnp.array([0.5, 0.5]))
     plant = Plant(point_mass(2.0), (offset, viscous))
-    np.testing.assert_allclose(plant.acceleration(moving, jnp.array([4.0, 4.0]), 1e-3), (4 + 1 - 1.5) / 2)
+    np.testing.assert_allclose(
+        plant.acceleration(moving, jnp.array([4.0, 4.0]), 1e-3), (4 + 1 - 1.5) / 2
+    )
     rest = State(jnp.zeros(2), jnp.zeros(2))
     sticky = Plant(point_mass(2.0), (offset, paper_stiction(5.0)))
-    np.testing.assert_allclose(sticky.acceleration(rest, jnp.array([499.0, 251.0]), 1e-3), [0.0, 126.0])
+    np.testing.assert_allclose(
+        sticky.acceleration(rest, jnp.array([499.0, 251.0]), 1e-3), [0.0, 126.0]
+    )
 
 
 def test_sensing_does_not_touch_the_true_state():
@@ -56,7 +70,9 @@ def test_sensing_does_not_touch_the_true_state():
 def test_inertia_error_is_the_body_it_makes():
     wrong = Plant(point_mass(0.5), (InertiaError(jnp.array([4.5, 4.5])),))
     state, tau = State(jnp.zeros(2), jnp.ones(2)), jnp.array([3.0, -2.0])
-    np.testing.assert_allclose(wrong.acceleration(state, tau, 1e-3), Plant(point_mass(5.0)).acceleration(state, tau, 1e-3))
+    np.testing.assert_allclose(
+        wrong.acceleration(state, tau, 1e-3), Plant(point_mass(5.0)).acceleration(state, tau, 1e-3)
+    )
 
 
 def test_actuator_lag_follows_a_step_exponentially():
@@ -71,5 +87,6 @@ def test_stiction_feels_the_delivered_torque_not_the_command():
     lag, stick = ActuatorLag(jnp.array([0.1, 0.1])), paper_stiction(5.0)
     plant = Plant(point_mass(5.0), (lag, stick))
     rest = State(jnp.zeros(2), jnp.zeros(2))
-    after, _ = plant.step(rest, plant.start(rest.q), jnp.array([600.0, 600.0]), 1e-3)  # delivered: 6 N at first
+    # delivered: 6 N at first
+    after, _ = plant.step(rest, plant.start(rest.q), jnp.array([600.0, 600.0]), 1e-3)
     np.testing.assert_array_equal(after.qd, 0.0)

@@ -1,4 +1,6 @@
-"""Whatever is configured is refused or means one thing; what is stored comes back bit for bit, or its damage is noticed."""
+"""Whatever is configured is refused or means one thing; what is stored comes back bit for bit, or
+its damage is noticed.
+"""
 
 import inspect
 import json
@@ -39,7 +41,11 @@ PLACE, BIT = st.integers(0, 2**20), st.integers(0, CUT)
 Runs = dict[Point, dict[str, np.ndarray]]
 
 
-ANY = st.floats() | st.integers() | st.sampled_from([5, 5.0, True, -0.0, np.int64(3), np.float32(0.5), 10**400, None, "5", 1j])
+ANY = (
+    st.floats()
+    | st.integers()
+    | st.sampled_from([5, 5.0, True, -0.0, np.int64(3), np.float32(0.5), 10**400, None, "5", 1j])
+)
 
 
 def as_given(cls, **values):
@@ -52,12 +58,23 @@ def as_given(cls, **values):
 @st.composite
 def axes(draw) -> dict:
     """Keywords of a Grid, mostly right."""
-    found: dict = {name: draw(st.lists(st.sampled_from(valid), min_size=1, unique=True)) for name, valid in NAMES.items()}
+    found: dict = {
+        name: draw(st.lists(st.sampled_from(valid), min_size=1, unique=True))
+        for name, valid in NAMES.items()
+    }
     if draw(st.booleans()):
-        found[draw(st.sampled_from(list(NAMES)))] = draw(st.lists(st.sampled_from(["low", "pid", "PID", ""]), max_size=2))
+        found[draw(st.sampled_from(list(NAMES)))] = draw(
+            st.lists(st.sampled_from(["low", "pid", "PID", ""]), max_size=2)
+        )
     for name, (low, high) in (FLOATS | COUNTS).items():
-        right = st.floats(low, high) if name in FLOATS else st.integers(low, high) | st.integers(low, 3).map(np.int32)
-        found[name] = draw(st.lists(right, min_size=1, max_size=3, unique=True) | st.lists(right | ANY, max_size=3))
+        right = (
+            st.floats(low, high)
+            if name in FLOATS
+            else st.integers(low, high) | st.integers(low, 3).map(np.int32)
+        )
+        found[name] = draw(
+            st.lists(right, min_size=1, max_size=3, unique=True) | st.lists(right | ANY, max_size=3)
+        )
     return found | {"iterations": draw(st.integers(-1, 3) | ANY)}
 
 
@@ -69,24 +86,43 @@ def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survi
     except ConfigurationError:
         return
     labels = list(points(axes_of(grid.dims())))
-    assert len(labels) == len(set(labels)) == len(grid) == math.prod(len(values) for values in grid.axes().values()) > 0
+    assert (
+        len(labels)
+        == len(set(labels))
+        == len(grid)
+        == math.prod(len(values) for values in grid.axes().values())
+        > 0
+    )
     assert [tuple(map(tuple, row)) for row in json.loads(json.dumps(labels))] == labels
     assert type(grid.iterations) is int
 
 
-MEASURES = st.floats(0, exclude_min=True) | st.floats() | st.integers(-1, 2) | st.sampled_from([5e-324, math.inf, math.nan])
+MEASURES = (
+    st.floats(0, exclude_min=True)
+    | st.floats()
+    | st.integers(-1, 2)
+    | st.sampled_from([5e-324, math.inf, math.nan])
+)
 
 
 @examples(200)
 @given(
-    numbers=st.fixed_dictionaries(dict.fromkeys(("true_mass", "modelled_mass", "dt", "torque_limit"), MEASURES)),
-    usual=st.sets(st.sampled_from(["true_mass", "modelled_mass", "dt", "torque_limit"]), min_size=2),
+    numbers=st.fixed_dictionaries(
+        dict.fromkeys(("true_mass", "modelled_mass", "dt", "torque_limit"), MEASURES)
+    ),
+    usual=st.sets(
+        st.sampled_from(["true_mass", "modelled_mass", "dt", "torque_limit"]), min_size=2
+    ),
     steps=st.just(2) | st.integers(-1, 3),
     train_on=st.sampled_from(TRAIN_ON) | st.sampled_from(["", "state", *TRAIN_ON]),
 )
 def test_a_study_is_refused_or_its_settings_survive_json(numbers, usual, steps, train_on):
     numbers = {name: value for name, value in numbers.items() if name not in usual}
-    right = all(math.isfinite(value) and value > 0 for value in numbers.values()) and steps >= 2 and train_on in TRAIN_ON
+    right = (
+        all(math.isfinite(value) and value > 0 for value in numbers.values())
+        and steps >= 2
+        and train_on in TRAIN_ON
+    )
     try:
         study = as_given(PaperStudy, **numbers, steps=steps, train_on=train_on)
     except ConfigurationError:
@@ -100,10 +136,17 @@ def test_a_study_is_refused_or_its_settings_survive_json(numbers, usual, steps, 
 
 @examples(100)
 @given(
-    training=st.builds(Training, st.integers(1, 5), st.integers(1, 9), holdout_every=st.sampled_from([0, 2, 3, 5, 50])),
+    training=st.builds(
+        Training,
+        st.integers(1, 5),
+        st.integers(1, 9),
+        holdout_every=st.sampled_from([0, 2, 3, 5, 50]),
+    ),
     rows=st.integers(0, 60),
 )
-def test_training_leaves_out_every_so_many_rows_and_looks_at_the_first_and_the_last_step(training, rows):
+def test_training_leaves_out_every_so_many_rows_and_looks_at_the_first_and_the_last_step(
+    training, rows
+):
     every, mask = training.holdout_every, training.train_mask(rows)
     assert np.flatnonzero(~mask).tolist() == (list(range(every + 1, rows, every)) if every else [])
     seen = training.snapshots(rows)
@@ -114,7 +157,10 @@ def test_training_leaves_out_every_so_many_rows_and_looks_at_the_first_and_the_l
 def bits(runs: Runs) -> dict:
     """Runs in a form that is equal only bit for bit; the label's text tells 0.0 from -0.0."""
     return {
-        repr(tuple(label)): {name: (np.asarray(value).dtype.str, np.asarray(value).tobytes()) for name, value in run.items()}
+        repr(tuple(label)): {
+            name: (np.asarray(value).dtype.str, np.asarray(value).tobytes())
+            for name, value in run.items()
+        }
         for label, run in runs.items()
     }
 
@@ -122,24 +168,35 @@ def bits(runs: Runs) -> dict:
 def metrics_of(draw, runs: int, iterations: int) -> Metrics:
     """Any numbers at all: infinite, NaN of either sign, denormal."""
     shape = (runs, iterations)
-    columns = {name: draw(hnp.arrays(np.float64, shape)) for name in Metrics._fields if name != "finite"}
+    columns = {
+        name: draw(hnp.arrays(np.float64, shape)) for name in Metrics._fields if name != "finite"
+    }
     return Metrics(**columns, finite=draw(hnp.arrays(np.bool_, shape)))
 
 
 @examples(40)
 @given(data=st.data(), labels=LABELS, iterations=st.integers(1, 3), cut=st.integers(0, 4))
-def test_runs_come_back_bit_for_bit_whatever_they_are_called_and_hold(data, labels, iterations, cut):
+def test_runs_come_back_bit_for_bit_whatever_they_are_called_and_hold(
+    data, labels, iterations, cut
+):
     metrics = metrics_of(data.draw, len(labels), iterations)
     chunks = [piece for piece in (slice(0, cut), slice(cut, None)) if labels[piece]]
     with tempfile.TemporaryDirectory() as folder:
         with Store(Path(folder, "r.nc"), IDENTITY, META) as store:
             for piece in chunks:
-                store.add(labels[piece], {name: leaf[piece] for name, leaf in metrics._asdict().items()}, Origin("r", "d", 0.1))
+                store.add(
+                    labels[piece],
+                    {name: leaf[piece] for name, leaf in metrics._asdict().items()},
+                    Origin("r", "d", 0.1),
+                )
             added = bits(store.runs)
         with Store(Path(folder, "r.nc"), IDENTITY, META) as again:
             assert not again.damaged
             assert bits(again.runs) == added
-    given_in = {label: {name: column[i] for name, column in metrics._asdict().items()} for i, label in enumerate(labels)}
+    given_in = {
+        label: {name: column[i] for name, column in metrics._asdict().items()}
+        for i, label in enumerate(labels)
+    }
     assert added == bits(given_in)
 
 
@@ -150,31 +207,47 @@ def parts(tmp_path_factory) -> tuple[dict[str, bytes], dict, dict[str, set]]:
     random, names = np.random.default_rng(1), {}
     with Store(path, IDENTITY, META) as store:
         for seed in (1, 2):
-            labels = [point({"gain": gain, "noise": 1e-4, "seed": seed}) for gain in ("low", "high")]
+            labels = [
+                point({"gain": gain, "noise": 1e-4, "seed": seed}) for gain in ("low", "high")
+            ]
             columns = [random.standard_normal((2, 3)) for _ in range(4)]
             before = set(store.parts.glob("*.npz"))
-            store.add(labels, Metrics(*columns, finite=np.ones((2, 3), bool))._asdict(), Origin("r", "d", 0.1))
+            store.add(
+                labels,
+                Metrics(*columns, finite=np.ones((2, 3), bool))._asdict(),
+                Origin("r", "d", 0.1),
+            )
             (part,) = set(store.parts.glob("*.npz")) - before
             names[part.name] = {repr(tuple(label)) for label in labels}
-        return {part.name: part.read_bytes() for part in store.parts.glob("*.npz")}, bits(store.runs), names
+        return (
+            {part.name: part.read_bytes() for part in store.parts.glob("*.npz")},
+            bits(store.runs),
+            names,
+        )
 
 
 def harmed(content: bytes, place: int, bit: int) -> bytes:
     """One bit flipped, or cut short."""
     place %= len(content)
-    return content[:place] + (b"" if bit == CUT else bytes([content[place] ^ 1 << bit]) + content[place + 1 :])
+    return content[:place] + (
+        b"" if bit == CUT else bytes([content[place] ^ 1 << bit]) + content[place + 1 :]
+    )
 
 
 @examples(200)
 @given(which=st.integers(0, 1), place=PLACE, bit=BIT)
-def test_a_flipped_bit_or_a_cut_in_a_part_changes_no_number_without_notice(parts, which, place, bit):
+def test_a_flipped_bit_or_a_cut_in_a_part_changes_no_number_without_notice(
+    parts, which, place, bit
+):
     files, sound, names = parts
     hit = sorted(files)[which]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "r.nc")
         Path(f"{path}.parts").mkdir()
         for name, content in files.items():
-            Path(f"{path}.parts", name).write_bytes(harmed(content, place, bit) if name == hit else content)
+            Path(f"{path}.parts", name).write_bytes(
+                harmed(content, place, bit) if name == hit else content
+            )
         try:
             with Store(path, IDENTITY, META) as store:
                 found, damaged = bits(store.runs), [part.name for part in store.damaged]
@@ -191,19 +264,33 @@ def test_a_flipped_bit_or_a_cut_in_a_part_changes_no_number_without_notice(parts
 def results(tmp_path_factory) -> tuple[Path, xr.Dataset]:
     """A finished results file and what is in it."""
     path = tmp_path_factory.mktemp("results") / "r.nc"
-    run_sweep(grid((1e-4, 8e-4), (5.0,), (5.0,), ("low",), (1, 2)), path, STUDY, per_device=1, quiet=True)
+    run_sweep(
+        grid((1e-4, 8e-4), (5.0,), (5.0,), ("low",), (1, 2)), path, STUDY, per_device=1, quiet=True
+    )
     return path, read_results(path)
 
 
 def grid(noise, friction, stiction, gains, seeds) -> Grid:
     """Of one kind of program: only what is traced varies."""
-    return Grid(("pid",), tuple(gains), tuple(noise), tuple(friction), tuple(stiction), (1,), tuple(seeds), ("joint",), 2)
+    return Grid(
+        ("pid",),
+        tuple(gains),
+        tuple(noise),
+        tuple(friction),
+        tuple(stiction),
+        (1,),
+        tuple(seeds),
+        ("joint",),
+        2,
+    )
 
 
 @h5netcdf_may_stumble
 @examples(50)
 @given(place=PLACE, bit=BIT)
-def test_a_flipped_bit_or_a_cut_in_the_results_changes_nothing_without_notice(results, tmp_path, place, bit):
+def test_a_flipped_bit_or_a_cut_in_the_results_changes_nothing_without_notice(
+    results, tmp_path, place, bit
+):
     (path, sound), other = results, tmp_path / "other.nc"
     other.write_bytes(harmed(path.read_bytes(), place, bit))
     try:
@@ -237,8 +324,13 @@ def test_a_valid_grid_runs_and_its_results_carry_what_was_asked(chosen):
         stored = read_results(path)
         again = run_sweep(asked, path, STUDY, per_device=1, quiet=True)
     for dim, wanted in zip(AXES, asked.axes().values(), strict=True):
-        assert repr(stored[dim].values.tolist()) == repr(list(wanted))  # in the order asked, to the sign of zero
+        # in the order asked, to the sign of zero
+        assert repr(stored[dim].values.tolist()) == repr(list(wanted))
     for name in Metrics._fields:
         assert stored[name].sizes["iteration"] == asked.iterations
-        assert stored[name].values.tobytes() == data[name].values.tobytes() == again[name].values.tobytes()
+        assert (
+            stored[name].values.tobytes()
+            == data[name].values.tobytes()
+            == again[name].values.tobytes()
+        )
         assert np.isfinite(stored[name].values[stored["finite"].values]).all()

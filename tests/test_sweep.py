@@ -75,7 +75,9 @@ def test_impossible_grids_are_refused(axis, values, complaint):
 
 
 def test_chunks_hold_one_kind_cover_every_run_once_and_keep_one_size_per_kind():
-    grid = replace(SMALL, controllers=("pid", "doomed"), sources=("joint", "direct"), seeds=(1, 2, 3))
+    grid = replace(
+        SMALL, controllers=("pid", "doomed"), sources=("joint", "direct"), seeds=(1, 2, 3)
+    )
     job = LearningRun(PaperStudy(), 3).job()
     found = list(chunks(list(points(grid.dims())), job, devices=2, per_device=2))
     assert sorted(at for chunk in found for at in chunk.points) == sorted(points(grid.dims()))
@@ -90,7 +92,9 @@ def whole(tmp_path_factory):
     """The uninterrupted sweep, and where it lies."""
     from jaxidl.models import ErrorModel, Training
 
-    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
+    study = PaperStudy(
+        steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16)
+    )
     path = tmp_path_factory.mktemp("sweep") / "whole.nc"
     return run(path, study), path, study
 
@@ -103,20 +107,30 @@ def test_results_do_not_depend_on_chunks(whole, tmp_path, per_device):
 
 @pytest.mark.parametrize("per_device", [1, 8])
 def test_results_do_not_depend_on_devices(whole, tmp_path, per_device):
-    """XLA may sum an average in another order when there is one device; what is averaged is the same bit for bit."""
+    """XLA may sum an average in another order when there is one device; what is averaged is the
+    same bit for bit.
+    """
     data, _, study = whole
-    assert_same(data, run(tmp_path / "other.nc", study, devices=1, per_device=per_device), rtol=1e-14)
+    assert_same(
+        data, run(tmp_path / "other.nc", study, devices=1, per_device=per_device), rtol=1e-14
+    )
 
 
 def test_results_do_not_depend_on_the_grid_around_them_or_its_order(whole, tmp_path):
     data, _, study = whole
-    other = run(tmp_path / "part.nc", study, replace(SMALL, noise=(8e-4,), seeds=(2, 1), gains=("high", "low")))
+    other = run(
+        tmp_path / "part.nc",
+        study,
+        replace(SMALL, noise=(8e-4,), seeds=(2, 1), gains=("high", "low")),
+    )
     assert_same(data.sel(noise=[8e-4], seed=[2, 1], gain=["high", "low"]), other)
 
 
 @pytest.mark.slow
 def test_runs_side_by_side_agree_to_rounding(whole, tmp_path):
-    """A wider program rounds differently, and training amplifies it: equal before training, close after little of it."""
+    """A wider program rounds differently, and training amplifies it: equal before training, close
+    after little of it.
+    """
     data, _, study = whole
     wide = run(tmp_path / "wide.nc", study, width=4)
     np.testing.assert_allclose(wide.q_error[..., 0], data.q_error[..., 0], rtol=1e-12)
@@ -129,17 +143,24 @@ def test_a_traced_run_is_the_grids_run(whole):
     with jax.enable_x64(True):
         metrics, _ = LearningRun(study, SMALL.iterations).trace(at)
     row = data.q_error.sel(at)
-    np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)  # another program: other rounding
+    # another program: other rounding
+    np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)
 
 
 def test_a_grid_compiles_once_per_kind(tmp_path, small_study):
-    """Noise, friction, stiction, gains and seeds are traced; only controller, source and epochs make programs."""
+    """Noise, friction, stiction, gains and seeds are traced; only controller, source and epochs
+    make programs.
+    """
     study = replace(small_study, target=(0.9, 0.9))  # nobody else's program
     grid = replace(SMALL, controllers=("pid", "doomed"), friction=(5.0, 8.0), seeds=(1, 2, 3))
     compiled = []
     before = program.cache_info().misses
     jax.monitoring.register_event_duration_secs_listener(
-        lambda event, _, **about: compiled.append(about.get("fun_name")) if event.endswith("backend_compile_duration") else None
+        lambda event, _, **about: (
+            compiled.append(about.get("fun_name"))
+            if event.endswith("backend_compile_duration")
+            else None
+        )
     )
     try:
         run(tmp_path / "a.nc", study, grid, per_device=2)
@@ -166,7 +187,9 @@ def interrupted_after(monkeypatch, count):
 
 
 @pytest.mark.parametrize("count", [0, 1, 3])
-def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_path, monkeypatch, count):
+def test_an_interrupted_sweep_continues_without_losing_or_repeating(
+    whole, tmp_path, monkeypatch, count
+):
     data, _, study = whole
     path = tmp_path / "r.nc"
     with monkeypatch.context() as patch:
@@ -185,17 +208,23 @@ def test_an_interrupted_sweep_continues_without_losing_or_repeating(whole, tmp_p
 
 @pytest.mark.parametrize("where", ["example", "write_bytes"])
 def test_an_extension_stopped_at_the_very_end_is_not_forgotten(whole, tmp_path, monkeypatch, where):
-    """All runs are done, but the old file has not been replaced yet: the next call must do that, and nothing else."""
+    """All runs are done, but the old file has not been replaced yet: the next call must do that,
+    and nothing else.
+    """
     _, path, study = whole
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
     more = replace(SMALL, seeds=(1, 2, 3))
     with monkeypatch.context() as patch:
         if where == "example":
-            patch.setattr("jaxidl.paper.runs.example", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt))
+            patch.setattr(
+                "jaxidl.paper.runs.example", lambda *a: (_ for _ in ()).throw(KeyboardInterrupt)
+            )
         else:
             real = store.write_bytes
-            patch.setattr(store, "write_bytes", lambda p, c: _full_disk() if p == own else real(p, c))
+            patch.setattr(
+                store, "write_bytes", lambda p, c: _full_disk() if p == own else real(p, c)
+            )
         with pytest.raises(KeyboardInterrupt if where == "example" else StoreError):
             run(own, study, more)
     assert own.read_bytes() == path.read_bytes()
@@ -209,7 +238,9 @@ def _full_disk():
     raise StoreError("to write", "no space left on device", "make room")
 
 
-def test_a_full_disk_at_the_end_of_a_sweep_leaves_the_old_result_and_no_litter(whole, tmp_path, monkeypatch):
+def test_a_full_disk_at_the_end_of_a_sweep_leaves_the_old_result_and_no_litter(
+    whole, tmp_path, monkeypatch
+):
     _, path, study = whole
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
@@ -234,7 +265,9 @@ def test_time_and_origin_add_up_over_interruptions(whole, tmp_path, monkeypatch)
         interrupted_after(patch, 2)
         with pytest.raises(KeyboardInterrupt):
             run(tmp_path / "r.nc", study, per_device=1)
-    kept = [json.loads(str(np.load(part)["origin"])) for part in (tmp_path / "r.nc.parts").glob("*.npz")]
+    kept = [
+        json.loads(str(np.load(part)["origin"])) for part in (tmp_path / "r.nc.parts").glob("*.npz")
+    ]
     data = run(tmp_path / "r.nc", study, per_device=1)
     assert len(kept) == 2
     assert json.loads(data.attrs["origins"])[0][2] > sum(seconds for _, _, seconds in kept) > 0
@@ -254,7 +287,9 @@ def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_pat
     assert own.read_bytes() == path.read_bytes()
     done = []
     original = Job.traced
-    monkeypatch.setattr(Job, "traced", lambda job, points: done.extend(points) or original(job, points))
+    monkeypatch.setattr(
+        Job, "traced", lambda job, points: done.extend(points) or original(job, points)
+    )
     more = run(own, study, replace(SMALL, seeds=(1, 2, 3)))
     assert {dict(at)["seed"] for at in done} == {3}
     assert_same(data, more.sel(seed=[1, 2]))
@@ -301,7 +336,9 @@ def flip(content):
 
 @pytest.mark.parametrize("per_device", [1, 2])  # the new part may have the damaged one's name
 @pytest.mark.parametrize("harm", [cut, flip, lambda content: b""], ids=["cut", "flipped", "empty"])
-def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch, capsys, harm, per_device):
+def test_a_damaged_part_is_named_and_computed_again(
+    whole, tmp_path, monkeypatch, capsys, harm, per_device
+):
     data, _, study = whole
     with monkeypatch.context() as patch:
         interrupted_after(patch, 2)
@@ -313,7 +350,9 @@ def test_a_damaged_part_is_named_and_computed_again(whole, tmp_path, monkeypatch
     assert part.name in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("content", [b"", b"not a results file", None], ids=["empty", "text", "cut"])
+@pytest.mark.parametrize(
+    "content", [b"", b"not a results file", None], ids=["empty", "text", "cut"]
+)
 def test_an_unreadable_result_is_refused_and_left_alone(whole, tmp_path, content):
     _, path, study = whole
     bad = tmp_path / "bad.nc"
@@ -345,20 +384,30 @@ def test_a_file_whose_attributes_were_tampered_with_is_refused(whole, tmp_path, 
 
 def test_two_sweeps_on_one_file_do_not_meet(tmp_path, small_study):
     (tmp_path / "r.nc.parts").mkdir()
-    with FileLock(tmp_path / "r.nc.parts" / "lock"), pytest.raises(StoreError, match="another process"):
+    with (
+        FileLock(tmp_path / "r.nc.parts" / "lock"),
+        pytest.raises(StoreError, match="another process"),
+    ):
         run(tmp_path / "r.nc", small_study)
 
 
 def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_study, monkeypatch):
-    """A friction beyond all bounds overflows; friction 5 beside it, in the same chunk, does not notice."""
+    """A friction beyond all bounds overflows; friction 5 beside it, in the same chunk, does not
+    notice.
+    """
     monkeypatch.setattr("jaxidl.paper.grid.check_levels", lambda *levels: None)
     alone = run(
-        tmp_path / "alone.nc", small_study, replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",)), per_device=4
+        tmp_path / "alone.nc",
+        small_study,
+        replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",)),
+        per_device=4,
     )
     both = run(
         tmp_path / "both.nc",
         small_study,
-        replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",), friction=(5.0, 800.0)),
+        replace(
+            SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",), friction=(5.0, 800.0)
+        ),
         per_device=4,
     )
     assert not both.finite.sel(friction=800.0).any()
@@ -369,12 +418,39 @@ def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_s
 def test_results_carry_units_and_where_they_came_from(whole):
     _, path, _ = whole
     stored = read_results(path)
-    assert stored.q_error.dims == ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source", "iteration")
+    assert stored.q_error.dims == (
+        "controller",
+        "gain",
+        "noise",
+        "friction",
+        "stiction",
+        "epochs",
+        "seed",
+        "source",
+        "iteration",
+    )
     units = {
-        name: stored[name].attrs["units"] for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite", "noise")
+        name: stored[name].attrs["units"]
+        for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite", "noise")
     }
-    assert units == {"q_error": "m", "feedback_applied": "N", "qdd_error": "m s-2", "torque": "N", "finite": "1", "noise": "m"}
-    for name in ("versions", "command", "git_revision", "precision", "device", "seconds", "identity", "created"):
+    assert units == {
+        "q_error": "m",
+        "feedback_applied": "N",
+        "qdd_error": "m s-2",
+        "torque": "N",
+        "finite": "1",
+        "noise": "m",
+    }
+    for name in (
+        "versions",
+        "command",
+        "git_revision",
+        "precision",
+        "device",
+        "seconds",
+        "identity",
+        "created",
+    ):
         assert stored.attrs[name], name
     assert json.loads(stored.attrs["identity"])["study"]["true_mass"] == 5.0
     assert "/" not in stored.attrs["command"]
@@ -384,7 +460,8 @@ FULL_DISK = """
     import resource, signal, sys
     from pathlib import Path
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))  # no file can grow beyond this, as on a full disk
+    # no file can grow beyond this, as on a full disk
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, 2000))
     from jaxidl.cli import main
     sys.exit(main(["simulate", "--out", sys.argv[1], "--controller", "pid", "--gain", "low"]))
 """

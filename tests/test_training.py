@@ -10,7 +10,9 @@ from jaxidl.models import ErrorModel, Training, adam, draw_batches, fit, start
 from jaxidl.models.training import loss_of, reciprocal
 from jaxidl.types import Dataset
 
-MODEL = ErrorModel(joints=2, layers=(8, 1), velocity_scale=1.0, acceleration_scale=1.0, torque_scale=1.0)
+MODEL = ErrorModel(
+    joints=2, layers=(8, 1), velocity_scale=1.0, acceleration_scale=1.0, torque_scale=1.0
+)
 
 
 def data_of(rows, seed=0):
@@ -69,7 +71,8 @@ def test_a_simple_map_is_learned_and_the_weights_stay_float32():
 
 
 def test_the_best_snapshot_is_kept_with_its_optimiser_state():
-    # validation rows contradict the training rows, so every step after the first makes validation worse
+    # validation rows contradict the training rows, so every step after the first makes validation
+    # worse
     training = Training(epochs=5, batch=16, learning_rate=3e-2, snapshot_epochs=1.0)
     data = data_of(200)
     mask = training.train_mask(200)
@@ -82,7 +85,9 @@ def test_the_best_snapshot_is_kept_with_its_optimiser_state():
 
 
 def test_without_a_finite_snapshot_the_learner_comes_back_as_it_was():
-    before, best, progress = fitted(Training(epochs=1, batch=16), data=Dataset(data_of(200).x, jnp.full((200, 2), jnp.nan)))
+    before, best, progress = fitted(
+        Training(epochs=1, batch=16), data=Dataset(data_of(200).x, jnp.full((200, 2), jnp.nan))
+    )
     assert progress.validation == jnp.inf
     jax.tree.map(np.testing.assert_array_equal, before, best)
 
@@ -101,9 +106,13 @@ def test_the_training_backward_pass_agrees_with_automatic_differentiation():
     model = ErrorModel()
     rng = np.random.default_rng(6)
     params = model.init(jax.random.key(0))
-    x, y = jnp.asarray(rng.normal(size=(6, 64)), jnp.float32), jnp.asarray(rng.normal(size=(2, 64)), jnp.float32)
+    x, y = (
+        jnp.asarray(rng.normal(size=(6, 64)), jnp.float32),
+        jnp.asarray(rng.normal(size=(2, 64)), jnp.float32),
+    )
     plain, fast = (
-        jax.jit(jax.grad(lambda p, fast=fast: loss_of(model, p, x, y, in_training=fast)))(params) for fast in (False, True)
+        jax.jit(jax.grad(lambda p, fast=fast: loss_of(model, p, x, y, in_training=fast)))(params)
+        for fast in (False, True)
     )
     for a, b in zip(jax.tree.leaves(plain), jax.tree.leaves(fast), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-8)
@@ -111,14 +120,20 @@ def test_the_training_backward_pass_agrees_with_automatic_differentiation():
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(jnp.float64, 1e-9), (jnp.float32, 1e-3)])
 def test_fast_training_is_plain_training(dtype, tolerance):
-    """100 steps against automatic differentiation and textbook Adam with its division, tolerance relative to the loss."""
+    """100 steps against automatic differentiation and textbook Adam with its division, tolerance
+    relative to the loss.
+    """
     model, training = ErrorModel(layers=(40, 20, 1)), Training(epochs=8, batch=16, holdout_every=0)
     data = data_of(200, seed=7)
     batches = draw_batches(jax.random.key(8), 200, training)
     params = jax.tree.map(lambda leaf: leaf.astype(dtype), model.init(jax.random.key(9)))
-    _, progress = jax.jit(lambda *a: fit(model, training, *a))(start(training, params), data, batches)
+    _, progress = jax.jit(lambda *a: fit(model, training, *a))(
+        start(training, params), data, batches
+    )
     x, y = model.scale_inputs(data.x).astype(dtype).T, (data.y / model.torque_scale).astype(dtype).T
-    gradient = jax.jit(jax.value_and_grad(lambda p, rows: loss_of(model, p, x[:, rows], y[:, rows])))
+    gradient = jax.jit(
+        jax.value_and_grad(lambda p, rows: loss_of(model, p, x[:, rows], y[:, rows]))
+    )
     m = v = jax.tree.map(jnp.zeros_like, params)
     losses = []
     for t, rows in enumerate(batches, start=1):
@@ -127,14 +142,20 @@ def test_fast_training_is_plain_training(dtype, tolerance):
         m = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, m, g)
         v = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, v, g)
         rate = 1e-3 * np.sqrt(1 - 0.999**t) / (1 - 0.9**t)
-        params = jax.tree.map(lambda p, m, v, rate=rate: p - dtype(rate) * m / (jnp.sqrt(v) + 1e-8), params, m, v)
+        params = jax.tree.map(
+            lambda p, m, v, rate=rate: p - dtype(rate) * m / (jnp.sqrt(v) + 1e-8), params, m, v
+        )
     assert len(losses) == 96
     np.testing.assert_allclose(progress.loss, losses, rtol=tolerance)
 
 
 def test_the_error_model_is_differentiable_in_both_modes():
-    """Training's own backward pass knows reverse mode only; what users differentiate must know both."""
+    """Training's own backward pass knows reverse mode only; what users differentiate must know
+    both.
+    """
     params = MODEL.init(jax.random.key(0))
     x = jnp.asarray(np.random.default_rng(1).normal(size=(6, 5)), jnp.float32)
     forward = jax.jacfwd(lambda x: MODEL.apply(params, x))(x)
-    np.testing.assert_allclose(forward, jax.jacrev(lambda x: MODEL.apply(params, x))(x), rtol=1e-5, atol=1e-7)
+    np.testing.assert_allclose(
+        forward, jax.jacrev(lambda x: MODEL.apply(params, x))(x), rtol=1e-5, atol=1e-7
+    )

@@ -34,7 +34,10 @@ def bowl(law, seed, smooth, derivative):
 
 def problem():
     return Problem(
-        {"plant": "point_mass", "controller": "doomed", "executions": 2}, Doomed(0.01, 0.5, 0.1, 0.9), bowl, gradient_cost=2
+        {"plant": "point_mass", "controller": "doomed", "executions": 2},
+        Doomed(0.01, 0.5, 0.1, 0.9),
+        bowl,
+        gradient_cost=2,
     )
 
 
@@ -54,7 +57,8 @@ def test_the_numbers_of_a_law_have_names_bounds_and_a_way_back():
     assert (low < p.start).all()
     assert (p.start < high).all()
     assert high[-1] == 0.0
-    assert problem().names == ["rate", "learner_gain", "smoothing", "gradient_smoothing"]  # an infinite limit is no gain
+    # an infinite limit is no gain
+    assert problem().names == ["rate", "learner_gain", "smoothing", "gradient_smoothing"]
     with pytest.raises(ConfigurationError, match="pid, doomed"):
         point_mass_problem("lqr")
 
@@ -74,7 +78,9 @@ def test_a_seeds_gradient_counts_up_to_a_length_and_nan_not_at_all():
 
 
 def test_the_best_point_keeps_the_bound_if_any_does():
-    trail = Trail(np.zeros((3, 1)), np.array([[1.0], [2.0], [3.0]]), np.array([[5.0], [0.5], [0.2]]))
+    trail = Trail(
+        np.zeros((3, 1)), np.array([[1.0], [2.0], [3.0]]), np.array([[5.0], [0.5], [0.2]])
+    )
     assert trail.best(1.0) == 1
     assert trail.best(0.1) == 2  # none does: the one that exceeds it least
     assert trail.best(9.0) == 0
@@ -165,7 +171,9 @@ def test_gains_that_diverge_are_never_called_better(tmp_path):
 
     def thrown(law, seed, smooth, derivative):
         out = bowl(law, seed, smooth, derivative)
-        return out._replace(finite=out.finite & ~((law.rate > 0.011) & ((seed == fresh[0]) | (seed == fresh[3]))))
+        return out._replace(
+            finite=out.finite & ~((law.rate > 0.011) & ((seed == fresh[0]) | (seed == fresh[3])))
+        )
 
     p = Problem(problem().settings, problem().law, thrown, gradient_cost=2)
     result = tune(p, SEARCH, tmp_path, bound=0.02, quiet=True)

@@ -1,4 +1,6 @@
-"""How effects offer themselves to a search: starting shapes, amplitudes, plausible bounds, odds, and what they read."""
+"""How effects offer themselves to a search: starting shapes, amplitudes, plausible bounds, odds,
+and what they read.
+"""
 
 from typing import ClassVar
 
@@ -19,7 +21,9 @@ from tests.registry import restored
 clean = pytest.fixture(restored)
 TURNING = ("com_error", "inertia_tensor_error", "base_tilt")  # what a point mass cannot show
 JOINTS = 3
-SCALE = Scale(30.0, 2.0, -0.5, 0.4, 2.0, 1.5, 40.0, 2e-3, 0, JOINTS, (-0.5, -0.3, 0.0), (0.4, 0.9, 0.0), 0.01)
+SCALE = Scale(
+    30.0, 2.0, -0.5, 0.4, 2.0, 1.5, 40.0, 2e-3, 0, JOINTS, (-0.5, -0.3, 0.0), (0.4, 0.9, 0.0), 0.01
+)
 SEARCHED = {name: CATALOGUE[name] for name in searched()}
 of = pytest.mark.parametrize("cls", SEARCHED.values(), ids=SEARCHED)
 
@@ -28,13 +32,16 @@ QDD = jnp.array([2.0, -3.0, 1.5])
 
 
 def added(effect):
-    """What an effect changes (7 J,): torque, dry friction sliding and at rest, its body, the command over three steps."""
+    """What an effect changes (7 J,): torque, dry friction sliding and at rest, its body, the
+    command over three steps.
+    """
     body, zero = PointMass(jnp.array([2.0, 2.5, 1.0])), jnp.zeros(JOINTS)
     altered = effect.alter(body).inverse_dynamics(Q, QD, QDD) - body.inverse_dynamics(Q, QD, QDD)
     levels = effect.dry(Q, QD, TAU, QD), effect.dry(Q, zero, TAU, jnp.ones(JOINTS))
     memory, passed = effect.start(Q), []
     for _ in range(3):
-        tau, memory = effect.actuate(memory, Q, QD, TAU / 100.0, 1.0)  # below any bend of a motor's curve
+        # below any bend of a motor's curve
+        tau, memory = effect.actuate(memory, Q, QD, TAU / 100.0, 1.0)
         passed.append(tau - TAU / 100.0)
     return np.concatenate([effect.torque(Q, QD, TAU), *levels, altered, *passed])
 
@@ -55,7 +62,10 @@ def test_variants_are_complete_within_bounds_and_fit_a_mechanism(cls):
             assert high > spec.lower
             assert low < spec.upper
             if name not in variant.free:
-                assert np.all((np.asarray(getattr(inner, name)) >= low) & (np.asarray(getattr(inner, name)) <= high)), name
+                assert np.all(
+                    (np.asarray(getattr(inner, name)) >= low)
+                    & (np.asarray(getattr(inner, name)) <= high)
+                ), name
 
 
 @of
@@ -75,7 +85,9 @@ def test_what_a_variant_adds_is_linear_in_its_amplitudes_and_zero_at_zero(cls):
         np.testing.assert_array_equal(at(0.0 * flat), 0.0)
         one, two = (jax.random.normal(jax.random.key(k), flat.shape) for k in (1, 2))
         assert np.abs(at(one)).max() > 0.0 or cls.name in TURNING
-        np.testing.assert_allclose(at(one) + 2.0 * at(two), at(one + 2.0 * two), rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(
+            at(one) + 2.0 * at(two), at(one + 2.0 * two), rtol=1e-6, atol=1e-7
+        )
 
 
 @of
@@ -92,7 +104,9 @@ def test_odds_and_advice_are_given(cls):
 
 
 def test_friction_and_the_common_effects_are_marked():
-    assert {name for name, cls in SEARCHED.items() if cls.friction} == {n for n in SEARCHED if "friction" in n} | {
+    assert {name for name, cls in SEARCHED.items() if cls.friction} == {
+        n for n in SEARCHED if "friction" in n
+    } | {
         "stiction",
         "quadratic_drag",
     }
@@ -121,14 +135,27 @@ def test_a_saturated_sample_is_one_whose_motion_needs_the_limit():
     seen = np.array([3.0, 1.0, 1.96, 1.96, -2.5])[:, None]  # the second is a gap of another kind
     np.testing.assert_allclose(limit.seen(logged, needed), seen)
     both = jnp.concatenate([needed, needed], 1)
-    np.testing.assert_allclose(OnJoint(limit, 1, 2).seen(jnp.concatenate([logged] * 2, 1), both), np.hstack([needed, seen]))
+    np.testing.assert_allclose(
+        OnJoint(limit, 1, 2).seen(jnp.concatenate([logged] * 2, 1), both), np.hstack([needed, seen])
+    )
     np.testing.assert_array_equal(fx.ViscousFriction(jnp.ones(1)).seen(logged, needed), logged)
 
 
 def test_who_reads_the_torque_is_found_out():
-    reads = {n for n, c in SEARCHED.items() if c.alone() and placed(c, c.variants(SCALE)[0], 1, JOINTS).reads_torque(JOINTS)}
+    reads = {
+        n
+        for n, c in SEARCHED.items()
+        if c.alone() and placed(c, c.variants(SCALE)[0], 1, JOINTS).reads_torque(JOINTS)
+    }
     assert "load_dependent_friction" in reads
-    assert not reads & {"viscous_friction", "coulomb_friction", "spring", "inertia_error", "torque_scale", "stribeck_friction"}
+    assert not reads & {
+        "viscous_friction",
+        "coulomb_friction",
+        "spring",
+        "inertia_error",
+        "torque_scale",
+        "stribeck_friction",
+    }
     assert fx.paper_stiction(jnp.array(1.0)).reads_torque(2)  # holds
 
 

@@ -1,4 +1,6 @@
-"""What an execution of the seven-joint arm costs on one core: alone, 32 in turn or side by side, and as a plain MuJoCo loop."""
+"""What an execution of the seven-joint arm costs on one core: alone, 32 in turn or side by side,
+and as a plain MuJoCo loop.
+"""
 
 from common import arguments, in_turns, machine, pin_to_one_core, report
 
@@ -23,7 +25,9 @@ STUDY, NOISE, BATCH = ArmStudy(), 1e-5, 32
 
 
 def executions(count: int, side_by_side: bool, with_model: bool) -> Any:
-    """A compiled call of ``count`` executions, by ``vmap`` if ``side_by_side``, else by ``lax.map``."""
+    """A compiled call of ``count`` executions, by ``vmap`` if ``side_by_side``, else by
+    ``lax.map``.
+    """
     setting = STUDY.setting(NOISE)
     draws = jnp.asarray(np.random.default_rng(0).normal(size=(count, STUDY.steps, JOINTS)))
     params = STUDY.error_model.init(jax.random.key(0))
@@ -38,15 +42,24 @@ def executions(count: int, side_by_side: bool, with_model: bool) -> Any:
 
 
 def in_c() -> Any:
-    """The same loop in Python over MuJoCo in C: true arm with damping and dry friction, modelled arm, filters, DOOMED."""
+    """The same loop in Python over MuJoCo in C: true arm with damping and dry friction, modelled
+    arm, filters, DOOMED.
+    """
     hidden, task, law = STUDY.hidden, STUDY.task(), STUDY.law()
     inverse = inverse_dynamics_in_c()
     true: Any = copy.copy(arm().plant.body.source)
-    true.opt.timestep, true.dof_damping[:], true.dof_frictionloss[:] = STUDY.dt, hidden.viscous, hidden.coulomb
+    true.opt.timestep, true.dof_damping[:], true.dof_frictionloss[:] = (
+        STUDY.dt,
+        hidden.viscous,
+        hidden.coulomb,
+    )
     goals, begins = np.asarray(task.policy.targets), np.asarray(task.policy.begins)
     kp, kd = np.asarray(task.policy.gains)[0]
     rate, dt = np.asarray(law.rate), STUDY.dt
-    fast, slow = (1.0 - np.exp(-2.0 * np.pi * band * dt) for band in (STUDY.velocity_band, STUDY.acceleration_band))
+    fast, slow = (
+        1.0 - np.exp(-2.0 * np.pi * band * dt)
+        for band in (STUDY.velocity_band, STUDY.acceleration_band)
+    )
     draws = np.random.default_rng(0).normal(size=(STUDY.steps, JOINTS)) * NOISE
 
     def run() -> np.ndarray:
@@ -87,7 +100,12 @@ def main() -> None:
         }
         for name, (count, _) in calls.items()
     ]
-    report(f"Executions of {STUDY.steps} steps, medians of {options.rounds} rounds", rows, options.json, machine=machine())
+    report(
+        f"Executions of {STUDY.steps} steps, medians of {options.rounds} rounds",
+        rows,
+        options.json,
+        machine=machine(),
+    )
 
 
 if __name__ == "__main__":

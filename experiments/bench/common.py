@@ -24,12 +24,19 @@ def arguments(description: str, **options: Any) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=description)
     parser.add_argument("--json", type=Path, help="also write the table there, as JSON")
     for name, default in options.items():
-        parser.add_argument(f"--{name.replace('_', '-')}", type=type(default), default=default, help=f"default {default}")
+        parser.add_argument(
+            f"--{name.replace('_', '-')}",
+            type=type(default),
+            default=default,
+            help=f"default {default}",
+        )
     return parser.parse_args()
 
 
 def in_turns(calls: dict[str, Callable[[], Any]], rounds: int) -> dict[str, np.ndarray]:
-    """Seconds of each call, (rounds,) each: all of them once a round, so that a slow moment of the machine hits all alike."""
+    """Seconds of each call, (rounds,) each: all of them once a round, so that a slow moment of the
+    machine hits all alike.
+    """
     import jax
 
     seconds: dict[str, list[float]] = {name: [] for name in calls}
@@ -51,7 +58,8 @@ def machine() -> str:
     processor = names[0].partition(":")[2].strip() if names else platform.machine()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return (
-        f"{processor}, {cores} core(s), Python {platform.python_version()}, jax {jax.__version__}, {jax.devices()[0].device_kind}"
+        f"{processor}, {cores} core(s), Python {platform.python_version()}, jax {jax.__version__},"
+        f" {jax.devices()[0].device_kind}"
     )
 
 
@@ -72,7 +80,10 @@ def report(title: str, rows: list[dict[str, Any]], to: Path | None, **about: Any
         table.add_column(column, justify="left" if isinstance(rows[0][column], str) else "right")
     for row in rows:
         table.add_row(
-            *("" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value) for value in row.values())
+            *(
+                "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+                for value in row.values()
+            )
         )
     console = Console(width=None if sys.stdout.isatty() else 140)
     console.print(table)

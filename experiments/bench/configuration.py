@@ -1,7 +1,9 @@
-"""One whole configuration of the study, 20 executions with the trainings between them, for each data source, on one core.
+"""One whole configuration of the study, 20 executions with the trainings between them, for each
+data source, on one core.
 
-The paper's program needs 127 to 184 core-seconds for the three sources of one 20-epoch configuration (measured once on a core
-of the same kind; its software no longer installs beside ours, so this is the one figure here that is not from the same run).
+The paper's program needs 127 to 184 core-seconds for the three sources of one 20-epoch
+configuration (measured once on a core of the same kind; its software no longer installs beside
+ours, so this is the one figure here that is not from the same run).
 """
 
 from common import arguments, in_turns, machine, pin_to_one_core, report
@@ -33,12 +35,23 @@ def main() -> None:
         compiled = run.lower(inputs).compile()
         compiling[source] = time.perf_counter() - began
         calls[source] = lambda compiled=compiled, inputs=inputs: compiled(inputs)
-    seconds = {source: float(np.median(values)) for source, values in in_turns(calls, options.rounds).items()}
-    table = [{"source": source, "core-seconds": seconds[source], "compilation": compiling[source]} for source in calls]
+    seconds = {
+        source: float(np.median(values))
+        for source, values in in_turns(calls, options.rounds).items()
+    }
+    table = [
+        {"source": source, "core-seconds": seconds[source], "compilation": compiling[source]}
+        for source in calls
+    ]
     total = sum(seconds.values())
-    table.append({"source": "all three", "core-seconds": total, "compilation": sum(compiling.values())})
+    table.append(
+        {"source": "all three", "core-seconds": total, "compilation": sum(compiling.values())}
+    )
     times = " to ".join(f"{figure / total:.0f}" for figure in PAPERS_PROGRAM)
-    title = f"One configuration, {grid.iterations} executions, {options.epochs} epochs, medians of {options.rounds} rounds"
+    title = (
+        f"One configuration, {grid.iterations} executions, {options.epochs} epochs, medians of"
+        f" {options.rounds} rounds"
+    )
     about = {"times_the_papers_program": times} if options.epochs == 20 else {}
     report(title, table, options.json, machine=machine(), **about)
 

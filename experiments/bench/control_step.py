@@ -1,4 +1,6 @@
-"""One control step of the point mass: how much the error model in the loop costs, for one run and several, on one core."""
+"""One control step of the point mass: how much the error model in the loop costs, for one run and
+several, on one core.
+"""
 
 from common import arguments, in_turns, machine, pin_to_one_core, report
 
@@ -19,7 +21,9 @@ STUDY = PaperStudy()
 
 
 def executions(width: int, with_model: bool):
-    """A compiled call of ``width`` executions side by side, low-gain PID in the study's middle noise."""
+    """A compiled call of ``width`` executions side by side, low-gain PID in the study's middle
+    noise.
+    """
     condition = Condition(jnp.asarray(0), jnp.asarray(5e-4), jnp.asarray(5.0), jnp.asarray(5.0))
     setting = STUDY.setting("pid", condition)
     noise = jnp.asarray(np.random.default_rng(0).normal(size=(width, STUDY.steps, 2)))
@@ -37,7 +41,9 @@ def main() -> None:
     options = arguments(__doc__ or "", rounds=15)
     cases = [(width, with_model) for width in (1, 4, 8, 64) for with_model in (False, True)]
     seconds = in_turns({str(case): executions(*case) for case in cases}, options.rounds)
-    per_step = {case: 1e6 * float(np.median(seconds[str(case)])) / STUDY.steps / case[0] for case in cases}
+    per_step = {
+        case: 1e6 * float(np.median(seconds[str(case)])) / STUDY.steps / case[0] for case in cases
+    }
     table = [
         {
             "runs side by side": width,
@@ -48,7 +54,12 @@ def main() -> None:
         }
         for width in (1, 4, 8, 64)
     ]
-    report(f"One control step, medians of {options.rounds} rounds", table, options.json, machine=machine())
+    report(
+        f"One control step, medians of {options.rounds} rounds",
+        table,
+        options.json,
+        machine=machine(),
+    )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,9 @@
-"""All cores against one on the same list of chunks: as devices of one process, and as one process each.
+"""All cores against one on the same list of chunks: as devices of one process, and as one process
+each.
 
-Each way computes the same learning runs, compiled beforehand; the ways take turns. jaxidl uses the first: one program for all
-devices is also what several accelerators need, and one process has one progress bar, one lock and one compilation.
+Each way computes the same learning runs, compiled beforehand; the ways take turns. jaxidl uses the
+first: one program for all devices is also what several accelerators need, and one process has one
+progress bar, one lock and one compilation.
 """
 
 import json
@@ -11,12 +13,18 @@ import sys
 
 from common import arguments, machine, report
 
-CORES = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else list(range(os.cpu_count() or 1))
+CORES = (
+    sorted(os.sched_getaffinity(0))
+    if hasattr(os, "sched_getaffinity")
+    else list(range(os.cpu_count() or 1))
+)
 ITERATIONS = 5
 
 
 def child(devices: int, chunks: int) -> None:
-    """Compile, say so, and at each line of the standard input compute the chunks and print the seconds taken."""
+    """Compile, say so, and at each line of the standard input compute the chunks and print the
+    seconds taken.
+    """
     import time
 
     import jax
@@ -30,8 +38,18 @@ def child(devices: int, chunks: int) -> None:
 
     choose_devices(devices)
     jax.config.update("jax_enable_x64", True)
-    grid = Grid(("pid",), ("low", "high"), (5e-4, 8e-4), (5.0,), (5.0,), (20,), tuple(range(1, 1 + devices)), ("indirect",))
-    at, job = list(points(grid.dims())), LearningRun(PaperStudy(), ITERATIONS).job()  # 4 on each device
+    grid = Grid(
+        ("pid",),
+        ("low", "high"),
+        (5e-4, 8e-4),
+        (5.0,),
+        (5.0,),
+        (20,),
+        tuple(range(1, 1 + devices)),
+        ("indirect",),
+    )
+    # 4 on each device
+    at, job = list(points(grid.dims())), LearningRun(PaperStudy(), ITERATIONS).job()
     chunk = Chunk(job.kind(at[0]), at, len(at))
     run = lambda: jax.block_until_ready(dispatch(job, chunk, devices, 1))
     run()
@@ -49,11 +67,21 @@ class Way:
     def __init__(self, groups: list[list[int]], chunks: int):
         self.children = []
         for cores in groups:
-            code = f"import os; os.sched_setaffinity(0, {cores}); import cores; cores.child({len(cores)}, {chunks})"
+            code = (
+                f"import os; os.sched_setaffinity(0, {cores}); import cores;"
+                f" cores.child({len(cores)}, {chunks})"
+            )
             folder = os.path.dirname(os.path.abspath(__file__))
             command = [sys.executable, "-c", code]
             self.children.append(
-                subprocess.Popen(command, cwd=folder, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=1)
+                subprocess.Popen(
+                    command,
+                    cwd=folder,
+                    text=True,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    bufsize=1,
+                )
             )
         for process in self.children:
             assert self._line(process) == "ready"
@@ -94,7 +122,13 @@ def main() -> None:
         ratios = sorted(a / b for a, b in zip(seconds["one core"], values, strict=True))
         middle = len(ratios) // 2
         table.append(
-            {"way": name, "seconds": sorted(values)[middle], "x one core": ratios[middle], "least": ratios[0], "most": ratios[-1]}
+            {
+                "way": name,
+                "seconds": sorted(values)[middle],
+                "x one core": ratios[middle],
+                "least": ratios[0],
+                "most": ratios[-1],
+            }
         )
     runs = 4 * options.chunks * count
     title = f"{runs} learning runs of {ITERATIONS} executions, medians of {options.rounds} rounds"

@@ -1,10 +1,13 @@
-"""The full grid on the GPUs of one host: seconds to compile, seconds to run, memory, and what TF32 would change.
+"""The full grid on the GPUs of one host: seconds to compile, seconds to run, memory, and what TF32
+would change.
 
-    python experiments/bench/gpu_grid.py [--json FILE] [--runs-per-device 320] [--seeds 10] [--profile 0]
+    python experiments/bench/gpu_grid.py [--json FILE] [--runs-per-device 320] [--seeds 10]
+    [--profile 0]
 
-Networks are computed in full single precision. Tensor cores would round products' inputs to 10 bits (TF32) unless told not
-to; the last rows compare both on the same runs, before training has amplified the difference and after. ``--profile 1``
-leaves a trace of one chunk in the folder ``gpu_profile``.
+Networks are computed in full single precision. Tensor cores would round products' inputs to 10 bits
+(TF32) unless told not to; the last rows compare both on the same runs, before training has
+amplified the difference and after. ``--profile 1`` leaves a trace of one chunk in the folder
+``gpu_profile``.
 """
 
 import sys
@@ -39,14 +42,27 @@ def whole_grid(job: Job, grid: Grid, plan, profile: bool) -> tuple[float, float,
                 jax.block_until_ready(compiled[chunk.kind](inputs))
         else:
             without_padding(compiled[chunk.kind](inputs), chunk)
-        print(f"\rchunk {index + 1}/{len(todo)}, {time.perf_counter() - began:.0f} s", end="", file=sys.stderr)
+        print(
+            f"\rchunk {index + 1}/{len(todo)}, {time.perf_counter() - began:.0f} s",
+            end="",
+            file=sys.stderr,
+        )
     print(file=sys.stderr)
     return compiling, time.perf_counter() - began, len(todo)
 
 
 def precision_rows(study: PaperStudy) -> list[dict]:
-    """The same 32 runs in TF32 and in full single precision: relative difference of q_error at three executions."""
-    grid = Grid(("pid",), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1, 2, 3, 4), sources=("joint",))
+    """The same 32 runs in TF32 and in full single precision: relative difference of q_error at
+    three executions.
+    """
+    grid = Grid(
+        ("pid",),
+        friction=(5.0,),
+        stiction=(5.0,),
+        epochs=(20,),
+        seeds=(1, 2, 3, 4),
+        sources=("joint",),
+    )
     at, job = list(points(grid.dims())), runs.LearningRun(study, grid.iterations).job()
     chunk = Chunk(job.kind(at[0]), at, len(at))
     found = {}
@@ -69,7 +85,8 @@ def main() -> int:
     options = arguments(__doc__ or "", runs_per_device=320, seeds=10, profile=0)
     if jax.default_backend() != "gpu":
         print(
-            f"gpu_grid.py: expected a GPU; got {jax.default_backend()}; install jax[cuda] on a machine that has one",
+            f"gpu_grid.py: expected a GPU; got {jax.default_backend()}; install jax[cuda] on a"
+            " machine that has one",
             file=sys.stderr,
         )
         return 2
@@ -88,7 +105,12 @@ def main() -> int:
         {"what": "peak memory of the first GPU [GiB]", "figure": memory},
         *precision_rows(study),
     ]
-    report(f"The grid on {plan.devices} GPU(s), {plan.per_device} runs on each", table, options.json, machine=machine())
+    report(
+        f"The grid on {plan.devices} GPU(s), {plan.per_device} runs on each",
+        table,
+        options.json,
+        machine=machine(),
+    )
     return 0
 
 

@@ -1,4 +1,6 @@
-"""Wall time and peak memory of the command `jaxidl sweep` as the number of configurations doubles."""
+"""Wall time and peak memory of the command `jaxidl sweep` as the number of configurations
+doubles.
+"""
 
 import os
 import subprocess
@@ -9,16 +11,35 @@ from pathlib import Path
 
 from common import arguments, machine, report
 
-AXES = "--controllers pid --gains low high --noise 5e-4 8e-4 --friction 5 --stiction 5 --epochs 20 --sources indirect"
+AXES = (
+    "--controllers pid --gains low high --noise 5e-4 8e-4 --friction 5 --stiction 5 --epochs 20"
+    " --sources indirect"
+)
 
 
 def sweep(folder: Path, seeds: int, iterations: int) -> tuple[float, float]:
     """Seconds and peak memory [MB] of one command with 4 · seeds configurations."""
-    words = [*AXES.split(), "--iterations", str(iterations), "--seeds", *map(str, range(1, seeds + 1))]
-    command = [sys.executable, "-m", "jaxidl", "sweep", "--out", str(folder / f"{seeds}.nc"), *words]
+    words = [
+        *AXES.split(),
+        "--iterations",
+        str(iterations),
+        "--seeds",
+        *map(str, range(1, seeds + 1)),
+    ]
+    command = [
+        sys.executable,
+        "-m",
+        "jaxidl",
+        "sweep",
+        "--out",
+        str(folder / f"{seeds}.nc"),
+        *words,
+    ]
     environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(folder / "programs")}
     began = time.perf_counter()
-    process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
     _, status, usage = os.wait4(process.pid, 0)
     if status:
         raise SystemExit("the sweep failed")
@@ -36,8 +57,17 @@ def main() -> None:
             seconds, memory = sweep(folder, seeds, options.iterations)
             before = table[-1]["seconds"] if table else None
             ratio = seconds / before if before else None
-            table.append({"configurations": 4 * seeds, "seconds": seconds, "x half as many": ratio, "peak memory [MB]": memory})
-    title = f"`jaxidl sweep`, start-up included, {options.iterations} executions of each learning run"
+            table.append(
+                {
+                    "configurations": 4 * seeds,
+                    "seconds": seconds,
+                    "x half as many": ratio,
+                    "peak memory [MB]": memory,
+                }
+            )
+    title = (
+        f"`jaxidl sweep`, start-up included, {options.iterations} executions of each learning run"
+    )
     report(title, table, options.json, machine=machine())
 
 

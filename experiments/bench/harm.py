@@ -1,4 +1,6 @@
-"""What the study of reliability is made of: sweeps as processes that can be watched and killed, and ways to do them harm."""
+"""What the study of reliability is made of: sweeps as processes that can be watched and killed, and
+ways to do them harm.
+"""
 
 import contextlib
 import os
@@ -22,13 +24,46 @@ from jaxidl.jobs.points import Point
 from jaxidl.jobs.store import Store
 from jaxidl.paper.runs import META, identity, read_results
 
-GRID = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (10,), (1, 2, 3, 4, 5, 6), ("joint",), 2)
-WORDS = ["--controllers", "pid", "--noise", "1e-4", "8e-4", "--friction", "5", "--stiction", "5", "--epochs", "10"]
-WORDS += ["--sources", "joint", "--iterations", "2", "--devices", "1", "--runs-per-device", "1", "--seeds"]
+GRID = Grid(
+    ("pid",),
+    ("low", "high"),
+    (1e-4, 8e-4),
+    (5.0,),
+    (5.0,),
+    (10,),
+    (1, 2, 3, 4, 5, 6),
+    ("joint",),
+    2,
+)
+WORDS = [
+    "--controllers",
+    "pid",
+    "--noise",
+    "1e-4",
+    "8e-4",
+    "--friction",
+    "5",
+    "--stiction",
+    "5",
+    "--epochs",
+    "10",
+]
+WORDS += [
+    "--sources",
+    "joint",
+    "--iterations",
+    "2",
+    "--devices",
+    "1",
+    "--runs-per-device",
+    "1",
+    "--seeds",
+]
 SEEDS = [str(seed) for seed in GRID.seeds]
 CHUNKS = len(GRID)  # of one run each: many moments to be killed at
 
-# the process ends itself at its n-th durable write: with half of the bytes written, all of them, or the file renamed, too
+# the process ends itself at its n-th durable write: with half of the bytes written, all of them, or
+# the file renamed, too
 DIE_WRITING = """
 import os, signal, sys
 moment, left = sys.argv[1], int(sys.argv[2])
@@ -70,8 +105,17 @@ def parts_of(out: Path) -> dict[str, int]:
 class Life:
     """One process of a sweep from its start to its end, whatever that is."""
 
-    def __init__(self, out: Path, seeds: Sequence[str] = SEEDS, code: Sequence[str] = (), limit: int = 0, **env: str):
-        """``code``: Python to run instead of the command line, and its words; ``limit``: the largest file it can write [B]."""
+    def __init__(
+        self,
+        out: Path,
+        seeds: Sequence[str] = SEEDS,
+        code: Sequence[str] = (),
+        limit: int = 0,
+        **env: str,
+    ):
+        """``code``: Python to run instead of the command line, and its words; ``limit``: the
+        largest file it can write [B].
+        """
         start = ["-c", *code] if code else ["-m", "jaxidl"]
         self.out, self.before, self.seen = out, parts_of(out), set(parts_of(out).items())
         self.began = time.monotonic()
@@ -81,7 +125,9 @@ class Life:
             stderr=subprocess.PIPE,
             text=True,
             env=os.environ | env,
-            preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))) if limit else None,
+            preexec_fn=(lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)))
+            if limit
+            else None,
         )
 
     def watch(self, until: Callable[[], bool]) -> bool:
@@ -121,8 +167,14 @@ class Life:
     def refused(self, *words: str) -> str:
         """Why this was not a refusal in one line with these words in it; nothing if it was."""
         lines = [line for line in self.said.splitlines() if line.startswith("jaxidl: ")]
-        right = len(lines) == 1 and all(word in lines[0] for word in words) and "Traceback" not in self.said
-        return "" if self.status == 2 and right else f"status {self.status}, said {self.said[-300:]!r}"
+        right = (
+            len(lines) == 1
+            and all(word in lines[0] for word in words)
+            and "Traceback" not in self.said
+        )
+        return (
+            "" if self.status == 2 and right else f"status {self.status}, said {self.said[-300:]!r}"
+        )
 
 
 class Whole(NamedTuple):
@@ -136,17 +188,33 @@ class Whole(NamedTuple):
 
     def left(self, parts: int) -> float:
         """Working time from a first part on, with so many parts there before [s]."""
-        return (self.last_part - self.first_part) * max(0, CHUNKS - parts) / CHUNKS + self.end - self.last_part
+        return (
+            (self.last_part - self.first_part) * max(0, CHUNKS - parts) / CHUNKS
+            + self.end
+            - self.last_part
+        )
 
     def unlike(self, out: Path) -> str:
-        """How the results at ``out`` differ from these, or what else lies there; nothing if all is well."""
+        """How the results at ``out`` differ from these, or what else lies there; nothing if all is
+        well.
+        """
         try:
             ours, theirs = read_results(self.out), read_results(out)
         except StoreError as error:
             return str(error)
-        litter = [entry.name for entry in out.parent.iterdir() if out.name in entry.name and entry != out]
-        names = [name for name in ours.variables if not _same(ours[name].values, theirs[name].values)]
-        return f"differs in {', '.join(map(str, names))}" if names else f"left behind {', '.join(litter)}" if litter else ""
+        litter = [
+            entry.name for entry in out.parent.iterdir() if out.name in entry.name and entry != out
+        ]
+        names = [
+            name for name in ours.variables if not _same(ours[name].values, theirs[name].values)
+        ]
+        return (
+            f"differs in {', '.join(map(str, names))}"
+            if names
+            else f"left behind {', '.join(litter)}"
+            if litter
+            else ""
+        )
 
 
 def _same(a: np.ndarray, b: np.ndarray) -> bool:
@@ -158,7 +226,11 @@ def _same(a: np.ndarray, b: np.ndarray) -> bool:
 def whole(out: Path) -> Whole:
     """Run a sweep undisturbed, compiling everything."""
     life, times = Life(out), []
-    for moment in (lambda: Path(f"{out}.parts", "lock").exists(), lambda: len(life.seen) > 0, lambda: len(life.seen) == CHUNKS):
+    for moment in (
+        lambda: Path(f"{out}.parts", "lock").exists(),
+        lambda: len(life.seen) > 0,
+        lambda: len(life.seen) == CHUNKS,
+    ):
         if not life.watch(moment):
             sys.exit(f"the undisturbed sweep ended with status {life.end().status}: {life.said}")
         times.append(time.monotonic() - life.began)
@@ -172,7 +244,11 @@ def small_disk(folder: Path, size: int) -> Iterator[bool]:
     """A disk of ``size`` bytes at ``folder`` if we may make one."""
     folder.mkdir()
     command = ["mount", "-t", "tmpfs", "-o", f"size={size}", "none", str(folder)]
-    mounted = os.getuid() == 0 and shutil.which("mount") and subprocess.run(command, capture_output=True).returncode == 0
+    mounted = (
+        os.getuid() == 0
+        and shutil.which("mount")
+        and subprocess.run(command, capture_output=True).returncode == 0
+    )
     try:
         yield bool(mounted)
     finally:
@@ -191,7 +267,9 @@ def harmed(content: bytes, chance: random.Random) -> bytes:
     place = chance.randrange(len(content))
     if chance.random() < 0.2:
         return content[:place]
-    return content[:place] + bytes([content[place] ^ 1 << chance.randrange(8)]) + content[place + 1 :]
+    return (
+        content[:place] + bytes([content[place] ^ 1 << chance.randrange(8)]) + content[place + 1 :]
+    )
 
 
 def harm_parts(parts: dict[str, bytes], folder: Path, count: int, chance: random.Random) -> Counter:
@@ -204,7 +282,10 @@ def harm_parts(parts: dict[str, bytes], folder: Path, count: int, chance: random
         for name, content in changed.items():
             Path(f"{out}.parts", name).write_bytes(content)
         with Store(out, identity(PaperStudy(), GRID), META) as store:
-            runs = {label: b"".join(run[name].tobytes() for name in sorted(run)) for label, run in store.runs.items()}
+            runs = {
+                label: b"".join(run[name].tobytes() for name in sorted(run))
+                for label, run in store.runs.items()
+            }
             return runs, bool(store.damaged)
 
     sound, _ = load(parts)
@@ -216,7 +297,13 @@ def harm_parts(parts: dict[str, bytes], folder: Path, count: int, chance: random
         except StoreError:
             runs, noticed = {}, True
         false = any(sound.get(label) != run for label, run in runs.items())
-        found["silently wrong" if false or not (noticed or runs == sound) else "detected" if noticed else "harmless"] += 1
+        found[
+            "silently wrong"
+            if false or not (noticed or runs == sound)
+            else "detected"
+            if noticed
+            else "harmless"
+        ] += 1
     return found
 
 

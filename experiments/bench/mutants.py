@@ -1,9 +1,11 @@
-"""Do the tests notice when the code is wrong? Small changes to six modules, and which tests fail because of them.
+"""Do the tests notice when the code is wrong? Small changes to six modules, and which tests fail
+because of them.
 
     python experiments/bench/mutants.py [--each 6] [--json FILE]
 
-Each mutant is the module with one operator, comparison or number changed, drawn from a fixed seed. The quick tests of the
-module run first; where they all pass, the slow ones run, too. What neither notices survived: it is printed, to be looked at.
+Each mutant is the module with one operator, comparison or number changed, drawn from a fixed seed.
+The quick tests of the module run first; where they all pass, the slow ones run, too. What neither
+notices survived: it is printed, to be looked at.
 """
 
 import ast
@@ -50,17 +52,39 @@ def places(tree: ast.Module) -> list[tuple[int, str]]:
 
     Annotations and ``zip``'s strict are left alone.
     """
-    hints = {id(x) for node in ast.walk(tree) for part in ("annotation", "returns") for x in _under(getattr(node, part, None))}
-    hints |= {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.keyword) and node.arg == "strict"}
+    hints = {
+        id(x)
+        for node in ast.walk(tree)
+        for part in ("annotation", "returns")
+        for x in _under(getattr(node, part, None))
+    }
+    hints |= {
+        id(node.value)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.keyword) and node.arg == "strict"
+    }
     found = []
     for number, node in enumerate(ast.walk(tree)):
         line = getattr(node, "lineno", 0)
         if id(node) in hints:
             continue
         if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in OPPOSITE:
-            found.append((number, f"line {line}: {type(node.op).__name__} -> {OPPOSITE[type(node.op)].__name__}"))
+            found.append(
+                (
+                    number,
+                    f"line {line}: {type(node.op).__name__} -> {OPPOSITE[type(node.op)].__name__}",
+                )
+            )
         elif isinstance(node, ast.Compare) and type(node.ops[0]) in OPPOSITE:
-            found.append((number, f"line {line}: {type(node.ops[0]).__name__} -> {OPPOSITE[type(node.ops[0])].__name__}"))
+            found.append(
+                (
+                    number,
+                    (
+                        f"line {line}: {type(node.ops[0]).__name__} ->"
+                        f" {OPPOSITE[type(node.ops[0])].__name__}"
+                    ),
+                )
+            )
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
             found.append((number, f"line {line}: {node.value} -> {node.value + 1}"))
         elif isinstance(node, ast.Constant) and type(node.value) is bool:
@@ -90,16 +114,45 @@ def noticed(module: str, text: str, cache: str) -> str:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("jaxidl", "tests", "experiments"):
-            shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+            shutil.copytree(
+                ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__")
+            )
         shutil.copy(ROOT / "pyproject.toml", folder)
         (folder / "jaxidl" / module).write_text(text)
         files = [f"tests/test_{test}.py" for test in MODULES[module]]
-        environment = os.environ | {"PYTHONPATH": name, "JAX_COMPILATION_CACHE_DIR": cache, "JAX_PLATFORMS": "cpu"}
-        environment |= {"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0", "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1"}
+        environment = os.environ | {
+            "PYTHONPATH": name,
+            "JAX_COMPILATION_CACHE_DIR": cache,
+            "JAX_PLATFORMS": "cpu",
+        }
+        environment |= {
+            "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+            "JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES": "-1",
+        }
         for which, marked in (("quick", "not slow"), ("slow", "slow")):
-            words = [sys.executable, "-m", "pytest", "-x", "-q", "-o", "addopts=", "-p", "no:cacheprovider", "-m", marked, *files]
+            words = [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-x",
+                "-q",
+                "-o",
+                "addopts=",
+                "-p",
+                "no:cacheprovider",
+                "-m",
+                marked,
+                *files,
+            ]
             try:
-                done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, check=False, timeout=900)
+                done = subprocess.run(
+                    words,
+                    cwd=folder,
+                    env=environment,
+                    capture_output=True,
+                    check=False,
+                    timeout=900,
+                )
             except subprocess.TimeoutExpired:
                 return which
             if done.returncode not in (0, 5):  # 5: there are none of these
@@ -117,8 +170,17 @@ def main() -> None:
             texts = [mutated(tree, number) for number, _ in chosen]
             found = list(pool.map(lambda text, module=module: noticed(module, text, cache), texts))
             counts = {which: found.count(which) for which in ("quick", "slow", "")}
-            table.append({"module": module, "mutants": len(found), "quick": counts["quick"], "slow": counts["slow"]})
-            survivors += [f"{module} {what}" for (_, what), by in zip(chosen, found, strict=True) if not by]
+            table.append(
+                {
+                    "module": module,
+                    "mutants": len(found),
+                    "quick": counts["quick"],
+                    "slow": counts["slow"],
+                }
+            )
+            survivors += [
+                f"{module} {what}" for (_, what), by in zip(chosen, found, strict=True) if not by
+            ]
             print(table[-1], file=sys.stderr, flush=True)
     print("survived:", *survivors or ["none"], sep="\n  ", file=sys.stderr)
     report(

@@ -1,4 +1,5 @@
-"""The arm's feedforward at 1 kHz on one core, and MuJoCo's inverse dynamics in C as the yardstick: see ``jaxidl.arm.real_time``.
+"""The arm's feedforward at 1 kHz on one core, and MuJoCo's inverse dynamics in C as the yardstick:
+see ``jaxidl.arm.real_time``.
 
 Weights are random, as their values cost no time.
 """
@@ -21,7 +22,9 @@ def main() -> None:
     with jax.enable_x64(True):
         task, params = study.task(), study.error_model.init(jax.random.key(0))
         content = export_feedforward(task, arm().plant.body, study.error_model, params)
-    report("One call each millisecond", rows(content, options.rounds), options.json, machine=machine())
+    report(
+        "One call each millisecond", rows(content, options.rounds), options.json, machine=machine()
+    )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""Is a sweep as hard to kill as it claims? Real processes are killed, starved of disk, interrupted, and their files damaged.
+"""Is a sweep as hard to kill as it claims? Real processes are killed, starved of disk, interrupted,
+and their files damaged.
 
     python experiments/bench/reliability.py [--kills 20] [--damages 200] [--json FILE]
 
@@ -16,7 +17,19 @@ import time
 from pathlib import Path
 
 from common import arguments, report
-from harm import CHUNKS, DIE_WRITING, SEEDS, Life, Whole, fill, harm_parts, harm_results, parts_of, small_disk, whole
+from harm import (
+    CHUNKS,
+    DIE_WRITING,
+    SEEDS,
+    Life,
+    Whole,
+    fill,
+    harm_parts,
+    harm_results,
+    parts_of,
+    small_disk,
+    whole,
+)
 
 rows: list[dict[str, str]] = []
 
@@ -29,11 +42,15 @@ def row(name: str, figure: str, *failures: str, verdict: str = "") -> None:
     """A line of the table; it failed if one of ``failures`` says why."""
     found = "; ".join(failure for failure in failures if failure)
     verdict = verdict or ("FAILED" if found else "ok")
-    rows.append({"what": name, "figure": f"{figure} ({found})" if found else figure, "verdict": verdict})
+    rows.append(
+        {"what": name, "figure": f"{figure} ({found})" if found else figure, "verdict": verdict}
+    )
 
 
 def kills(sound: Whole, folder: Path, count: int, chance: random.Random) -> None:
-    """Kill -9 at random moments of the working time, restart until finished, as often as it takes to kill ``count`` times."""
+    """Kill -9 at random moments of the working time, restart until finished, as often as it takes
+    to kill ``count`` times.
+    """
     killed, sweeps, written, lost, failures = 0, 0, 0, [], []
     while killed < count:
         out, seen, status = folder / f"killed{sweeps}.nc", set(), -1
@@ -55,27 +72,47 @@ def kills(sound: Whole, folder: Path, count: int, chance: random.Random) -> None
         sweeps, written = sweeps + 1, written + len(seen)
         failures.append(sound.unlike(out))
         tell(f"  {killed} of {count} kills")
-    row("kill -9 at random moments", f"{killed} kills in {sweeps} sweeps, each continued to equal results", *failures)
+    row(
+        "kill -9 at random moments",
+        f"{killed} kills in {sweeps} sweeps, each continued to equal results",
+        *failures,
+    )
     needed = sweeps * CHUNKS
     twice = f"{written - needed} saved twice" if written != needed else ""
-    row("… work done again", f"{written} chunks saved, {needed} needed; at most {killed} in flight lost", twice)
+    row(
+        "… work done again",
+        f"{written} chunks saved, {needed} needed; at most {killed} in flight lost",
+        twice,
+    )
     chunk = (sound.last_part - sound.first_part) / (CHUNKS - 1)
-    worst = f"{statistics.median(lost):.2g} s median, {max(lost):.2g} s worst; a chunk takes {chunk:.2g} s"
+    worst = (
+        f"{statistics.median(lost):.2g} s median, {max(lost):.2g} s worst; a chunk takes"
+        f" {chunk:.2g} s"
+    )
     row("… time since the last save, when killed", worst)
 
 
 def kills_while_writing(sound: Whole, folder: Path) -> None:
-    """Kill -9 half-way through a write, before the rename and after it: of early and later parts, and of the results."""
+    """Kill -9 half-way through a write, before the rename and after it: of early and later parts,
+    and of the results.
+    """
     out, failures = folder / "writing.nc", []
     plan = [("half", 1), ("half", 3), ("whole", 1), ("whole", 3), ("renamed", 1), ("renamed", 3)]
     for moment, nth in [*plan, ("half", 0), ("whole", 0), ("renamed", 0)]:
         nth = nth or CHUNKS - len(parts_of(out)) + 1  # 0: the results, which come after all parts
         life = Life(out, code=[DIE_WRITING, moment, str(nth)]).end()
         if life.status != -signal.SIGKILL:
-            failures.append(f"not killed with the {nth}th file {moment}: status {life.status}, said {life.said[-300:]!r}")
+            failures.append(
+                f"not killed with the {nth}th file {moment}: status {life.status}, said"
+                f" {life.said[-300:]!r}"
+            )
     status = Life(out).end().status
     failures += [f"status {status}" if status else "", sound.unlike(out)]
-    row("kill -9 while writing", f"{len(plan)} parts and 3 results: equal, nothing left behind", *failures)
+    row(
+        "kill -9 while writing",
+        f"{len(plan)} parts and 3 results: equal, nothing left behind",
+        *failures,
+    )
 
 
 def two_at_once(sound: Whole, folder: Path) -> None:
@@ -98,11 +135,18 @@ def two_at_once(sound: Whole, folder: Path) -> None:
     first.saves_a_part()
     first.kill()
     status = Life(out).end().status
-    row("… after kill -9 of the first", "let in at once", f"status {status}" if status else "", sound.unlike(out))
+    row(
+        "… after kill -9 of the first",
+        "let in at once",
+        f"status {status}" if status else "",
+        sound.unlike(out),
+    )
 
 
 def full_disk(sound: Whole, folder: Path) -> None:
-    """No room for a part, then none for the results: the old ones stay, and with room the same command finishes."""
+    """No room for a part, then none for the results: the old ones stay, and with room the same
+    command finishes.
+    """
     one = sound.out.stat().st_size
     parts = CHUNKS * 8192  # their size on a disk that counts in pages
     with small_disk(folder / "disk", 4 * one + 2 * parts) as real:
@@ -113,19 +157,32 @@ def full_disk(sound: Whole, folder: Path) -> None:
             if real:
                 fill(out.parent, leave)
             limit = 0 if real else leave - parts if leave else 1000
-            failures.append(Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="").end().refused("make room"))
+            failures.append(
+                Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="").end().refused("make room")
+            )
             failures.append("" if out.read_bytes() == old else "the old results changed")
         (out.parent / "filler").unlink(missing_ok=True)
         way = "a real one" if real else "by a limit on the size of files"
-        failures += [f"status {status}" if (status := Life(out).end().status) else "", sound.unlike(out)]
-        row(f"full disk ({way})", "one line, the old results untouched; finished with room", *failures)
+        failures += [
+            f"status {status}" if (status := Life(out).end().status) else "",
+            sound.unlike(out),
+        ]
+        row(
+            f"full disk ({way})",
+            "one line, the old results untouched; finished with room",
+            *failures,
+        )
         read_only(sound, out, real)
 
 
 def read_only(sound: Whole, out: Path, mounted: bool) -> None:
     """A folder that cannot be written."""
     if not mounted and os.getuid() == 0:
-        row("read-only folder", "root may write everywhere, and nothing can be mounted here", verdict="skipped")
+        row(
+            "read-only folder",
+            "root may write everywhere, and nothing can be mounted here",
+            verdict="skipped",
+        )
         return
     old = out.read_bytes()
     if mounted:
@@ -135,7 +192,12 @@ def read_only(sound: Whole, out: Path, mounted: bool) -> None:
     failure = Life(out, [*SEEDS, "7"]).end().refused("choose another --out")
     if not mounted:
         out.parent.chmod(0o700)
-    row("read-only folder", "one line, the old results untouched", failure, "" if out.read_bytes() == old else "results changed")
+    row(
+        "read-only folder",
+        "one line, the old results untouched",
+        failure,
+        "" if out.read_bytes() == old else "results changed",
+    )
 
 
 def damage(sound: Whole, folder: Path, count: int, chance: random.Random) -> None:
@@ -149,12 +211,16 @@ def damage(sound: Whole, folder: Path, count: int, chance: random.Random) -> Non
         ("parts", harm_parts(parts, folder / "harm", count, chance)),
         ("results files", harm_results(sound.out, folder, count, chance)),
     ):
-        figure = ", ".join(f"{found[kind]} {kind}" for kind in ("detected", "harmless", "silently wrong"))
+        figure = ", ".join(
+            f"{found[kind]} {kind}" for kind in ("detected", "harmless", "silently wrong")
+        )
         row(f"{count} damaged {what}", figure, "numbers changed" if found["silently wrong"] else "")
 
 
 def interruptions(sound: Whole, folder: Path, count: int, chance: random.Random) -> None:
-    """Ctrl-C spread over a sweep, from its first look at the store to its end; programs are compiled anew."""
+    """Ctrl-C spread over a sweep, from its first look at the store to its end; programs are
+    compiled anew.
+    """
     seconds, failures, done = [], [], 0
     while done < count:
         out = folder / f"interrupted{done}.nc"
@@ -168,13 +234,21 @@ def interruptions(sound: Whole, folder: Path, count: int, chance: random.Random)
             continue
         seconds.append(time.monotonic() - sent)
         lines = [line for line in life.said.splitlines() if line.startswith("jaxidl: ")]
-        right = life.status == 130 and len(lines) == 1 and "continues" in lines[0] and "Traceback" not in life.said
+        right = (
+            life.status == 130
+            and len(lines) == 1
+            and "continues" in lines[0]
+            and "Traceback" not in life.said
+        )
         failures.append("" if right else f"status {life.status}, said {life.said[-300:]!r}")
         failures.append("" if kept <= set(parts_of(out).items()) else "finished parts lost")
         done += 1
     status = Life(out).end().status
     failures += [f"status {status}" if status else "", sound.unlike(out)]
-    figure = f"{statistics.median(seconds):.2g} s median, {max(seconds):.2g} s worst of {count}; status 130, one line, continued"
+    figure = (
+        f"{statistics.median(seconds):.2g} s median, {max(seconds):.2g} s worst of {count}; status"
+        " 130, one line, continued"
+    )
     row("Ctrl-C", figure, *failures)
 
 
@@ -184,10 +258,14 @@ def main() -> None:
     began = time.monotonic()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder / "programs")  # killed processes write there, too
+        # killed processes write there, too
+        os.environ["JAX_COMPILATION_CACHE_DIR"] = str(folder / "programs")
         tell("an undisturbed sweep")
         sound = whole(folder / "whole.nc")
-        tell(f"kills at random moments of a sweep that starts in {sound.first_part:.0f} s and ends after {sound.end:.0f} s")
+        tell(
+            f"kills at random moments of a sweep that starts in {sound.first_part:.0f} s and ends"
+            f" after {sound.end:.0f} s"
+        )
         kills(sound, folder, options.kills, chance)
         tell("kills while writing")
         kills_while_writing(sound, folder)
@@ -199,7 +277,13 @@ def main() -> None:
         damage(sound, folder, options.damages, chance)
         tell("Ctrl-C")
         interruptions(sound, folder, 5, chance)
-    report("Reliability of `jaxidl sweep`", rows, options.json, seed=options.seed, seconds=round(time.monotonic() - began))
+    report(
+        "Reliability of `jaxidl sweep`",
+        rows,
+        options.json,
+        seed=options.seed,
+        seconds=round(time.monotonic() - began),
+    )
     sys.exit(any(line["verdict"] == "FAILED" for line in rows))
 
 

@@ -1,7 +1,8 @@
 """One training step of one run, on one core, against the matrix-product floor and plain JAX.
 
-The step: batch 64, two networks 6-200-100-50-20-1, forward, backward, Adam. The floor: the same floating-point operations at
-the rate of a product of two 1024 x 1024 matrices, measured beside every sample.
+The step: batch 64, two networks 6-200-100-50-20-1, forward, backward, Adam. The floor: the same
+floating-point operations at the rate of a product of two 1024 x 1024 matrices, measured beside
+every sample.
 """
 
 from common import arguments, in_turns, machine, pin_to_one_core, report
@@ -24,20 +25,28 @@ PRODUCT = 1024
 
 
 def flops(batch: int = 64, joints: int = 2, inputs: int = 6) -> float:
-    """Of the matrix products of one step: forward, to the weights, and to all activations but the input."""
+    """Of the matrix products of one step: forward, to the weights, and to all activations but the
+    input.
+    """
     widths = (inputs, *MODEL.layers)
     layers = [a * b for a, b in itertools.pairwise(widths)]
     return 2.0 * batch * joints * (3 * sum(layers) - layers[0])
 
 
 def plain(x, y, batches, key):
-    """The obvious program: row-major batches, weights (in, out), autodiff, ``optax.adam``, a scan over batches."""
+    """The obvious program: row-major batches, weights (in, out), autodiff, ``optax.adam``, a scan
+    over batches.
+    """
     widths = (x.shape[1], *MODEL.layers)
     keys = jax.random.split(key, len(MODEL.layers))
 
     def layer(key, shape):
         glorot = jax.nn.initializers.glorot_uniform()
-        leaves = {"w": glorot(key, shape), "b": jnp.zeros(shape[1]), "a": jnp.full(shape[1], MODEL.slope)}
+        leaves = {
+            "w": glorot(key, shape),
+            "b": jnp.zeros(shape[1]),
+            "a": jnp.full(shape[1], MODEL.slope),
+        }
         return jax.tree.map(lambda leaf: jnp.stack([leaf, leaf]), leaves)
 
     params = [layer(k, shape) for k, shape in zip(keys, itertools.pairwise(widths), strict=True)]
@@ -79,8 +88,12 @@ def main() -> None:
     product, steps = jax.jit(lambda a: a @ a), TRAINING.steps(ROWS)
     data, jit = (x, y, batches, keys), jax.jit
     programs = {
-        "jaxidl": jit(lambda *d: jax.lax.map(lambda one: ours(*one), d), compiler_options=compiler_options()),
-        "jaxidl, runs side by side (vmap)": jit(jax.vmap(ours), compiler_options=compiler_options()),
+        "jaxidl": jit(
+            lambda *d: jax.lax.map(lambda one: ours(*one), d), compiler_options=compiler_options()
+        ),
+        "jaxidl, runs side by side (vmap)": jit(
+            jax.vmap(ours), compiler_options=compiler_options()
+        ),
         "plain vmap(scan(optax.adam))": jit(jax.vmap(plain)),
         "plain, lax.map over runs": jit(lambda *d: jax.lax.map(lambda one: plain(*one), d)),
     }
@@ -104,8 +117,18 @@ def main() -> None:
                 "middle half": spread,
             }
         )
-    table.append({"way": "floor", "ms per run-step": 1e3 * float(np.median(ideal)), "x floor": 1.0, "middle half": ""})
-    title = f"One training step of one run, {options.runs} runs of {steps} steps, medians of {options.rounds} rounds"
+    table.append(
+        {
+            "way": "floor",
+            "ms per run-step": 1e3 * float(np.median(ideal)),
+            "x floor": 1.0,
+            "middle half": "",
+        }
+    )
+    title = (
+        f"One training step of one run, {options.runs} runs of {steps} steps, medians of"
+        f" {options.rounds} rounds"
+    )
     report(title, table, options.json, machine=machine(), megaflop_per_step=flops() / 1e6)
 
 

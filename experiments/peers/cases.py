@@ -1,9 +1,11 @@
-"""The logs, and the same preparation and measure for every peer; needs NumPy, SciPy and MuJoCo only.
+"""The logs, and the same preparation and measure for every peer; needs NumPy, SciPy and MuJoCo
+only.
 
-A case is one question: these runs, this nominal rigid body, perhaps an older log as reference. Everybody fits on the first 70 %
-of each run. The error is that of the torque on the last 30 %: root mean square of (measured − predicted) over the standard
-deviation of the measured torque there, both after the same zero-phase low-pass (Butterworth, fourth order, forwards and
-backwards). Velocities and accelerations are central differences of the positions behind the same filter.
+A case is one question: these runs, this nominal rigid body, perhaps an older log as reference.
+Everybody fits on the first 70 % of each run. The error is that of the torque on the last 30 %: root
+mean square of (measured − predicted) over the standard deviation of the measured torque there, both
+after the same zero-phase low-pass (Butterworth, fourth order, forwards and backwards). Velocities
+and accelerations are central differences of the positions behind the same filter.
 """
 
 import json
@@ -46,7 +48,9 @@ class Case:
 
     @cached_property
     def body(self) -> mujoco.MjModel:
-        """The nominal rigid body; limits are switched off, they add no torque to an inverse dynamics."""
+        """The nominal rigid body; limits are switched off, they add no torque to an inverse
+        dynamics.
+        """
         model = mujoco.MjModel.from_xml_string(self.xml)
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         return model
@@ -62,15 +66,28 @@ CASES = {
         Case("emps", ("emps/emps.csv",), None, 100.0),
         Case("ur10e", ("ur10e/without_load.csv",), "ur10e/ur10e.xml", 8.0),
         Case("ur10e_load", ("ur10e/with_load.csv",), "ur10e/ur10e.xml", 8.0),
-        Case("ur10e_change", ("ur10e/with_load.csv",), "ur10e/ur10e.xml", 8.0, "ur10e/without_load.csv"),
-        Case("xl330", tuple(f"xl330/{n}.csv" for n in ("sin_sin", "up_and_down", "sin_time_square")), "xl330/pendulum.xml", 8.0),
+        Case(
+            "ur10e_change",
+            ("ur10e/with_load.csv",),
+            "ur10e/ur10e.xml",
+            8.0,
+            "ur10e/without_load.csv",
+        ),
+        Case(
+            "xl330",
+            tuple(f"xl330/{n}.csv" for n in ("sin_sin", "up_and_down", "sin_time_square")),
+            "xl330/pendulum.xml",
+            8.0,
+        ),
     )
 }
 
 
 @dataclass(frozen=True)
 class Run:
-    """One run on a uniform clock: smoothed motion and torque (T, J), and which rows are fitted and which are held out."""
+    """One run on a uniform clock: smoothed motion and torque (T, J), and which rows are fitted and
+    which are held out.
+    """
 
     time: np.ndarray  # (T,) [s]
     q: np.ndarray  # (T, J) [m or rad]
@@ -97,14 +114,18 @@ def prepare(case: Case, file: str) -> Run:
     log, joints = read(file), case.body.nv
     dt = float(np.median(np.diff(log["time"])))
     time = np.arange(log["time"][0], log["time"][-1], dt)
-    smooth = lambda x: filtfilt(*butter(4, 2.0 * case.cut * dt), x, axis=0)  # noqa: E731
-    even = lambda key: np.stack([np.interp(time, log["time"], log[f"{key}{j}"]) for j in range(joints)], axis=1)  # noqa: E731
+    smooth = lambda x: filtfilt(*butter(4, 2.0 * case.cut * dt), x, axis=0)
+    even = lambda key: np.stack(
+        [np.interp(time, log["time"], log[f"{key}{j}"]) for j in range(joints)], axis=1
+    )
     q = smooth(even("q"))
     qd = np.gradient(q, dt, axis=0)
     since, split = time - time[0], FITTED * (time[-1] - time[0])
     fitted = (since > EDGE) & (since < split - EDGE / 2)
     held_out = (since >= split) & (since < since[-1] - EDGE)
-    return Run(time, q, qd, np.gradient(qd, dt, axis=0), smooth(even("tau")), case.cut, fitted, held_out)
+    return Run(
+        time, q, qd, np.gradient(qd, dt, axis=0), smooth(even("tau")), case.cut, fitted, held_out
+    )
 
 
 def inverse_dynamics(model: mujoco.MjModel, run: Run) -> np.ndarray:
@@ -118,18 +139,31 @@ def inverse_dynamics(model: mujoco.MjModel, run: Run) -> np.ndarray:
 
 
 def held_out_error(runs: list[Run], predicted: list[np.ndarray]) -> list[float]:
-    """Error (J,) of predicted torques (T, J), one for each run, smoothed here: the number of the table."""
-    left = np.concatenate([(r.tau - r.smooth(p))[r.held_out] for r, p in zip(runs, predicted, strict=True)])
+    """Error (J,) of predicted torques (T, J), one for each run, smoothed here: the number of the
+    table.
+    """
+    left = np.concatenate(
+        [(r.tau - r.smooth(p))[r.held_out] for r, p in zip(runs, predicted, strict=True)]
+    )
     spread = np.concatenate([r.tau[r.held_out] for r in runs]).std(axis=0)
     return (np.sqrt((left**2).mean(axis=0)) / spread).tolist()
 
 
 def cut_log(file: str, path: Path, first: bool) -> Path:
-    """Write the fitted (first) or the held-out part of a log as logged to ``path`` (CSV), for peers that read files."""
+    """Write the fitted (first) or the held-out part of a log as logged to ``path`` (CSV), for peers
+    that read files.
+    """
     log = read(file)
     since = log["time"] - log["time"][0]
     rows = since < FITTED * since[-1] if first else since >= FITTED * since[-1]
-    np.savetxt(path, np.column_stack([x[rows] for x in log.values()]), "%.9g", ",", header=",".join(log), comments="")
+    np.savetxt(
+        path,
+        np.column_stack([x[rows] for x in log.values()]),
+        "%.9g",
+        ",",
+        header=",".join(log),
+        comments="",
+    )
     return path
 
 

@@ -1,10 +1,11 @@
 """``jaxidl gap`` through its command line: this version, or the one that ``PYTHONPATH`` holds.
 
-``python jaxidl_gap.py CASE ANSWER.json [EFFECT ...]``. The command gets the fitted part of each run as logged, and may be limited
-to some effects. A version that has no ``--reference`` gets the older log first, and the new one with the model patched by it.
-CPU seconds are those of the commands alone. The patched model then meets the held-out part of each run, in the common band: its
-residual is what :func:`jaxidl.gap.diagnose` has before it names anything. Where that cannot be had, the command's own number for
-the last 30 % of what it was given stands in, and the answer says so.
+``python jaxidl_gap.py CASE ANSWER.json [EFFECT ...]``. The command gets the fitted part of each run
+as logged, and may be limited to some effects. A version that has no ``--reference`` gets the older
+log first, and the new one with the model patched by it. CPU seconds are those of the commands
+alone. The patched model then meets the held-out part of each run, in the common band: its residual
+is what :func:`jaxidl.gap.diagnose` has before it names anything. Where that cannot be had, the
+command's own number for the last 30 % of what it was given stands in, and the answer says so.
 """
 
 import json
@@ -17,8 +18,14 @@ from pathlib import Path
 import numpy as np
 from cases import CASES, Case, cut_log, save
 
-JAXIDL = [sys.executable, "-c", "import sys; from jaxidl.cli import main; sys.exit(main())"]  # of older versions, too
-WORDS = {"viscous_friction": "viscous", "coulomb_friction": "dry", "inertia_error": "rotor", "constant_offset": "offset"}
+# of older versions, too
+JAXIDL = [sys.executable, "-c", "import sys; from jaxidl.cli import main; sys.exit(main())"]
+WORDS = {
+    "viscous_friction": "viscous",
+    "coulomb_friction": "dry",
+    "inertia_error": "rotor",
+    "constant_offset": "offset",
+}
 
 
 def command(*words: str) -> float:
@@ -63,7 +70,9 @@ def main(name: str, answer: str, *effects: str) -> None:
             if has_reference():
                 known = ["--reference", old]
             else:
-                seconds += command("gap", old, "--model", str(model), "--out", str(folder / "old"), *chosen)
+                seconds += command(
+                    "gap", old, "--model", str(model), "--out", str(folder / "old"), *chosen
+                )
                 model = folder / "old" / "model.xml"
         seconds += command("gap", *logs, "--model", str(model), "--out", str(out), *known, *chosen)
         report = json.loads((out / "report.json").read_text())
@@ -71,18 +80,47 @@ def main(name: str, answer: str, *effects: str) -> None:
         try:
             error, note = held_out(case, folder, out / "model.xml"), {}
         except Exception as reason:
-            error, note = own, {"note": f"error as in its own report and band: {type(reason).__name__}: {reason}"[:300]}
+            error, note = (
+                own,
+                {
+                    "note": (
+                        f"error as in its own report and band: {type(reason).__name__}: {reason}"[
+                            :300
+                        ]
+                    )
+                },
+            )
     named, estimated = [], {kind: [None] * len(case.joints) for kind in WORDS.values()}
     for e in report["effects"]:
         values = {k: p["value"] for k, p in e["parameters"].items()}
-        named.append({"effect": e["effect"], "joint": e["joint"], "confidence": e.get("confidence"), "parameters": values})
+        named.append(
+            {
+                "effect": e["effect"],
+                "joint": e["joint"],
+                "confidence": e.get("confidence"),
+                "parameters": values,
+            }
+        )
         if e["effect"] in WORDS and e["joint"] is not None:
-            value = values.get("extra") if e["effect"] == "inertia_error" else next(iter(values.values()))
-            sign = -1.0 if e["effect"] == "constant_offset" else 1.0  # it is what the joint gets, not what it takes
+            value = (
+                values.get("extra")
+                if e["effect"] == "inertia_error"
+                else next(iter(values.values()))
+            )
+            # it is what the joint gets, not what it takes
+            sign = -1.0 if e["effect"] == "constant_offset" else 1.0
             estimated[WORDS[e["effect"]]][e["joint"]] = value if value is None else sign * value
         if e["effect"] == "payload":
             estimated |= {"payload": values["mass"], "payload_centre": values["com"]}
-    save(answer, held_out=error, own_report=own, seconds=seconds, estimated=estimated, named=named, **note)
+    save(
+        answer,
+        held_out=error,
+        own_report=own,
+        seconds=seconds,
+        estimated=estimated,
+        named=named,
+        **note,
+    )
 
 
 if __name__ == "__main__":

@@ -1,10 +1,13 @@
-"""mujoco.sysid (``mujoco[sysid]`` on the package index) as its documentation has it: rollouts of a model with free parameters.
+"""mujoco.sysid (``mujoco[sysid]`` on the package index) as its documentation has it: rollouts of a
+model with free parameters.
 
-``python mujoco_sysid.py CASE ANSWER.json``. Damping, friction loss, armature and an offset of every joint, and the ten inertial
-parameters of every link (pseudo-inertia), fitted to the positions and speeds of rollouts of half a second under the logged
-torques, each from the measured state: a whole log run open-loop leaves the measured motion within seconds. With a reference both
-logs are fitted together, and a payload is welded to the last body of the new log's model only. The answer is the identified
-model; its torque error is that of its inverse dynamics with friction loss times the sign of the speed.
+``python mujoco_sysid.py CASE ANSWER.json``. Damping, friction loss, armature and an offset of every
+joint, and the ten inertial parameters of every link (pseudo-inertia), fitted to the positions and
+speeds of rollouts of half a second under the logged torques, each from the measured state: a whole
+log run open-loop leaves the measured motion within seconds. With a reference both logs are fitted
+together, and a payload is welded to the last body of the new log's model only. The answer is the
+identified model; its torque error is that of its inverse dynamics with friction loss times the sign
+of the speed.
 """
 
 import sys
@@ -27,11 +30,18 @@ def spec_of(case: Case, dt: float, loaded: bool) -> mujoco.MjSpec:
     spec.option.timestep, spec.option.integrator = dt, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.compiler.balanceinertia = True  # rounding leaves a point mass short of A + B >= C
     for name in case.joints:
-        motor = spec.add_actuator(name=f"{name}_motor", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor = spec.add_actuator(
+            name=f"{name}_motor", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT
+        )
         motor.gainprm[0], motor.biastype = 1.0, mujoco.mjtBias.mjBIAS_AFFINE
         spec.joint(name).actfrclimited = spec.joint(name).limited = 0
         for kind in (mujoco.mjtSensor.mjSENS_JOINTPOS, mujoco.mjtSensor.mjSENS_JOINTVEL):
-            spec.add_sensor(name=f"{name}_{int(kind)}", type=kind, objtype=mujoco.mjtObj.mjOBJ_JOINT, objname=name)
+            spec.add_sensor(
+                name=f"{name}_{int(kind)}",
+                type=kind,
+                objtype=mujoco.mjtObj.mjOBJ_JOINT,
+                objname=name,
+            )
     if loaded:
         last = spec.body(case.body.body(case.body.nbody - 1).name)
         last.add_body(name="payload", mass=0.1, inertia=[1e-3] * 3, explicitinertial=True)
@@ -45,7 +55,11 @@ def modifier(name: str, kind: str):
         if kind == "offset":
             spec.actuator(f"{name}_motor").biasprm[0] = -p.value[0]
         else:
-            setattr(spec.joint(name), kind, float(p.value[0]) if kind != "damping" else [float(p.value[0]), 0.0, 0.0])
+            setattr(
+                spec.joint(name),
+                kind,
+                float(p.value[0]) if kind != "damping" else [float(p.value[0]), 0.0, 0.0],
+            )
 
     return write
 
@@ -53,7 +67,8 @@ def modifier(name: str, kind: str):
 def inertia(name: str):
     """Write one link's inertial parameters into a spec.
 
-    The package's own writer leaves the frame undefined, which MuJoCo 3.17 and 4.0 refuse to compile.
+    The package's own writer leaves the frame undefined, which MuJoCo 3.17 and 4.0 refuse to
+    compile.
     """
 
     def write(spec: mujoco.MjSpec, p: sysid.Parameter) -> None:
@@ -72,25 +87,52 @@ def load(spec: mujoco.MjSpec, p: sysid.Parameter) -> None:
 def parameters(case: Case, spec: mujoco.MjSpec, runs: list[Run]) -> sysid.ParameterDict:
     """Bounds and starting values from the size of torques, speeds and accelerations."""
     found, model = sysid.ParameterDict(), spec.compile()
-    tau, qd, qdd = (np.abs(np.concatenate([getattr(r, key) for r in runs])).max(axis=0) for key in ("tau", "qd", "qdd"))
+    tau, qd, qdd = (
+        np.abs(np.concatenate([getattr(r, key) for r in runs])).max(axis=0)
+        for key in ("tau", "qd", "qdd")
+    )
     for j, name in enumerate(case.joints):
-        most = {"damping": tau[j] / qd[j], "frictionloss": tau[j], "armature": tau[j] / qdd[j], "offset": tau[j]}
+        most = {
+            "damping": tau[j] / qd[j],
+            "frictionloss": tau[j],
+            "armature": tau[j] / qdd[j],
+            "offset": tau[j],
+        }
         for kind in PER_JOINT:
             low, start = (-most[kind], 0.0) if kind == "offset" else (0.0, 0.1 * most[kind])
-            found.add(sysid.Parameter(f"{name}_{kind}", start, low, most[kind], modifier=modifier(name, kind)))
+            found.add(
+                sysid.Parameter(
+                    f"{name}_{kind}", start, low, most[kind], modifier=modifier(name, kind)
+                )
+            )
     for j in range(case.body.njnt):
         body = case.body.body(case.body.jnt_bodyid[j]).name
-        found.add(sysid.body_inertia_param(spec, model, body, inertia_type=sysid.InertiaType.Pseudo, modifier=inertia(body)))
+        found.add(
+            sysid.body_inertia_param(
+                spec, model, body, inertia_type=sysid.InertiaType.Pseudo, modifier=inertia(body)
+            )
+        )
     if case.reference:
-        # not at zero: MuJoCo takes a centre that near for the frame's origin, and the derivative there is nothing
-        found.add(sysid.Parameter("payload", [0.1, 0.01, 0.01, 0.01], [0, -0.5, -0.5, -0.5], [10, 0.5, 0.5, 0.5], modifier=load))
+        # not at zero: MuJoCo takes a centre that near for the frame's origin, and the derivative
+        # there is nothing
+        found.add(
+            sysid.Parameter(
+                "payload",
+                [0.1, 0.01, 0.01, 0.01],
+                [0, -0.5, -0.5, -0.5],
+                [10, 0.5, 0.5, 0.5],
+                modifier=load,
+            )
+        )
     return found
 
 
 def sequences(case: Case, file: str, run: Run, spec: mujoco.MjSpec) -> sysid.ModelSequences:
     """The fitted part of a run in windows."""
     model, log = spec.compile(), read(file)
-    tau = np.stack([np.interp(run.time, log["time"], log[f"tau{j}"]) for j in range(model.nv)], axis=1)
+    tau = np.stack(
+        [np.interp(run.time, log["time"], log[f"tau{j}"]) for j in range(model.nv)], axis=1
+    )
     length = max(5, round(WINDOW / (run.time[1] - run.time[0])))
     inside = np.flatnonzero(run.fitted)
     starts = range(inside[0], inside[-1] - length, length)
@@ -104,17 +146,25 @@ def sequences(case: Case, file: str, run: Run, spec: mujoco.MjSpec) -> sysid.Mod
     return sysid.ModelSequences(file, spec, [str(s) for s in starts], states, controls, sensors)
 
 
-def identify(case: Case, files: list[str], runs: list[Run]) -> tuple[sysid.ParameterDict, mujoco.MjSpec]:
+def identify(
+    case: Case, files: list[str], runs: list[Run]
+) -> tuple[sysid.ParameterDict, mujoco.MjSpec]:
     """Fit all of it; the model of the new log comes back with it."""
     dt = float(runs[0].time[1] - runs[0].time[0])
     dt = dt if dt < 0.003 else dt / 2
     specs = [spec_of(case, dt, bool(case.reference) and file != case.reference) for file in files]
     start = parameters(case, specs[0], runs)
-    groups = [sequences(case, file, run, spec) for file, run, spec in zip(files, runs, specs, strict=True)]
-    scale = np.stack([np.concatenate([getattr(r, key) for r in runs]).std(axis=0) for key in ("q", "qd")], axis=1).ravel()
+    groups = [
+        sequences(case, file, run, spec) for file, run, spec in zip(files, runs, specs, strict=True)
+    ]
+    scale = np.stack(
+        [np.concatenate([getattr(r, key) for r in runs]).std(axis=0) for key in ("q", "qd")], axis=1
+    ).ravel()
 
     def compare(params, predicted, measured, model, return_pred_all, **_):
-        """By default each window is divided by its own spread, which is next to nothing where the robot rests."""
+        """By default each window is divided by its own spread, which is next to nothing where the
+        robot rests.
+        """
         measured = sysid.apply_delayed_ts_window(measured, predicted, 0.0, 0.0)
         predicted = predicted.resample(measured.times)
         return (measured.data - predicted.data) / scale, predicted, measured
@@ -122,7 +172,8 @@ def identify(case: Case, files: list[str], runs: list[Run]) -> tuple[sysid.Param
     def fit(start: sysid.ParameterDict) -> sysid.ParameterDict:
         scratch = start.copy()
 
-        @lru_cache(1000)  # a model is the same for all windows: compiling it for each would take most of the time
+        # a model is the same for all windows: compiling it for each would take most of the time
+        @lru_cache(1000)
         def compiled(key: bytes, loaded: bool) -> mujoco.MjModel:
             scratch.update_from_vector(np.frombuffer(key))
             return sysid.apply_param_modifiers(scratch, specs[0] if loaded else specs[-1])
@@ -133,7 +184,9 @@ def identify(case: Case, files: list[str], runs: list[Run]) -> tuple[sysid.Param
             modify_residual=compare,
             n_threads=1,
         )
-        return sysid.optimize(start, residual, optimizer="mujoco", max_iters=ITERATIONS, x_scale="jac", verbose=True)[0]
+        return sysid.optimize(
+            start, residual, optimizer="mujoco", max_iters=ITERATIONS, x_scale="jac", verbose=True
+        )[0]
 
     for key in list(start.keys()):  # joints first, links with them in a second round
         start[key].frozen = key.endswith("_inertia")
@@ -153,12 +206,26 @@ def main(name: str, answer: str) -> None:
     found, spec = identify(case, files, runs)
     model = sysid.apply_param_modifiers(found, spec)
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    value = {kind: np.array([found[f"{j}_{kind}"].value[0] for j in case.joints]) for kind in PER_JOINT}
+    value = {
+        kind: np.array([found[f"{j}_{kind}"].value[0] for j in case.joints]) for kind in PER_JOINT
+    }
     new = runs[: len(case.runs)]
-    predicted = [inverse_dynamics(model, r) + value["frictionloss"] * np.sign(r.qd) + value["offset"] for r in new]
-    words = dict(zip(("viscous", "dry", "rotor", "offset"), (value[k].tolist() for k in PER_JOINT), strict=True))
+    predicted = [
+        inverse_dynamics(model, r) + value["frictionloss"] * np.sign(r.qd) + value["offset"]
+        for r in new
+    ]
+    words = dict(
+        zip(
+            ("viscous", "dry", "rotor", "offset"),
+            (value[k].tolist() for k in PER_JOINT),
+            strict=True,
+        )
+    )
     if case.reference:
-        words |= {"payload": float(found["payload"].value[0]), "payload_centre": found["payload"].value[1:].tolist()}
+        words |= {
+            "payload": float(found["payload"].value[0]),
+            "payload_centre": found["payload"].value[1:].tolist(),
+        }
     save(answer, held_out=held_out_error(new, predicted), estimated=words)
 
 

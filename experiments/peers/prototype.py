@@ -1,8 +1,10 @@
-"""The prototype of the gap finder's new core, as the program that it is: it is loaded from its own place, never copied.
+"""The prototype of the gap finder's new core, as the program that it is: it is loaded from its own
+place, never copied.
 
-``python prototype.py CASE ANSWER.json``; the file lies beside the logs or where ``JAXIDL_PROTOTYPE`` says. It searches on the
-fitted part of each run, as logged; its choice and parameters then predict the held-out part. It reads one log at a time, so
-runs are put one after the other as it does with a reference.
+``python prototype.py CASE ANSWER.json``; the file lies beside the logs or where
+``JAXIDL_PROTOTYPE`` says. It searches on the fitted part of each run, as logged; its choice and
+parameters then predict the held-out part. It reads one log at a time, so runs are put one after the
+other as it does with a reference.
 """
 
 import importlib.util
@@ -15,7 +17,9 @@ from types import ModuleType
 import numpy as np
 from cases import CASES, DATA, cut_log, save
 
-PROTOTYPE = Path(os.environ.get("JAXIDL_PROTOTYPE", DATA.parent / "design" / "prototype" / "gap_core.py"))
+PROTOTYPE = Path(
+    os.environ.get("JAXIDL_PROTOTYPE", DATA.parent / "design" / "prototype" / "gap_core.py")
+)
 COUNT = 16  # blocks, its own default
 
 
@@ -35,9 +39,13 @@ def main(name: str, answer: str) -> None:
         model = Path(folder) / "model.xml"
         model.write_text(case.xml)
         # >>> what a user writes: python gap_core.py MODEL LOG [--reference OLD]
-        cut = lambda file, first: str(cut_log(file, Path(folder) / f"{Path(file).stem}_{first}.csv", first))  # noqa: E731
+        cut = lambda file, first: str(
+            cut_log(file, Path(folder) / f"{Path(file).stem}_{first}.csv", first)
+        )
         # <<<
-        library = lambda file, first: core.library(str(model), core.Record(cut(file, first), joints, case.cut))  # noqa: E731
+        library = lambda file, first: core.library(
+            str(model), core.Record(cut(file, first), joints, case.cut)
+        )
         parts = [library(file, True) for file in case.runs]
         groups = {k: np.concatenate([g[k] for g, _ in parts]) for k in parts[0][0]}
         residual = np.concatenate([r for _, r in parts])
@@ -46,12 +54,20 @@ def main(name: str, answer: str) -> None:
         if case.reference:  # as its own main does
             before, left = library(case.reference, True)
             old = len(left)
-            known = sorted(core.Score(before, left, prior, core.blocks(old, COUNT)).search(), key=str)
-            groups = {k: np.concatenate([np.zeros((old, *x.shape[1:])), x]) for k, x in groups.items()}
+            known = sorted(
+                core.Score(before, left, prior, core.blocks(old, COUNT)).search(), key=str
+            )
+            groups = {
+                k: np.concatenate([np.zeros((old, *x.shape[1:])), x]) for k, x in groups.items()
+            }
             both = [np.concatenate([g[k] for k in known], 2) for g in (before, parts[0][0])]
             groups["common", None] = np.concatenate(both)
             split = core.blocks(old, 12) + core.blocks(len(residual), 12, old)
-            residual, prior, start = np.concatenate([left, residual]), core.CHANGED, frozenset({("common", None)})
+            residual, prior, start = (
+                np.concatenate([left, residual]),
+                core.CHANGED,
+                frozenset({("common", None)}),
+            )
         score = core.Score(groups, residual, prior, split)
         found = score.search(start)
         sure = score.confidence(found)

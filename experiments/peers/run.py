@@ -1,8 +1,10 @@
-"""Peers side by side on the shared logs: ``python experiments/peers/run.py [--peers NAME ...] [--cases NAME ...] [--table]``.
+"""Peers side by side on the shared logs: ``python experiments/peers/run.py [--peers NAME ...]
+[--cases NAME ...] [--table]``.
 
-Each peer answers each case in a process of its own, on one core from a cold start, and its CPU seconds are the system's account
-of that process. Answers are merged into ``figures/peers.json``; what cannot run is there with the reason. ``--table`` prints the
-table of what is there and runs nothing. See ``experiments/README.md`` for what has to be installed and where it is looked for.
+Each peer answers each case in a process of its own, on one core from a cold start, and its CPU
+seconds are the system's account of that process. Answers are merged into ``figures/peers.json``;
+what cannot run is there with the reason. ``--table`` prints the table of what is there and runs
+nothing. See ``experiments/README.md`` for what has to be installed and where it is looked for.
 """
 
 import argparse
@@ -26,32 +28,49 @@ COMMON = ("viscous_friction", "coulomb_friction", "constant_offset", "inertia_er
 
 
 class Peer(NamedTuple):
-    """How a peer is called; CASE and ANSWER in its words stand for the case's name and the file it writes."""
+    """How a peer is called; CASE and ANSWER in its words stand for the case's name and the file it
+    writes.
+    """
 
     title: str
     script: str
     words: tuple[str, ...]
-    where: str = ""  # environment variable with its interpreter, or with the checkout it is imported from
+    # environment variable with its interpreter, or with the checkout it is imported from
+    where: str = ""
     lines: int | None = None  # that a user writes; None: counted between the marks of the script,
     without: str = ""  # but for those under this mark
 
 
 PEERS = {
     "least_squares": Peer(
-        "least squares, nominal links", "least_squares.py", ("CASE", "nominal", "ANSWER"), without="free links"
+        "least squares, nominal links",
+        "least_squares.py",
+        ("CASE", "nominal", "ANSWER"),
+        without="free links",
     ),
-    "least_squares_links": Peer("least squares, free links", "least_squares.py", ("CASE", "links", "ANSWER")),
+    "least_squares_links": Peer(
+        "least squares, free links", "least_squares.py", ("CASE", "links", "ANSWER")
+    ),
     "prototype": Peer("prototype", "prototype.py", ("CASE", "ANSWER"), lines=1),
     "figaroh": Peer("FIGAROH", "figaroh_fit.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"),
-    "mujoco_sysid": Peer("mujoco.sysid", "mujoco_sysid.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"),
+    "mujoco_sysid": Peer(
+        "mujoco.sysid", "mujoco_sysid.py", ("CASE", "ANSWER"), "JAXIDL_PEERS_PYTHON"
+    ),
     "before": Peer("jaxidl 5a20419", "jaxidl_gap.py", ("CASE", "ANSWER"), "JAXIDL_BEFORE", 1),
-    "before_common": Peer("jaxidl 5a20419, common effects", "jaxidl_gap.py", ("CASE", "ANSWER", *COMMON), "JAXIDL_BEFORE", 1),
+    "before_common": Peer(
+        "jaxidl 5a20419, common effects",
+        "jaxidl_gap.py",
+        ("CASE", "ANSWER", *COMMON),
+        "JAXIDL_BEFORE",
+        1,
+    ),
     "jaxidl": Peer("jaxidl", "jaxidl_gap.py", ("CASE", "ANSWER"), lines=1),
 }
 
 
 def count(script: Path, without: str) -> int:
-    """Count lines of code between the marks ``# >>>`` and ``# <<<``, without comments, docstrings of one line and blank lines.
+    """Count lines of code between the marks ``# >>>`` and ``# <<<``, without comments, docstrings
+    of one line and blank lines.
 
     Lines under a mark that has the words ``without`` are left out.
     """
@@ -65,7 +84,9 @@ def count(script: Path, without: str) -> int:
 
 
 def ask(name: str, case: str) -> dict[str, object]:
-    """Let one peer answer one case: its answer with CPU seconds, or the reason why there is none."""
+    """Let one peer answer one case: its answer with CPU seconds, or the reason why there is
+    none.
+    """
     peer, gone = PEERS[name], CASES[case].missing()
     if gone:
         return {"status": "skipped", "reason": gone}
@@ -73,8 +94,13 @@ def ask(name: str, case: str) -> dict[str, object]:
     if peer.where and not place:
         return {"status": "skipped", "reason": f"{peer.where} is not set"}
     python = place if peer.where.endswith("PYTHON") else sys.executable
-    one = {f"{n}_NUM_THREADS": "1" for n in ("OMP", "OPENBLAS", "MKL")} | {"JAX_COMPILATION_CACHE_DIR": ""}  # nothing kept
-    environment = os.environ | one | ({"PYTHONPATH": place} if peer.where == "JAXIDL_BEFORE" else {})
+    # nothing kept
+    one = {f"{n}_NUM_THREADS": "1" for n in ("OMP", "OPENBLAS", "MKL")} | {
+        "JAX_COMPILATION_CACHE_DIR": ""
+    }
+    environment = (
+        os.environ | one | ({"PYTHONPATH": place} if peer.where == "JAXIDL_BEFORE" else {})
+    )
     with tempfile.TemporaryDirectory() as folder:
         answer, log = Path(folder) / "answer.json", Path(folder) / "log.txt"
         words = [{"CASE": case, "ANSWER": str(answer)}.get(w, w) for w in peer.words]
@@ -90,26 +116,40 @@ def ask(name: str, case: str) -> dict[str, object]:
         found = json.loads(answer.read_text())
     if "reason" in found:
         return {"status": "cannot", **found}
-    seconds = found.pop("seconds", usage.ru_utime + usage.ru_stime)  # a peer that is a command of its own counts itself
+    # a peer that is a command of its own counts itself
+    seconds = found.pop("seconds", usage.ru_utime + usage.ru_stime)
     return {"status": "ran", "cpu_seconds": round(seconds, 2), **found}
 
 
 def known() -> dict[str, Any]:
     """Return the answers so far, peers and cases in the order of the declarations above."""
-    found = json.loads(OUT.read_text()) if OUT.exists() else {"fitted": FITTED, "cases": {}, "peers": {}}
+    found = (
+        json.loads(OUT.read_text())
+        if OUT.exists()
+        else {"fitted": FITTED, "cases": {}, "peers": {}}
+    )
     for key, order in (("peers", [*PEERS]), ("cases", [*CASES])):
         found[key] = {name: found[key][name] for name in order if name in found[key]}
     return found
 
 
 def add(name: str, case: str, answer: dict[str, object]) -> None:
-    """Write one answer into the file; one that is skipped here does not replace one from elsewhere."""
+    """Write one answer into the file; one that is skipped here does not replace one from
+    elsewhere.
+    """
     found, peer = known(), PEERS[name]
     entry = found["peers"].setdefault(name, {"answers": {}})
-    entry |= {"title": peer.title, "lines": count(HERE / peer.script, peer.without) if peer.lines is None else peer.lines}
+    entry |= {
+        "title": peer.title,
+        "lines": count(HERE / peer.script, peer.without) if peer.lines is None else peer.lines,
+    }
     if name == "jaxidl":
         git = ["git", "-C", str(HERE), "describe", "--always", "--dirty"]
-        answer = answer | {"revision": subprocess.run(git, capture_output=True, text=True, check=False).stdout.strip()}
+        answer = answer | {
+            "revision": subprocess.run(
+                git, capture_output=True, text=True, check=False
+            ).stdout.strip()
+        }
     if answer["status"] != "skipped" or case not in entry["answers"]:
         entry["answers"][case] = answer
     if not CASES[case].missing():
@@ -118,9 +158,25 @@ def add(name: str, case: str, answer: dict[str, object]) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--peers", nargs="*", choices=[*PEERS], default=[*PEERS], metavar="NAME", help=", ".join(PEERS))
-    parser.add_argument("--cases", nargs="*", choices=[*CASES], default=[*CASES], metavar="NAME", help=", ".join(CASES))
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--peers",
+        nargs="*",
+        choices=[*PEERS],
+        default=[*PEERS],
+        metavar="NAME",
+        help=", ".join(PEERS),
+    )
+    parser.add_argument(
+        "--cases",
+        nargs="*",
+        choices=[*CASES],
+        default=[*CASES],
+        metavar="NAME",
+        help=", ".join(CASES),
+    )
     parser.add_argument("--table", action="store_true", help="print the table of what is there")
     options = parser.parse_args()
     for name in [] if options.table else options.peers:

@@ -1,4 +1,6 @@
-"""What the gap workflow found of what is hidden in the arm, effect by effect, and why not the rest."""
+"""What the gap workflow found of what is hidden in the arm, effect by effect, and why not the
+rest.
+"""
 
 from typing import Any, NamedTuple
 
@@ -7,7 +9,8 @@ import numpy as np
 from jaxidl.files import markdown
 from jaxidl.gap.diagnosis import SURE
 
-TOO_SMALL = 2.0  # noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
+# noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
+TOO_SMALL = 2.0
 CLOSE = 0.2  # of a size: what is named within it is found
 
 STATES = {
@@ -35,7 +38,9 @@ class Judged(NamedTuple):
 
 
 def judge(report: dict[str, Any]) -> list[Judged]:
-    """Every effect that is hidden or named, of a report with its ``truth`` (see :func:`jaxidl.arm.hidden.find`)."""
+    """Every effect that is hidden or named, of a report with its ``truth`` (see
+    :func:`jaxidl.arm.hidden.find`).
+    """
     hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
     sizes = {(e["effect"], e["joint"]): size_of(e) for e in report["effects"]}
     sure = {(e["effect"], e["joint"]) for e in report["effects"] if e["confidence"] >= SURE}
@@ -54,16 +59,28 @@ def judge(report: dict[str, Any]) -> list[Judged]:
         elif row["visible"] < TOO_SMALL:
             state, why = "small", f"its torque is {row['visible']:.1f} noise floors"
         else:
-            state, why = "missed", f"its torque is {row['visible']:.1f} noise floors, but others named there take its place"
+            state, why = (
+                "missed",
+                (
+                    f"its torque is {row['visible']:.1f} noise floors, but others named there take"
+                    " its place"
+                ),
+            )
         if key[0] == "actuator_delay" and found is None:
             why += "; one sampling interval: where within it a command acts, a log does not say"
         rows.append(Judged(*key, row["size"], found, state, why))
-    wrong = [(key, size, "extra" if key in sure else "doubt") for key, size in sizes.items() if key not in hidden]
+    wrong = [
+        (key, size, "extra" if key in sure else "doubt")
+        for key, size in sizes.items()
+        if key not in hidden
+    ]
     return rows + [Judged(*key, None, size, state, "") for key, size, state in wrong]
 
 
 def size_of(effect: dict[str, Any]) -> float:
-    """One number for a named effect: its first parameter, of a ripple the amplitude, of a link the mass (a rotor has none)."""
+    """One number for a named effect: its first parameter, of a ripple the amplitude, of a link the
+    mass (a rotor has none).
+    """
     values = {name: p["value"] for name, p in effect["parameters"].items()}
     if effect["effect"] == "torque_ripple":
         return float(np.hypot(values["sine"], values["cosine"]))

@@ -1,4 +1,6 @@
-"""The gap workflow on the arm: a log of the true one, the modelled one, and what is found of what is hidden."""
+"""The gap workflow on the arm: a log of the true one, the modelled one, and what is found of what
+is hidden.
+"""
 
 import io
 from collections.abc import Callable
@@ -32,7 +34,9 @@ from jaxidl.systems.mjcf import read_model
 
 @dataclass(frozen=True)
 class Logged:
-    """How the true arm is made to move for the log: from goal to goal, drawn about those of the study."""
+    """How the true arm is made to move for the log: from goal to goal, drawn about those of the
+    study.
+    """
 
     goals: int = 36
     seconds_each: float = 0.9
@@ -45,16 +49,20 @@ class Logged:
         rng = np.random.default_rng(self.seed)
         low, high = 0.8 * compiled().jnt_range.T
         middle = np.mean(GOALS, axis=0)
-        drawn = np.clip(middle + self.spread * rng.uniform(-1.0, 1.0, (self.goals, JOINTS)), low, high)
+        drawn = np.clip(
+            middle + self.spread * rng.uniform(-1.0, 1.0, (self.goals, JOINTS)), low, high
+        )
         goals = tuple(tuple(float(x) for x in goal) for goal in drawn)
         return ArmStudy(goals=goals, home=tuple(middle.tolist()), seconds_each=self.seconds_each)
 
 
 def record(logged: Logged) -> dict[str, np.ndarray]:
-    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands ``tau`` (T, 7) [Nm].
+    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands
+    ``tau`` (T, 7) [Nm].
 
-    The true arm moves in MuJoCo's C engine at half the log's interval, with the benchmark's effects: nothing of what is to find
-    them. It follows the study's desired motion under stiff controllers.
+    The true arm moves in MuJoCo's C engine at half the log's interval, with the benchmark's
+    effects: nothing of what is to find them. It follows the study's desired motion under stiff
+    controllers.
     """
     study = logged.study()
     with jax.enable_x64(True):
@@ -62,7 +70,9 @@ def record(logged: Logged) -> dict[str, np.ndarray]:
     q, qd = np.asarray(wanted.q), np.asarray(wanted.qd)
     sensors = Sensors(np.full(JOINTS, logged.noise), np.zeros(JOINTS), logged.seed)
     xml = (files("jaxidl.systems") / "arm.xml").read_text()
-    run = run_arm(xml, injected(study), (q, qd, np.gradient(qd, study.dt, axis=0)), 1.0 / study.dt, sensors)
+    run = run_arm(
+        xml, injected(study), (q, qd, np.gradient(qd, study.dt, axis=0)), 1.0 / study.dt, sensors
+    )
     return {"time": run.time, "q": run.q, "tau": run.tau}
 
 
@@ -93,13 +103,21 @@ def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], f
         ("inertia_error", hidden.mass),
     ):
         found |= {(name, j): value for j, value in enumerate(values) if value}
-    return found | {("payload", None): hidden.payload} | {("actuator_delay", j): delay for j in range(JOINTS)}
+    return (
+        found
+        | {("payload", None): hidden.payload}
+        | {("actuator_delay", j): delay for j in range(JOINTS)}
+    )
 
 
-def visible(rows: dict[tuple[str, int | None], float], logged: Logged, log: Path, model: Path) -> dict[Any, float]:
-    """How large the torque is that each hidden effect makes along the log, in noise floors of the joint that shows it most.
+def visible(
+    rows: dict[tuple[str, int | None], float], logged: Logged, log: Path, model: Path
+) -> dict[Any, float]:
+    """How large the torque is that each hidden effect makes along the log, in noise floors of the
+    joint that shows it most.
 
-    What makes less than ``TOO_SMALL`` of them (:mod:`jaxidl.arm.found`) is nothing that this log can tell beside all else.
+    What makes less than ``TOO_SMALL`` of them (:mod:`jaxidl.arm.found`) is nothing that this log
+    can tell beside all else.
     """
     with jax.enable_x64(True):
         known = read_model(model)
@@ -114,7 +132,9 @@ def visible(rows: dict[tuple[str, int | None], float], logged: Logged, log: Path
                 first = "mass" if name == "inertia_error" else next(iter(cls.parameters))
                 values = dict.fromkeys(cls.parameters, 0.0) | {first: size}
                 values |= {"period": hidden.ripple_period[joint]} if name == "torque_ripple" else {}
-                effect = build(cls, joint, JOINTS, values, {"steps": 4} if name == "actuator_delay" else {})
+                effect = build(
+                    cls, joint, JOINTS, values, {"steps": 4} if name == "actuator_delay" else {}
+                )
             (added,), _ = additions([effect], signals, signals.tau, signals.tau)
             found[name, joint] = float(np.max(rms(added, seen.used) / seen.floor))
     return found
@@ -126,12 +146,14 @@ def find(
     keep: Callable[[Diagnosis, Path], object] = lambda found, folder: None,
     watch: Any = lambda what, share: None,
 ) -> dict[str, Any]:
-    """Log the true arm, let the workflow compare it with the modelled one, keeping log and model in ``folder``.
+    """Log the true arm, let the workflow compare it with the modelled one, keeping log and model in
+    ``folder``.
 
     ``keep`` writes the report into a folder: :func:`jaxidl.report.save`.
 
     Returns:
-        The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint, size, and how ``visible`` it is.
+        The report (see ``report.json`` of `jaxidl gap`) with ``truth``: rows of effect, joint,
+        size, and how ``visible`` it is.
     """
     columns = record(logged)
     buffer = io.BytesIO()
@@ -143,5 +165,8 @@ def find(
     study = logged.study()
     rows = truth(study.hidden, study.delay)
     seen = visible(rows, logged, folder / "log.npz", folder / "model.xml")
-    table = [{"effect": key[0], "joint": key[1], "size": size, "visible": seen[key]} for key, size in rows.items()]
+    table = [
+        {"effect": key[0], "joint": key[1], "size": size, "visible": seen[key]}
+        for key, size in rows.items()
+    ]
     return found.to_dict() | {"truth": table}

@@ -1,4 +1,6 @@
-"""Where the method ends, as the paper discusses: the same motion with and without a load. And the remedy: telling the network."""
+"""Where the method ends, as the paper discusses: the same motion with and without a load. And the
+remedy: telling the network.
+"""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -27,22 +29,35 @@ class Ambiguity:
         """The arm's study with this task; is the network ``told`` what is carried?"""
         base = ArmStudy()
         lap = len(GOALS) * base.seconds_each
-        model = replace(base.error_model, circumstance_scales=(self.mass,)) if told else base.error_model
-        return replace(base, goals=GOALS * 2, carried=(Load(0.0, lap, self.mass),), error_model=model, feedforward_limit=40.0)
+        model = (
+            replace(base.error_model, circumstance_scales=(self.mass,))
+            if told
+            else base.error_model
+        )
+        return replace(
+            base,
+            goals=GOALS * 2,
+            carried=(Load(0.0, lap, self.mass),),
+            error_model=model,
+            feedforward_limit=40.0,
+        )
 
 
 def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
     """Learning on two laps, of one ``seed``.
 
     Returns:
-        ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2], and which of them are ``finite`` (K,).
+        ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2], and which of
+        them are ``finite`` (K,).
     """
     study = task.study(told)
 
     @jax.jit
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs, finite = learn_arm(study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            _, runs, finite = learn_arm(
+                study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations
+            )
             laps = runs.tau_feedback_applied.reshape(task.iterations, 2, -1, runs.q.shape[-1])
             return jnp.mean(laps**2, (2, 3)), finite
 
@@ -52,7 +67,12 @@ def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
 
 def identity(task: Ambiguity) -> dict[str, Any]:
     """All that determines a run besides what is told and the seed."""
-    return {"arm": task.study(True).to_dict(), "source": task.source, "iterations": task.iterations, "noise": NOISE}
+    return {
+        "arm": task.study(True).to_dict(),
+        "source": task.source,
+        "iterations": task.iterations,
+        "noise": NOISE,
+    }
 
 
 def quick(task: Ambiguity) -> Ambiguity:

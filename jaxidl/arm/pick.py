@@ -1,4 +1,6 @@
-"""Pick and place: the arm lifts a tool at one place and sets it down at another, as compliant as it can just be."""
+"""Pick and place: the arm lifts a tool at one place and sets it down at another, as compliant as it
+can just be.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,7 +17,8 @@ from jaxidl.jobs.programs import Arrays, wait
 from jaxidl.learning.execute import desired_trajectory, execute
 from jaxidl.systems.arm import JOINTS, flange, reach
 
-PICK, PLACE = np.array([0.50, -0.25, 0.12]), np.array([0.45, 0.30, 0.12])  # of the flange when the tool stands on the table [m]
+# of the flange when the tool stands on the table [m]
+PICK, PLACE = np.array([0.50, -0.25, 0.12]), np.array([0.45, 0.30, 0.12])
 ABOVE = np.array([0.0, 0.0, 0.2])  # [m]
 NEAR = np.array([-0.4, 0.6, 0.0, 1.4, 0.0, -1.1, 0.0])  # a pose with the elbow up [rad]
 RATES = tuple(float(2.0 ** (k / 2)) for k in range(13))  # of DOOMED, 1 to 64 [1/s]
@@ -68,12 +71,16 @@ def lowest(found: Arrays) -> float:
     enough = found["rates"][found["lifted"] >= LIFTED]
     if not len(enough):
         most = f"{found['rates'].max():g}"
-        raise ConfigurationError(f"a tool that a rate of {most} lifts", "a heavier one", "take a lighter tool")
+        raise ConfigurationError(
+            f"a tool that a rate of {most} lifts", "a heavier one", "take a lighter tool"
+        )
     return float(enough.min())
 
 
 def lifting_rates(task: PickAndPlace) -> Arrays:
-    """How far up the way each of ``rates`` (R,) has ``lifted`` (R,) the tool at the end of the lift, without any learning [-]."""
+    """How far up the way each of ``rates`` (R,) has ``lifted`` (R,) the tool at the end of the
+    lift, without any learning [-].
+    """
     study = task.study(1.0)
     end = round(2 * task.seconds_each / study.dt)
 
@@ -83,27 +90,39 @@ def lifting_rates(task: PickAndPlace) -> Arrays:
         draws = jax.random.normal(jax.random.key(0), (study.steps, JOINTS))
         return execute(setting.plant, setting.model, law, setting.task, draws).q
 
-    q = wait(jax.jit(lambda rates: jax.lax.map(first, rates), compiler_options=compiler_options())(jnp.array(RATES)))
+    q = wait(
+        jax.jit(lambda rates: jax.lax.map(first, rates), compiler_options=compiler_options())(
+            jnp.array(RATES)
+        )
+    )
     heights = flange(np.asarray(q[:, end - 1]))[:, 2]
     return {"rates": np.array(RATES), "lifted": (heights - PICK[2]) / ABOVE[2]}
 
 
 def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> Arrays:
-    """Executions with ``task.iterations`` − 1 trainings on data of one ``source`` between them, of one ``seed``.
+    """Executions with ``task.iterations`` − 1 trainings on data of one ``source`` between them, of
+    one ``seed``.
 
     Returns:
-        Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``, ``path_peak`` (K,) of the flange [m];
-        which of them are ``finite`` (K,); joint positions ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every
-        ``EVERY``-th step [rad].
+        Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``,
+        ``path_peak`` (K,) of the flange [m]; which of them are ``finite`` (K,); joint positions
+        ``q`` (K, T, J) and the desired ones ``wanted`` (T, J) every ``EVERY``-th step [rad].
     """
     study = task.study(rate)
 
     @jax.jit
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs, finite = learn_arm(study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations)
+            _, runs, finite = learn_arm(
+                study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations
+            )
             wanted = desired_trajectory(study.task()).q[::EVERY]
-            return runs.q[:, ::EVERY], jnp.mean(runs.tau_feedback_applied**2, (1, 2)), wanted, finite
+            return (
+                runs.q[:, ::EVERY],
+                jnp.mean(runs.tau_feedback_applied**2, (1, 2)),
+                wanted,
+                finite,
+            )
 
     q, mse, wanted, finite = (np.asarray(x) for x in wait(run(seed)))
     off = np.linalg.norm(flange(q) - flange(wanted), axis=-1)

@@ -1,7 +1,9 @@
-"""The arm's feedforward at 1 kHz: how long one call takes, from NumPy arrays to a NumPy array, every millisecond anew.
+"""The arm's feedforward at 1 kHz: how long one call takes, from NumPy arrays to a NumPy array,
+every millisecond anew.
 
-The paper's control loop is a hard real-time one of 1 kHz, and all predictions take less than 1 ms. One call is made each
-millisecond after a sleep, the ways taking turns, so each finds caches as cold as a robot's loop does.
+The paper's control loop is a hard real-time one of 1 kHz, and all predictions take less than 1 ms.
+One call is made each millisecond after a sleep, the ways taking turns, so each finds caches as cold
+as a robot's loop does.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -41,11 +43,19 @@ class RealTimeError(JaxidlError):
 
 
 def latency(file: Path, rounds: int) -> list[dict[str, Any]]:
-    """:func:`rows` of the exported feedforward in ``file``, measured in a process of its own on one core."""
+    """:func:`rows` of the exported feedforward in ``file``, measured in a process of its own on one
+    core.
+    """
     with tempfile.TemporaryDirectory() as name:
         to = Path(name) / "rows.json"
         words = [sys.executable, "-c", ON_ONE_CORE, str(file), str(rounds), str(to)]
-        said = subprocess.run(words, env=os.environ | {"JAX_PLATFORMS": "cpu"}, capture_output=True, text=True, check=False)
+        said = subprocess.run(
+            words,
+            env=os.environ | {"JAX_PLATFORMS": "cpu"},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
         if said.returncode:
             got = (said.stderr.strip().splitlines() or ["nothing said"])[-1]
             raise RealTimeError("a loop at 1 kHz", got[:300], "run it again")
@@ -53,14 +63,18 @@ def latency(file: Path, rounds: int) -> list[dict[str, Any]]:
 
 
 def rows(content: bytes, rounds: int) -> list[dict[str, Any]]:
-    """Times of the exported feedforward, of the rigid body alone, and of MuJoCo's inverse dynamics in C, ``rounds`` calls each.
+    """Times of the exported feedforward, of the rigid body alone, and of MuJoCo's inverse dynamics
+    in C, ``rounds`` calls each.
 
     For the process that does nothing else: it takes the system's highest priority if it may.
     """
-    # a CPU program runs in the thread that calls it: none has to be woken, whenever the system gets round to that
+    # a CPU program runs in the thread that calls it: none has to be woken, whenever the system gets
+    # round to that
     jax.config.update("jax_cpu_enable_async_dispatch", False)
     calls = {
-        "rigid body and seven networks, exported": compiled(jax.export.deserialize(bytearray(content)).call),
+        "rigid body and seven networks, exported": compiled(
+            jax.export.deserialize(bytearray(content)).call
+        ),
         "rigid body": compiled(arm().plant.body.inverse_dynamics),
         "rigid body, MuJoCo in C": inverse_dynamics_in_c(),
     }
@@ -71,8 +85,17 @@ def rows(content: bytes, rounds: int) -> list[dict[str, Any]]:
     found = []
     for name, seconds in at_one_kilohertz(calls, rounds).items():
         median, most, nearly_all = (1e6 * float(x) for x in np.percentile(seconds, (50, 99, 99.9)))
-        times = {"median [us]": median, "99 %": most, "99.9 %": nearly_all, "max": 1e6 * float(seconds.max())}
-        late = {"over 1 ms": int((seconds > DEADLINE).sum()), "of": len(seconds), "before all others": first}
+        times = {
+            "median [us]": median,
+            "99 %": most,
+            "99.9 %": nearly_all,
+            "max": 1e6 * float(seconds.max()),
+        }
+        late = {
+            "over 1 ms": int((seconds > DEADLINE).sum()),
+            "of": len(seconds),
+            "before all others": first,
+        }
         found.append({"what": name} | times | late)
     return found
 
@@ -85,7 +108,9 @@ def compiled(function: Callable) -> Call:
 
 
 def hurry() -> bool:
-    """Real-time habits, once all is compiled. Returns whether this process now goes before all ordinary ones."""
+    """Real-time habits, once all is compiled. Returns whether this process now goes before all
+    ordinary ones.
+    """
     gc.collect()
     gc.freeze()
     gc.disable()  # nothing in the loop makes cycles; a collection would stop it for milliseconds
@@ -99,7 +124,10 @@ def hurry() -> bool:
 
 def at_one_kilohertz(calls: dict[str, Call], rounds: int) -> dict[str, Float[np.ndarray, " N"]]:
     """Seconds (rounds,) of each call, and by how much each of the sleeps before was too long."""
-    states = np.random.default_rng(0).normal(size=(rounds, 3, JOINTS)) * np.array([1.0, 1.0, 10.0])[:, None]
+    states = (
+        np.random.default_rng(0).normal(size=(rounds, 3, JOINTS))
+        * np.array([1.0, 1.0, 10.0])[:, None]
+    )
     seconds = {name: np.empty(rounds) for name in calls}
     late = []
     began, tick = time.perf_counter(), 0

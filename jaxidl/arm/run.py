@@ -1,4 +1,6 @@
-"""All experiments on the arm, one after the other; what is finished stays, and an interrupted run continues."""
+"""All experiments on the arm, one after the other; what is finished stays, and an interrupted run
+continues.
+"""
 
 import json
 from collections.abc import Callable, Mapping
@@ -28,8 +30,10 @@ from jaxidl.models import Training
 from jaxidl.stop import STOP
 
 FEEDFORWARD = "feedforward.jaxexport"
-PICKED = ("joint", "direct")  # data that pick and place learns from: the paper's, and the ones that do best here
-HEADLINE = ("causal", 1e-5)  # what a robot has: accelerations without the future, and a good encoder
+# data that pick and place learns from: the paper's, and the ones that do best here
+PICKED = ("joint", "direct")
+# what a robot has: accelerations without the future, and a good encoder
+HEADLINE = ("causal", 1e-5)
 
 
 @dataclass(frozen=True)
@@ -45,19 +49,33 @@ class ArmRun:
 
     def identity(self) -> dict[str, Any]:
         """All that determines a result of the study besides the labels of runs."""
-        return {"arm": self.arm.to_dict(), "iterations": self.grid.iterations, "precision": PRECISION}
+        return {
+            "arm": self.arm.to_dict(),
+            "iterations": self.grid.iterations,
+            "precision": PRECISION,
+        }
 
     def settings(self) -> dict[str, Any]:
-        """What each experiment's results are results of, ready for JSON; more seeds or noise levels may join them later."""
-        without = lambda settings: {k: v for k, v in asdict(settings).items() if k != "seeds"}  # noqa: E731
+        """What each experiment's results are results of, ready for JSON; more seeds or noise levels
+        may join them later.
+        """
+        without = lambda settings: {k: v for k, v in asdict(settings).items() if k != "seeds"}
         study = self.identity()
         pick, laps, logged = without(self.task), without(self.laps), without(self.logged)
-        found = {"study": study, "pick": pick, "limits": laps, "latency": study | {"rounds": self.rounds}, "gap": logged}
+        found = {
+            "study": study,
+            "pick": pick,
+            "limits": laps,
+            "latency": study | {"rounds": self.rounds},
+            "gap": logged,
+        }
         return json.loads(json.dumps(found))
 
 
 def quick(run: ArmRun) -> ArmRun:
-    """The same in minutes: two seeds, one noise level, four executions, less training, a shorter log."""
+    """The same in minutes: two seeds, one noise level, four executions, less training, a shorter
+    log.
+    """
     arm = replace(run.arm, training=Training(epochs=12, batch=256))
     logged = replace(run.logged, goals=16)
     return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged, 3000)
@@ -67,12 +85,16 @@ Keep = Callable[[Diagnosis, Path], object]
 
 
 class Job:
-    """Pieces of a run: computed if they are not there, and counted on a bar that says what is being done."""
+    """Pieces of a run: computed if they are not there, and counted on a bar that says what is being
+    done.
+    """
 
     def __init__(self, run: ArmRun, out: Path, pieces: Pieces, bar: Bar, keep: Keep):
         self.run, self.out, self.pieces, self.bar, self.keep = run, out, pieces, bar, keep
 
-    def piece(self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None) -> Arrays:
+    def piece(
+        self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None
+    ) -> Arrays:
         """The piece ``name``, which the study determines, or else the settings ``of``."""
         pieces = self.pieces if of is None else self.pieces.of({**of, "precision": PRECISION})
         found = pieces.load(name)
@@ -82,7 +104,9 @@ class Job:
             pieces.save(name, make())
             found = pieces.load(name)
         if found is None:
-            raise StoreError(f"to read back {name} in {pieces.folder}", "something else", "run it again")
+            raise StoreError(
+                f"to read back {name} in {pieces.folder}", "something else", "run it again"
+            )
         self.bar.advance()
         return found
 
@@ -93,13 +117,20 @@ class Job:
         rate, found = pick.lowest(rates), {}
         of = pick.identity(task, rate)
         for source in PICKED:
-            make = lambda seed, source=source: pick.pick_and_place(task, rate, source, seed)  # noqa: E731
-            found[source] = [self.piece(f"pick-{source}-{s}", partial(make, s), of) for s in task.seeds]
+            make = lambda seed, source=source: pick.pick_and_place(task, rate, source, seed)
+            found[source] = [
+                self.piece(f"pick-{source}-{s}", partial(make, s), of) for s in task.seeds
+            ]
         numbers = {
             name: {source: [p[name].tolist() for p in runs] for source, runs in found.items()}
             for name in ("feedback_mse", "path_error", "path_peak", "finite")
         }
-        return {"rate": rate, "lifted": rates["lifted"].tolist(), "rates": rates["rates"].tolist(), "runs": found} | numbers
+        return {
+            "rate": rate,
+            "lifted": rates["lifted"].tolist(),
+            "rates": rates["rates"].tolist(),
+            "runs": found,
+        } | numbers
 
     def limits(self) -> dict[str, Any]:
         """Two laps, with and without a load, for a network that is told and one that is not."""
@@ -107,8 +138,13 @@ class Job:
         of = limits.identity(laps)
         for told in (False, True):
             name = "told" if told else "untold"
-            pieces = [self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), of) for s in laps.seeds]
-            found[name], finite[name] = ([x[key].tolist() for x in pieces] for key in ("feedback_mse", "finite"))
+            pieces = [
+                self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), of)
+                for s in laps.seeds
+            ]
+            found[name], finite[name] = (
+                [x[key].tolist() for x in pieces] for key in ("feedback_mse", "finite")
+            )
         return found | {"finite": finite}
 
     def latency(self) -> list[dict[str, Any]]:
@@ -118,7 +154,8 @@ class Job:
         file = self.out / FEEDFORWARD
         write_bytes(file, study.deployed(self.run.arm, weights))
         rows = self.piece(
-            f"latency-{of}-{self.run.rounds}", lambda: {"rows": np.array(json.dumps(latency(file, self.run.rounds)))}
+            f"latency-{of}-{self.run.rounds}",
+            lambda: {"rows": np.array(json.dumps(latency(file, self.run.rounds)))},
         )
         return json.loads(str(rows["rows"]))
 
@@ -126,7 +163,11 @@ class Job:
         """What the gap workflow finds of what is hidden."""
         logged = self.run.logged
         find = partial(
-            hidden.find, logged, self.out / "gap", self.keep, lambda what, share: self.bar.advance(0.0, what=f"gap: {what}")
+            hidden.find,
+            logged,
+            self.out / "gap",
+            self.keep,
+            lambda what, share: self.bar.advance(0.0, what=f"gap: {what}"),
         )
         of = {"logged": asdict(logged), "arm": logged.study().to_dict()}
         found = self.piece("gap", lambda: {"report": np.array(json.dumps(find()))}, of)
@@ -140,7 +181,8 @@ def run_all(
     quiet: bool = False,
     keep: Keep = lambda found, folder: None,
 ) -> dict[str, Any]:
-    """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc``, ``arm.json`` and tables.
+    """Compute what ``out`` does not hold yet, and write ``arm.nc``, ``arm_conditions.nc``,
+    ``arm.json`` and tables.
 
     ``keep`` writes the report of a diagnosis into a folder: :func:`jaxidl.report.save`.
 
@@ -149,7 +191,8 @@ def run_all(
 
     Raises:
         ConfigurationError: for an unknown experiment.
-        StoreError: when another process is at work there, it cannot be written, or it holds results of other settings.
+        StoreError: when another process is at work there, it cannot be written, or it holds results
+            of other settings.
         KeyboardInterrupt: finished pieces are saved; the same call continues.
     """
     for name in experiments:
@@ -158,14 +201,27 @@ def run_all(
     earlier, settings = _earlier(out), run.settings()
     for name in experiments:
         if earlier["settings"].get(name, settings[name]) != settings[name]:
-            raise StoreError(f"results of the same settings in {out}", f"others of {name}", "choose another --out")
-    counts = {"pick": 1 + len(PICKED) * len(run.task.seeds), "limits": 2 * len(run.laps.seeds), "latency": 2, "gap": 1}
+            raise StoreError(
+                f"results of the same settings in {out}",
+                f"others of {name}",
+                "choose another --out",
+            )
+    counts = {
+        "pick": 1 + len(PICKED) * len(run.task.seeds),
+        "limits": 2 * len(run.laps.seeds),
+        "latency": 2,
+        "gap": 1,
+    }
     result: dict[str, Any] = {}
     code = revision()  # as it is now: the code on disk may change while this runs
     with jax.enable_x64(True), Pieces(out / "parts", run.identity()) as pieces:
         if "study" in experiments:
             data = study.run_study(run.arm, run.grid, out / "study.nc", run.identity(), quiet)
-            result["study"] = {"ranking": ranking(data), "falls": falls(data), "data": study.thinned(data)}
+            result["study"] = {
+                "ranking": ranking(data),
+                "falls": falls(data),
+                "data": study.thinned(data),
+            }
         others = [name for name in dict.fromkeys(experiments) if name != "study"]
         if others:
             with Bar("", sum(counts[name] for name in others), quiet=quiet) as bar:
@@ -197,15 +253,24 @@ def _write(out: Path, run: ArmRun, result: dict[str, Any]) -> None:
     for name in EXPERIMENTS:
         if name in result:
             found = result[name]
-            made[name] = {k: v for k, v in found.items() if k not in bulky} if isinstance(found, dict) else found
-            made["settings"][name], made["about"][name] = run.settings()[name], result.get("about", {})
+            made[name] = (
+                {k: v for k, v in found.items() if k not in bulky}
+                if isinstance(found, dict)
+                else found
+            )
+            made["settings"][name], made["about"][name] = (
+                run.settings()[name],
+                result.get("about", {}),
+            )
     files["arm.json"] = as_json(made).encode()
     for name, content in files.items():
         write_bytes(out / name, content)
 
 
 def _earlier(out: Path) -> dict[str, Any]:
-    """What experiments have left in ``arm.json``, each with its own settings and what it was made by."""
+    """What experiments have left in ``arm.json``, each with its own settings and what it was made
+    by.
+    """
     try:
         found = json.loads((out / "arm.json").read_text())
         if isinstance(found["settings"], dict) and isinstance(found["about"], dict):
@@ -216,7 +281,11 @@ def _earlier(out: Path) -> dict[str, Any]:
 
 
 def headline_of(data: xr.Dataset) -> xr.Dataset:
-    """One condition: causal accelerations where there are any, the noise nearest to a good encoder's; dims (source, seed, …)."""
-    acceleration = HEADLINE[0] if HEADLINE[0] in data.acceleration.values else data.acceleration.values[0]
+    """One condition: causal accelerations where there are any, the noise nearest to a good
+    encoder's; dims (source, seed, …).
+    """
+    acceleration = (
+        HEADLINE[0] if HEADLINE[0] in data.acceleration.values else data.acceleration.values[0]
+    )
     nearest = int(np.argmin(np.abs(data.noise.values - HEADLINE[1])))
     return data.sel(acceleration=acceleration).isel(noise=nearest)

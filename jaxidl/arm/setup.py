@@ -49,7 +49,8 @@ class Hidden(NamedTuple):
     viscous: Values = (4.0, 4.0, 2.5, 2.5, 1.2, 0.6, 0.4)  # [Nm s/rad]
     coulomb: Values = (2.0, 2.0, 1.2, 1.2, 0.6, 0.4, 0.3)  # [Nm]
     load_friction: Values = (0.04, 0.04, 0.04, 0.04, 0.03, 0.03, 0.03)  # friction over torque [-]
-    mass: Values = (0.0, 0.3, -0.2, 0.25, 0.2, -0.15, 0.1)  # of each link, missing in the model [kg]
+    # of each link, missing in the model [kg]
+    mass: Values = (0.0, 0.3, -0.2, 0.25, 0.2, -0.15, 0.1)
     ripple: Values = (0.8, 0.8, 0.5, 0.5, 0.25, 0.15, 0.1)  # torque ripple [Nm]
     ripple_period: Values = (0.21, 0.23, 0.19, 0.22, 0.17, 0.2, 0.18)  # [rad]
     payload: float = 0.5  # [kg]
@@ -66,13 +67,19 @@ class Load(NamedTuple):
 
 def carrying(plant: Plant, circumstances: Circumstances) -> Plant:
     """The arm with so much (1,) [kg] more on its flange."""
-    more = lambda effect: effect.replace(mass=effect.mass + circumstances[0]) if isinstance(effect, Payload) else effect  # noqa: E731
+    more = lambda effect: (
+        effect.replace(mass=effect.mass + circumstances[0])
+        if isinstance(effect, Payload)
+        else effect
+    )
     return plant.replace(effects=tuple(map(more, plant.effects)))
 
 
 @dataclass(frozen=True)
 class ArmStudy:
-    """What all runs on the arm share. Host-side and hashable: a static argument of jitted programs."""
+    """What all runs on the arm share. Host-side and hashable: a static argument of jitted
+    programs.
+    """
 
     hidden: Hidden = field(default_factory=Hidden)
     goals: tuple[Values, ...] = GOALS  # joint goals one after the other [rad]
@@ -80,7 +87,8 @@ class ArmStudy:
     seconds_each: float = 0.8  # for each goal
     carried: tuple[Load, ...] = ()  # loads beside the hidden payload
     effort: float = 0.0016  # LQR's cost of acceleration: gains of about 25 1/s^2 and 7 1/s
-    rate: float = 60.0  # DOOMED: its offset grows by rate · M_jj · acceleration error a second [1/s]
+    # DOOMED: its offset grows by rate · M_jj · acceleration error a second [1/s]
+    rate: float = 60.0
     smoothing: float = 0.1  # of the learning feedback
     velocity_band: float = 80.0  # [Hz]
     acceleration_band: float = 30.0  # [Hz]
@@ -117,7 +125,7 @@ class ArmStudy:
     def effects(self, noise: Scalar) -> tuple[Effect, ...]:
         """What is hidden in the true arm whose encoders have noise of scale ``noise`` [rad]."""
         h = self.hidden
-        v = lambda values: jnp.asarray(values, jnp.result_type(float))  # noqa: E731
+        v = lambda values: jnp.asarray(values, jnp.result_type(float))
         return (
             InertiaError(jnp.zeros(JOINTS), v(h.mass)),
             Payload(v(h.payload), v(h.payload_com)),
@@ -133,7 +141,10 @@ class ArmStudy:
     def carried_mass(self) -> Float[Array, "T 1"]:
         """What is carried at each step (T, 1) [kg]."""
         t = jnp.arange(self.steps)[:, None] * self.dt
-        shares = [m * jnp.clip((t - on) / GRIP, 0.0, 1.0) * jnp.clip((off - t) / GRIP, 0.0, 1.0) for on, off, m in self.carried]
+        shares = [
+            m * jnp.clip((t - on) / GRIP, 0.0, 1.0) * jnp.clip((off - t) / GRIP, 0.0, 1.0)
+            for on, off, m in self.carried
+        ]
         return sum(shares, jnp.zeros_like(t))
 
     def task(self) -> Task:
@@ -161,7 +172,9 @@ class ArmStudy:
     def setting(self, noise: Scalar) -> Setting:
         """Everything :func:`jaxidl.learning.iterate.learn` needs."""
         model, task = arm().plant.body, self.task()
-        return Setting(Plant(model, self.effects(noise)), model, self.law(), task, desired_trajectory(task).q)
+        return Setting(
+            Plant(model, self.effects(noise)), model, self.law(), task, desired_trajectory(task).q
+        )
 
 
 class Learned(NamedTuple):
@@ -175,7 +188,8 @@ class Learned(NamedTuple):
 def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> Learned:
     """K executions with the trainings between them.
 
-    ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell it from the task's start.
+    ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell
+    it from the task's start.
     """
     setting, task = study.setting(noise), study.task()
     draws, starts = jax.random.split(jax.random.fold_in(key, 1_000_000))
@@ -198,5 +212,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
 
 
 def feedback_mse(runs: Trajectory) -> Float[Array, " K"]:
-    """Mean squared applied feedback (K,) [Nm^2] over steps and joints of each execution (the paper's Fig. 3)."""
+    """Mean squared applied feedback (K,) [Nm^2] over steps and joints of each execution (the
+    paper's Fig. 3).
+    """
     return jnp.mean(runs.tau_feedback_applied**2, axis=(-2, -1))

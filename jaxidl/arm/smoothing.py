@@ -12,16 +12,21 @@ from jaxidl.types import History, Scalar, Trajectory
 
 
 def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.0) -> Trajectory:
-    """The execution (T, J) with accelerations by central differences and a low pass (cut-off ``band`` [Hz]) there and back."""
+    """The execution (T, J) with accelerations by central differences and a low pass (cut-off
+    ``band`` [Hz]) there and back.
+    """
     q = run.q_sensing
-    longer = jnp.concatenate([2 * q[:1] - q[1:2], q, 2 * q[-1:] - q[-2:-1]])  # at both ends it goes on as it went
+    # at both ends it goes on as it went
+    longer = jnp.concatenate([2 * q[:1] - q[1:2], q, 2 * q[-1:] - q[-2:-1]])
     qdd = low_pass_both_ways(jnp.diff(longer, 2, axis=0) / task.dt**2, share(band, task.dt))
     tau = jax.vmap(lambda *now: task.clip(model.inverse_dynamics(*now)))(q, run.qd_sensing, qdd)
     return replace(run, qdd_actual=qdd, tau_inverse_actual=tau)
 
 
 def low_pass_both_ways(x: History, weight: Scalar) -> History:
-    """First-order low pass of ``x`` (T, J), forwards and then backwards; ``weight`` is that of a new sample [-]."""
+    """First-order low pass of ``x`` (T, J), forwards and then backwards; ``weight`` is that of a
+    new sample [-].
+    """
 
     def along(x: History, reverse: bool) -> History:
         def step(value, sample):

@@ -1,4 +1,6 @@
-"""The quantitative experiment: ten executions, every source, several noise levels, causal and zero-phase accelerations."""
+"""The quantitative experiment: ten executions, every source, several noise levels, causal and
+zero-phase accelerations.
+"""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,7 +24,8 @@ from jaxidl.learning.sources import SOURCES
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import Trajectory
 
-WIDTH = {"cpu": 1}  # runs side by side: a core keeps one run's weights in its cache; elsewhere all seeds
+# runs side by side: a core keeps one run's weights in its cache; elsewhere all seeds
+WIDTH = {"cpu": 1}
 EVERY = 4  # steps between the instants of stored traces
 RUN, JOINT = ("iteration",), ("iteration", "joint")
 VARIABLES = {
@@ -30,12 +33,22 @@ VARIABLES = {
     "feedback_mse_joint": Variable(JOINT, "N2 m2", "mean squared applied feedback of each joint"),
     "path_error": Variable(RUN, "rad", "mean |position - desired path|"),
     "feedforward_peak": Variable(RUN, "N m", "largest torque of the error model"),
-    "model_error_rms": Variable(JOINT, "N m", "what the modelled arm truly lacks along the way, root mean square"),
+    "model_error_rms": Variable(
+        JOINT, "N m", "what the modelled arm truly lacks along the way, root mean square"
+    ),
     "unpredicted_rms": Variable(JOINT, "N m", "the same less what the error model says"),
     "finite": Variable(RUN, "1", "stayed everything finite, the training before it included?"),
-    "feedback_trace": Variable(("execution", "time", "joint"), "N m", "applied feedback of the first and the last execution"),
-    "model_error_trace": Variable(("time", "joint"), "N m", "what the modelled arm truly lacks in the last execution"),
-    "feedforward_trace": Variable(("time", "joint"), "N m", "what the error model says in the last execution"),
+    "feedback_trace": Variable(
+        ("execution", "time", "joint"),
+        "N m",
+        "applied feedback of the first and the last execution",
+    ),
+    "model_error_trace": Variable(
+        ("time", "joint"), "N m", "what the modelled arm truly lacks in the last execution"
+    ),
+    "feedforward_trace": Variable(
+        ("time", "joint"), "N m", "what the error model says in the last execution"
+    ),
 }
 TRACES = [name for name, about in VARIABLES.items() if "time" in about.dims]
 
@@ -51,23 +64,45 @@ class ArmGrid:
     iterations: int = 10
 
     def __post_init__(self) -> None:
-        for what, given, known in (("source", self.sources, SOURCES), ("acceleration", self.accelerations, ACCELERATIONS)):
+        for what, given, known in (
+            ("source", self.sources, SOURCES),
+            ("acceleration", self.accelerations, ACCELERATIONS),
+        ):
             for name in given:
                 if name not in known:
                     raise one_of(what, name, known)
         if not all(0.0 <= noise <= 1e-2 for noise in self.noise):
-            raise ConfigurationError("encoder noise between 0 and 0.01 rad", f"{self.noise}", "correct it")
+            raise ConfigurationError(
+                "encoder noise between 0 and 0.01 rad", f"{self.noise}", "correct it"
+            )
         if not all(0 <= seed < 2**31 for seed in self.seeds):
-            raise ConfigurationError(f"seeds between 0 and {2**31 - 1}", f"{self.seeds}", "correct them")
+            raise ConfigurationError(
+                f"seeds between 0 and {2**31 - 1}", f"{self.seeds}", "correct them"
+            )
         for name in ("noise", "accelerations", "sources", "seeds"):
             if len(set(values := getattr(self, name))) < len(values):
-                raise ConfigurationError(f"each value of {name} once", f"{values}", "drop the repeated ones")
-        if not (self.noise and self.accelerations and self.sources and self.seeds and self.iterations >= 2):
-            raise ConfigurationError("a value on every axis and two executions", f"{self}", "add what is missing")
+                raise ConfigurationError(
+                    f"each value of {name} once", f"{values}", "drop the repeated ones"
+                )
+        if not (
+            self.noise
+            and self.accelerations
+            and self.sources
+            and self.seeds
+            and self.iterations >= 2
+        ):
+            raise ConfigurationError(
+                "a value on every axis and two executions", f"{self}", "add what is missing"
+            )
 
     def axes(self) -> dict[str, tuple]:
         """Return the axes by their names in a results file."""
-        return {"acceleration": self.accelerations, "source": self.sources, "noise": self.noise, "seed": self.seeds}
+        return {
+            "acceleration": self.accelerations,
+            "source": self.sources,
+            "noise": self.noise,
+            "seed": self.seeds,
+        }
 
 
 QUICK = ArmGrid(noise=(1e-5,), seeds=(1, 2), iterations=4)
@@ -83,22 +118,31 @@ class Summary(NamedTuple):
     model_error_rms: Float[Array, "K J"]  # what the modelled arm truly lacks along the way [Nm]
     unpredicted_rms: Float[Array, "K J"]  # ... less what the error model says [Nm]
     finite: Bool[Array, " K"]  # stayed everything finite, the training before it included?
-    feedback_trace: Float[Array, "2 T J"]  # applied feedback of the first and the last execution [Nm]
-    model_error_trace: Float[Array, "T J"]  # what the modelled arm truly lacks in the last execution [Nm]
+    # applied feedback of the first and the last execution [Nm]
+    feedback_trace: Float[Array, "2 T J"]
+    # what the modelled arm truly lacks in the last execution [Nm]
+    model_error_trace: Float[Array, "T J"]
     feedforward_trace: Float[Array, "T J"]  # what the error model says then [Nm]
 
 
-def summarise(study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite: Bool[Array, " K"]) -> Summary:
+def summarise(
+    study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite: Bool[Array, " K"]
+) -> Summary:
     """Of trajectories (K, T, J)."""
     setting = study.setting(noise)
 
     def lacking(q: Array, qd: Array, qdd: Array) -> Array:
         """What the true arm needs beyond the modelled one for the desired acceleration."""
-        return setting.plant.inverse_dynamics(q, qd, qdd) - setting.model.inverse_dynamics(q, qd, qdd)
+        return setting.plant.inverse_dynamics(q, qd, qdd) - setting.model.inverse_dynamics(
+            q, qd, qdd
+        )
 
     every = jax.tree.map(lambda x: x[:, ::EVERY], runs)
-    truth = jax.lax.map(lambda run: jax.lax.map(lambda now: lacking(*now), run), (every.q, every.qd, every.qdd_desired))
-    rms = lambda x: jnp.sqrt(jnp.mean(x**2, axis=1))  # noqa: E731
+    truth = jax.lax.map(
+        lambda run: jax.lax.map(lambda now: lacking(*now), run),
+        (every.q, every.qd, every.qdd_desired),
+    )
+    rms = lambda x: jnp.sqrt(jnp.mean(x**2, axis=1))
     return Summary(
         feedback_mse(runs),
         jnp.mean(runs.tau_feedback_applied**2, axis=1),
@@ -120,7 +164,9 @@ class ArmLearning:
     study: ArmStudy
     iterations: int
 
-    def __call__(self, *, acceleration: str, source: str, noise: Any, seed: Any) -> dict[str, Array]:
+    def __call__(
+        self, *, acceleration: str, source: str, noise: Any, seed: Any
+    ) -> dict[str, Array]:
         """Return :class:`Summary` by name."""
         study = replace(self.study, acceleration=acceleration)
         with jax.default_matmul_precision(MATMUL_PRECISION):
@@ -128,14 +174,22 @@ class ArmLearning:
             return summarise(study, noise, runs, finite)._asdict()
 
 
-def run_study(study: ArmStudy, grid: ArmGrid, out: Path, identity: dict[str, Any], quiet: bool = False) -> xr.Dataset:
-    """Run what ``out`` does not hold yet: dims (acceleration, source, noise, seed, ...) of :data:`VARIABLES`.
+def run_study(
+    study: ArmStudy, grid: ArmGrid, out: Path, identity: dict[str, Any], quiet: bool = False
+) -> xr.Dataset:
+    """Run what ``out`` does not hold yet: dims (acceleration, source, noise, seed, ...) of
+    :data:`VARIABLES`.
 
-    Runs on direct data, which no estimate made after the execution changes, are the same for all kinds of acceleration.
+    Runs on direct data, which no estimate made after the execution changes, are the same for all
+    kinds of acceleration.
     """
     width = WIDTH.get(jax.default_backend(), len(grid.seeds))
     first = grid.accelerations[0]
-    coords = {"iteration": np.arange(grid.iterations), "joint": np.arange(JOINTS) + 1, "execution": [0, grid.iterations - 1]}
+    coords = {
+        "iteration": np.arange(grid.iterations),
+        "joint": np.arange(JOINTS) + 1,
+        "execution": [0, grid.iterations - 1],
+    }
     time = ("time", np.arange(0, study.steps, EVERY) * study.dt, {"units": "s"})
     return jobs.sweep(
         ArmLearning(study, grid.iterations),
@@ -155,11 +209,14 @@ def run_study(study: ArmStudy, grid: ArmGrid, out: Path, identity: dict[str, Any
 
 def thinned(data: xr.Dataset) -> xr.Dataset:
     """Return the results with traces of the first seed only, in single precision."""
-    return data.assign({name: data[name].isel(seed=0, drop=True).astype(np.float32) for name in TRACES})
+    return data.assign(
+        {name: data[name].isel(seed=0, drop=True).astype(np.float32) for name in TRACES}
+    )
 
 
 def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
-    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7, ...) each, by name.
+    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7,
+    ...) each, by name.
 
     Raises:
         ConfigurationError: if that run diverged.
@@ -173,7 +230,11 @@ def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
 
     params, finite = wait(run(jax.random.key(grid.seeds[0])))
     if not bool(finite.all()):
-        raise ConfigurationError("a run that stays finite, to export its weights", "one that diverged", "lower rate or noise")
+        raise ConfigurationError(
+            "a run that stays finite, to export its weights",
+            "one that diverged",
+            "lower rate or noise",
+        )
     leaves = jax.tree_util.tree_flatten_with_path(params)[0]
     return {jax.tree_util.keystr(path): np.asarray(leaf) for path, leaf in leaves}
 
@@ -181,5 +242,7 @@ def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
 def deployed(study: ArmStudy, weights: Arrays) -> bytes:
     """The feedforward with these weights as a file's content, see :mod:`jaxidl.learning.deploy`."""
     like = study.error_model.init(jax.random.key(0))
-    params = jax.tree_util.tree_map_with_path(lambda path, leaf: jnp.asarray(weights[jax.tree_util.keystr(path)]), like)
+    params = jax.tree_util.tree_map_with_path(
+        lambda path, leaf: jnp.asarray(weights[jax.tree_util.keystr(path)]), like
+    )
     return export_feedforward(study.task(), arm().plant.body, study.error_model, params)

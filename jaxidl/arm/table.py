@@ -1,4 +1,6 @@
-"""What the arm study says in numbers: falls, rises, and the ranking of the sources, with intervals over seeds."""
+"""What the arm study says in numbers: falls, rises, and the ranking of the sources, with intervals
+over seeds.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,30 +11,53 @@ import xarray as xr
 from jaxidl.files import markdown
 from jaxidl.jobs.statistics import geometric
 
-HEADINGS = ("accelerations", "encoder noise", "source", "after 1 iteration", "over all later ones", "against the best")
+HEADINGS = (
+    "accelerations",
+    "encoder noise",
+    "source",
+    "after 1 iteration",
+    "over all later ones",
+    "against the best",
+)
 
 
 def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
-    """Return the geometric mean of positive ``values`` (N,) and its 95 % interval; NaN where there are too few."""
+    """Return the geometric mean of positive ``values`` (N,) and its 95 % interval; NaN where there
+    are too few.
+    """
     mean = geometric(np.asarray(values, float))
-    return (np.nan, np.nan, np.nan) if mean is None else (mean.value, *(mean.interval or (np.nan, np.nan)))
+    return (
+        (np.nan, np.nan, np.nan)
+        if mean is None
+        else (mean.value, *(mean.interval or (np.nan, np.nan)))
+    )
 
 
 def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
-    """Rows of acceleration, noise and sources, best first: feedback after the first learning iteration and over all later ones.
+    """Rows of acceleration, noise and sources, best first: feedback after the first learning
+    iteration and over all later ones.
 
-    ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed, iteration). Seeds are paired: ``worse``
-    is the ratio to the best source with its interval; ``apart`` says whether that excludes 1. A source of which runs
-    ``diverged`` comes last; the numbers are those of its other runs.
+    ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed,
+    iteration). Seeds are paired: ``worse`` is the ratio to the best source with its interval;
+    ``apart`` says whether that excludes 1. A source of which runs ``diverged`` comes last; the
+    numbers are those of its other runs.
     """
     rows = []
     for acceleration in data.acceleration.values.tolist():
         for noise in data.noise.values.tolist():
             cells = data["feedback_mse"].sel(acceleration=acceleration, noise=noise)
             runs = cells.transpose("source", "seed", "iteration").values
-            kept = data["finite"].sel(acceleration=acceleration, noise=noise).all("iteration").transpose("source", "seed").values
+            kept = (
+                data["finite"]
+                .sel(acceleration=acceleration, noise=noise)
+                .all("iteration")
+                .transpose("source", "seed")
+                .values
+            )
             first, later = runs[..., 1], np.exp(np.log(runs[..., 1:]).mean(-1))
-            order = sorted(range(len(kept)), key=lambda k: ((~kept[k]).sum(), np.log(later[k][kept[k]]).sum()))
+            order = sorted(
+                range(len(kept)), key=lambda k: ((~kept[k]).sum(), np.log(later[k][kept[k]]).sum())
+            )
             for rank, k in enumerate(order):
                 both = kept[k] & kept[order[0]]
                 worse = interval(later[k][both] / later[order[0]][both])
@@ -53,17 +78,23 @@ def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def falls(data: xr.Dataset) -> list[dict[str, Any]]:
-    """Of every condition and source: the fall of feedback by the first learning iteration, and the largest later rise.
+    """Of every condition and source: the fall of feedback by the first learning iteration, and the
+    largest later rise.
 
-    ``rise`` is how far a later execution's geometric mean lies above the least one before it, as a ratio; ``spread`` the ratio of
-    the seeds' largest to smallest value there: a rise within it is none. Runs that diverged are left out.
+    ``rise`` is how far a later execution's geometric mean lies above the least one before it, as a
+    ratio; ``spread`` the ratio of the seeds' largest to smallest value there: a rise within it is
+    none. Runs that diverged are left out.
     """
     rows = []
     for acceleration in data.acceleration.values.tolist():
         for noise in data.noise.values.tolist():
             for source in data.source.values.tolist():
                 cell = data.sel(acceleration=acceleration, noise=noise, source=source)
-                runs = cell["feedback_mse"].transpose("seed", "iteration").values[cell["finite"].all("iteration").values]
+                runs = (
+                    cell["feedback_mse"]
+                    .transpose("seed", "iteration")
+                    .values[cell["finite"].all("iteration").values]
+                )
                 if not len(runs):
                     continue
                 mean = np.exp(np.log(runs).mean(0))[1:]
@@ -86,8 +117,13 @@ def as_text(rows: list[dict[str, Any]]) -> str:
     """The ranking as a table for terminals and Markdown."""
     cells = []
     for row in rows:
-        first, later, worse = (f"{m:.3g} [{a:.3g}, {b:.3g}]" for m, a, b in (row["after_first"], row["later"], row["worse"]))
-        against = "best" if row["rank"] == 1 else f"{worse} times" + ("" if row["apart"] else " (a tie)")
+        first, later, worse = (
+            f"{m:.3g} [{a:.3g}, {b:.3g}]"
+            for m, a, b in (row["after_first"], row["later"], row["worse"])
+        )
+        against = (
+            "best" if row["rank"] == 1 else f"{worse} times" + ("" if row["apart"] else " (a tie)")
+        )
         name = row["acceleration"].replace("_", "-")
         against += f"; {row['diverged']} of the runs diverged" if row["diverged"] else ""
         cells.append((name, f"{row['noise']:g} rad", row["source"], first, later, against))

@@ -1,7 +1,9 @@
-"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | tune | arm | gap | …``.
+"""The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | tune | arm
+| gap | …``.
 
-Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one line and status 130. One module
-for each command; what is heavy (JAX, MuJoCo, matplotlib) is imported when a command runs, so that help is there at once.
+Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one
+line and status 130. One module for each command; what is heavy (JAX, MuJoCo, matplotlib) is
+imported when a command runs, so that help is there at once.
 """
 
 import contextlib
@@ -47,7 +49,8 @@ COMMANDS = {
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status."""
     STOP.clear()
-    if isinstance(sys.stdout, io.TextIOWrapper):  # a file name that the terminal cannot show is no reason to fail
+    # a file name that the terminal cannot show is no reason to fail
+    if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
@@ -73,7 +76,9 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _stop(*_: object) -> None:
-    """Signal handler: the first signal ends the command at the next safe place, the second one at once."""
+    """Signal handler: the first signal ends the command at the next safe place, the second one at
+    once.
+    """
     if STOP.is_set():
         _leave()
     STOP.set()
@@ -82,7 +87,9 @@ def _stop(*_: object) -> None:
 
 def _leave() -> NoReturn:
     print(
-        "jaxidl: interrupted; what is finished of a sweep or benchmark is saved, and the same command continues", file=sys.stderr
+        "jaxidl: interrupted; what is finished of a sweep or benchmark is saved, and the same"
+        " command continues",
+        file=sys.stderr,
     )
     sys.stderr.flush()
     sys.stdout.flush()
@@ -108,8 +115,10 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
             return tyro.extras.subcommand_cli_from_dict(
                 {name: later(command) for name, command in COMMANDS.items()},
                 prog="jaxidl",
-                description="Learn inverse dynamics; reproduce the study of the two data sources; "
-                "find what a simulation is missing.",
+                description=(
+                    "Learn inverse dynamics; reproduce the study of the two data sources; "
+                    "find what a simulation is missing."
+                ),
                 args=arguments,
             )
     except SystemExit as stop:
@@ -119,7 +128,8 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
 
 
 def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
-    """tyro explains in a framed box of several lines; ours is one line: what stands between the title and the next ruler.
+    """tyro explains in a framed box of several lines; ours is one line: what stands between the
+    title and the next ruler.
 
     Where the terminal's encoding has no frames, a ruler stands below the title, too.
     """

@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from jaxidl.paper.study import PaperStudy
 
 Names = tuple[str, ...]
-AXIS = {"controller": "controllers", "gain": "gains", "seed": "seeds", "source": "sources"}  # one's name for the grid's
+# one's name for the grid's
+AXIS = {"controller": "controllers", "gain": "gains", "seed": "seeds", "source": "sources"}
 BASE = Axes(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (20,), (1, 2, 3, 4, 5))
 
 
@@ -25,17 +26,20 @@ def ablate(
     vary: Annotated[tuple[Names, ...], UseAppendAction, arg(metavar="NAME VALUE ...")],
     out: Annotated[Path, arg(metavar="FILE.nc")],
 ) -> None:
-    """Vary any number of the study: each --vary is one more axis of a sweep, and the figure shows what it does.
+    """Vary any number of the study: each --vary is one more axis of a sweep, and the figure shows
+    what it does.
 
-    Numbers that set no size (gains, masses, filter constants, rates) are axes within one compiled program; sizes and whole
-    numbers (layers, batch, kept, steps) take a program for each value. The study's own axes, like noise, may be named, too.
+    Numbers that set no size (gains, masses, filter constants, rates) are axes within one compiled
+    program; sizes and whole numbers (layers, batch, kept, steps) take a program for each value. The
+    study's own axes, like noise, may be named, too.
 
     Args:
         axes: the grid.
         running: how it is run.
-        vary: a number's name and its values; give it again for another. Any name of the study's settings, for instance
-            learner_gain, applied_gain (kp [N/m], their other gains in proportion), alpha (filter of the learning feedback),
-            prior_mass [kg], learning_rate, layers (as 200,100,50,20,1), batch, kept (earlier executions whose data are learned
+        vary: a number's name and its values; give it again for another. Any name of the study's
+            settings, for instance learner_gain, applied_gain (kp [N/m], their other gains in
+            proportion), alpha (filter of the learning feedback), prior_mass [kg], learning_rate,
+            layers (as 200,100,50,20,1), batch, kept (earlier executions whose data are learned
             from, too), train_on, policy_gains.0, pid_gains.0.1. A wrong name lists them all.
         out: where the results go; figure and table (FILE.png, FILE.pdf, FILE.md) beside it.
     """
@@ -59,20 +63,26 @@ def ablate(
 
 
 def varying(grid: Grid, study: "PaperStudy", vary: tuple[Names, ...]) -> Grid:
-    """The grid with what ``--vary`` asks for: (name, value, …) each, one of the grid's own axes or a number of the study.
+    """The grid with what ``--vary`` asks for: (name, value, …) each, one of the grid's own axes or
+    a number of the study.
 
     Raises:
-        ConfigurationError: for an unknown name, no values, or a value of another kind or out of bounds.
+        ConfigurationError: for an unknown name, no values, or a value of another kind or out of
+            bounds.
     """
     from jaxidl.paper.vary import parsed
 
     added: list[tuple[str, tuple[Value, ...]]] = []
     named = [AXIS.get(words[0], words[0]) for words in vary if words]
     if len(set(named)) < len(named):
-        raise ConfigurationError("each name to vary once", ", ".join(named), "give all its values in one --vary")
+        raise ConfigurationError(
+            "each name to vary once", ", ".join(named), "give all its values in one --vary"
+        )
     for name, *given in ((words or ("",)) for words in vary):
         if not given:
-            raise ConfigurationError("a name and values for --vary", name or "nothing", "write --vary NAME VALUE VALUE …")
+            raise ConfigurationError(
+                "a name and values for --vary", name or "nothing", "write --vary NAME VALUE VALUE …"
+            )
         axis = AXIS.get(name, name)
         if axis not in grid.axes():
             added.append((name, tuple(parsed(study, name, value) for value in given)))
@@ -82,8 +92,14 @@ def varying(grid: Grid, study: "PaperStudy", vary: tuple[Names, ...]) -> Grid:
             values = tuple(_number(name, text, int if axis in COUNTS else float) for text in given)
         grid = replace(grid, **{axis: values})
     grid = replace(grid, vary=tuple(added))
-    if not any(len(values) > 1 for dim, values in grid.dims().items() if dim not in ("seed", "source")):
-        raise ConfigurationError("something that varies, beside seed and source", "one setting only", "--vary NAME VALUE VALUE …")
+    if not any(
+        len(values) > 1 for dim, values in grid.dims().items() if dim not in ("seed", "source")
+    ):
+        raise ConfigurationError(
+            "something that varies, beside seed and source",
+            "one setting only",
+            "--vary NAME VALUE VALUE …",
+        )
     return grid
 
 

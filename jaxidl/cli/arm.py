@@ -16,12 +16,16 @@ def arm(
     seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
     noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
     iterations: int | None = None,
-    experiments: Annotated[tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")] = EXPERIMENTS,
+    experiments: Annotated[
+        tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")
+    ] = EXPERIMENTS,
 ) -> None:
-    """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted run stopped.
+    """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted
+    run stopped.
 
     Args:
-        out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for a robot, and the figures.
+        out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for
+            a robot, and the figures.
         quick: two seeds, one noise level, four executions, less training: minutes.
         seeds: run seeds of the study (default: 1 to 5).
         noise: encoder noise scales of the study [rad].
@@ -37,7 +41,12 @@ def arm(
     choose_devices(None)
     run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
     given = {"seeds": seeds, "noise": noise, "iterations": iterations}
-    run = replace(run, grid=replace(run.grid, **{name: value for name, value in given.items() if value is not None}))
+    run = replace(
+        run,
+        grid=replace(
+            run.grid, **{name: value for name, value in given.items() if value is not None}
+        ),
+    )
     result = arms.run_all(run, out, experiments, keep=save)
     for path in write_arm_figures(run, result, out):
         print(f"wrote {path}")

@@ -31,23 +31,29 @@ class BenchmarkError(JaxidlError):
 
 
 def bench(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...")] = (), /, *, out: Path = Path("out/bench")
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...")] = (),
+    /,
+    *,
+    out: Path = Path("out/bench"),
 ) -> None:
-    """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap finding, reliability.
+    """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap
+    finding, reliability.
 
     Args:
-        names: which benchmarks (default: all): training_step, control_step, configuration, cores, growth, compilation,
-            gradients, gap, arm, real_time, reliability.
+        names: which benchmarks (default: all): training_step, control_step, configuration, cores,
+            growth, compilation, gradients, gap, arm, real_time, reliability.
         out: folder for one JSON file of each.
     """
     run_benchmarks(names, out)
 
 
 def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
-    """Run the named benchmarks, or all if none is named, one after the other: tables on the terminal, NAME.json in ``out``.
+    """Run the named benchmarks, or all if none is named, one after the other: tables on the
+    terminal, NAME.json in ``out``.
 
     Raises:
-        ConfigurationError: for an unknown name, or where the package is installed without its ``experiments``.
+        ConfigurationError: for an unknown name, or where the package is installed without its
+            ``experiments``.
         BenchmarkError: if one fails.
     """
     for name in names:
@@ -55,10 +61,19 @@ def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
             raise one_of("benchmark", name, BENCHMARKS)
     if not FOLDER.is_dir():
         got = "an installation without the folder experiments/bench"
-        raise ConfigurationError("a checkout of the repository", got, "clone it and install it with `pip install -e .`")
+        raise ConfigurationError(
+            "a checkout of the repository", got, "clone it and install it with `pip install -e .`"
+        )
     for name in names or BENCHMARKS:
         print(f"{name} ...", file=sys.stderr, flush=True)
-        done = subprocess.run([sys.executable, FOLDER / f"{name}.py", "--json", out.resolve() / f"{name}.json"], check=False)
+        done = subprocess.run(
+            [sys.executable, FOLDER / f"{name}.py", "--json", out.resolve() / f"{name}.json"],
+            check=False,
+        )
         if done.returncode:
             got = f"exit status {done.returncode}"
-            raise BenchmarkError(f"benchmark {name} to succeed", got, f"see what it said, or run {FOLDER.name}/{name}.py alone")
+            raise BenchmarkError(
+                f"benchmark {name} to succeed",
+                got,
+                f"see what it said, or run {FOLDER.name}/{name}.py alone",
+            )

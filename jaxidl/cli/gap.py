@@ -35,25 +35,33 @@ def gap(
     gear_ratio: Annotated[tuple[float, ...], arg(metavar="RATIO ...")] = (),
     topic: Annotated[str | None, arg(metavar="NAME")] = None,
 ) -> None:
-    """Find what a simulation is missing: say where a log and a model disagree, name the effect, show the gap shrink.
+    """Find what a simulation is missing: say where a log and a model disagree, name the effect,
+    show the gap shrink.
 
     Args:
-        logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Other titles are understood where
-            they can mean one thing only. ROS bags with joint states if rosbags is installed. Several files are several runs.
-        model: MJCF or URDF, joints in the order of the log's columns, unless these have the joints' names; its folder's
-            effects.json counts if it was written for it.
-        out: folder for report.html, report.json, figures, and the patched model.xml and effects.json.
+        logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Other
+            titles are understood where they can mean one thing only. ROS bags with joint states if
+            rosbags is installed. Several files are several runs.
+        model: MJCF or URDF, joints in the order of the log's columns, unless these have the joints'
+            names; its folder's effects.json counts if it was written for it.
+        out: folder for report.html, report.json, figures, and the patched model.xml and
+            effects.json.
         held_out: share of the log that takes no part in fitting and ranking.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
-        reference: an earlier log of the same robot: what both logs have in common is no finding, only what changed since.
+        reference: an earlier log of the same robot: what both logs have in common is no finding,
+            only what changed since.
         effects: look for these effects only (default: all of the catalogue).
         exclude: do not look for these effects.
         plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
-        refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is so followed more closely.
+        refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is
+            so followed more closely.
         joints: look at these joints of the model only; the others are locked.
-        columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, qd, qdd, tau or i.
-        motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio, coupling, offset, motor_positions.
-        torque_constant: of motors whose currents (columns i0...) the log has instead of torques; one for all or one a joint.
+        columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is
+            time, run, q, qd, qdd, tau or i.
+        motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio,
+            coupling, offset, motor_positions.
+        torque_constant: of motors whose currents (columns i0...) the log has instead of torques;
+            one for all or one a joint.
         gear_ratio: of motors whose currents or torques the log has; one for all or one a joint.
         topic: of a ROS bag that has several with joint states.
     """
@@ -63,14 +71,22 @@ def gap(
     from jaxidl.report import check_folder, save, table
 
     if refine and reference:
-        raise ConfigurationError("--refine or --reference", "both", "find what changed first, then refine the patched model")
+        raise ConfigurationError(
+            "--refine or --reference",
+            "both",
+            "find what changed first, then refine the patched model",
+        )
     for name in plugin:
         _load(name)
     check_folder(out, model)
     motors = {"motor": motor, "torque_constant": torque_constant, "gear_ratio": gear_ratio}
     with Bar("reading", transient=True) as bar:
         log, robot = read_inputs(logs, model, joints=joints, columns=columns, topic=topic, **motors)
-        old = read_inputs(reference, model, joints=joints, columns=columns, topic=topic, **motors).log if reference else None
+        old = (
+            read_inputs(reference, model, joints=joints, columns=columns, topic=topic, **motors).log
+            if reference
+            else None
+        )
         found = diagnose(
             log,
             robot,
@@ -107,7 +123,9 @@ def _load(plugin: str) -> None:
         raise
     except Exception as error:  # whatever a user's module raises
         got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise ConfigurationError(f"a Python file or module in --plugin {plugin}", got, "correct its path or its code") from None
+        raise ConfigurationError(
+            f"a Python file or module in --plugin {plugin}", got, "correct its path or its code"
+        ) from None
 
 
 _FAMILIES = ("single", "none", "pair", "outside", "robot")
@@ -117,20 +135,27 @@ def gap_benchmark(
     *,
     out: Annotated[Path, arg(metavar="DIR")] = Path("out/gap-benchmark"),
     families: Annotated[Names, arg(metavar="single|none|pair|outside|robot ...")] = _FAMILIES,
-    severities: Annotated[Names, arg(metavar="weak|medium|clear ...")] = ("weak", "medium", "clear"),
+    severities: Annotated[Names, arg(metavar="weak|medium|clear ...")] = (
+        "weak",
+        "medium",
+        "clear",
+    ),
     every: int = 1,
     root: int = 2026,
     processes: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue an interrupted run.
+    """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue
+    an interrupted run.
 
     Args:
-        out: folder for the cases, their reports, benchmark.json, the confusion matrix and how often names are right.
+        out: folder for the cases, their reports, benchmark.json, the confusion matrix and how often
+            names are right.
         families: which cases.
         severities: of single effects.
         every: take only each n-th case of each kind.
-        root: from which all cases follow; 2026 is the one that the workflow is developed with, any other is new to it.
+        root: from which all cases follow; 2026 is the one that the workflow is developed with, any
+            other is new to it.
         processes: how many cases at a time (default: one a core).
         overwrite: begin anew.
     """
@@ -138,6 +163,8 @@ def gap_benchmark(
     from jaxidl.plot.confusion import write_confusion
     from jaxidl.plot.reliability import write_reliability
 
-    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, overwrite, root)
+    score = run_benchmark(
+        out, families, severities, every, processes or os.cpu_count() or 1, overwrite, root
+    )
     for path in (*write_confusion(score, out), *write_reliability(score, out)):
         print(f"wrote {path}")

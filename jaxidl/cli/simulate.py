@@ -8,14 +8,18 @@ from tyro.conf import OmitArgPrefixes, arg
 from jaxidl.paper.request import Request
 
 
-def simulate(request: Annotated[Request, OmitArgPrefixes], *, out: Annotated[Path, arg(metavar="TRACE.npz")]) -> None:
-    """One execution of the paper's point mass in float64, or one whole learning run when --source is given.
+def simulate(
+    request: Annotated[Request, OmitArgPrefixes], *, out: Annotated[Path, arg(metavar="TRACE.npz")]
+) -> None:
+    """One execution of the paper's point mass in float64, or one whole learning run when --source
+    is given.
 
     Args:
         request: the run.
-        out: where the trace goes: arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired, qdd_actual, tau,
-            tau_inverse_desired, tau_inverse_actual, tau_feedback, tau_feedback_applied, tau_feedforward; of a learning run as
-            (iterations, 1000, 2), and q_error, feedback_applied, qdd_error, torque, finite as (iterations,).
+        out: where the trace goes: arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired,
+            qdd_actual, tau, tau_inverse_desired, tau_inverse_actual, tau_feedback,
+            tau_feedback_applied, tau_feedforward; of a learning run as (iterations, 1000, 2), and
+            q_error, feedback_applied, qdd_error, torque, finite as (iterations,).
     """
     from jaxidl.paper.simulate import simulate as run
 

@@ -1,4 +1,6 @@
-"""The commands ``jaxidl figures``, ``claims`` and ``reproduce``: what a sweep of the paper's grid says."""
+"""The commands ``jaxidl figures``, ``claims`` and ``reproduce``: what a sweep of the paper's grid
+says.
+"""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +11,9 @@ from tyro.conf import arg
 from jaxidl.paper.grid import Grid
 
 
-def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated[Path, arg(metavar="DIR")]) -> None:
+def figures(
+    results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated[Path, arg(metavar="DIR")]
+) -> None:
     """Draw the study's figures, or an ablation's, from stored results.
 
     Args:
@@ -17,7 +21,9 @@ def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated
         out: folder for the PNG and PDF files.
     """
     from jaxidl.paper.runs import added, read_results
-    from jaxidl.plot.ablation import draw_ablation  # matplotlib: slow to import, and only needed here
+
+    # matplotlib: slow to import, and only needed here
+    from jaxidl.plot.ablation import draw_ablation
     from jaxidl.plot.figures import draw_all
 
     data = read_results(results)
@@ -25,7 +31,9 @@ def figures(results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated
         print(f"wrote {path}")
 
 
-def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False, markdown: bool = False) -> None:
+def claims(
+    results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False, markdown: bool = False
+) -> None:
     """Check the paper's statements against stored results.
 
     Args:
@@ -40,7 +48,13 @@ def claims(results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = Fa
     print(as_json(rows) if json else as_markdown(rows) if markdown else as_table(rows))
 
 
-def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | None = None, overwrite: bool = False) -> None:
+def reproduce(
+    *,
+    quick: bool = False,
+    out: Path = Path("out"),
+    devices: int | None = None,
+    overwrite: bool = False,
+) -> None:
     """The paper's whole simulation study: sweep, then figures and claims.
 
     Args:
@@ -54,7 +68,9 @@ def reproduce(*, quick: bool = False, out: Path = Path("out"), devices: int | No
 
     choose_devices(devices)
     folder = out / ("quick" if quick else "study")
-    run_sweep(Grid.quick() if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite)
+    run_sweep(
+        Grid.quick() if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite
+    )
     report(folder / "study.nc", folder)
 
 

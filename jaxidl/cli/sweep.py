@@ -25,7 +25,8 @@ def sweep(
         axes: the grid.
         running: how it is run.
         out: where the results go; unfinished ones wait in RESULTS.nc.parts beside it.
-        noise_levels: the four noise scales of the reference program, or those printed in the paper; --noise overrides.
+        noise_levels: the four noise scales of the reference program, or those printed in the paper;
+            --noise overrides.
         train_on: the state that the networks are trained on.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
@@ -33,7 +34,9 @@ def sweep(
     from jaxidl.paper.study import PaperStudy
 
     if noise_levels not in NOISE_LEVELS:
-        raise ConfigurationError("--noise-levels program or printed", repr(noise_levels), "choose one of them")
+        raise ConfigurationError(
+            "--noise-levels program or printed", repr(noise_levels), "choose one of them"
+        )
     if axes.noise == Axes().noise:
         axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
     grid, study = Grid(**vars(axes)), PaperStudy(train_on=train_on)

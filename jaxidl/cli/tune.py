@@ -22,10 +22,12 @@ def tune(
     executions: int | None = None,
     epochs: int | None = None,
 ) -> None:
-    """Controller and learner gains by gradient through learning, under a bound on feedback effort, against random search.
+    """Controller and learner gains by gradient through learning, under a bound on feedback effort,
+    against random search.
 
     Args:
-        out: folder for tune.json, tune.md and the figure; finished points are kept there, and the same command continues.
+        out: folder for tune.json, tune.md and the figure; finished points are kept there, and the
+            same command continues.
         plant: the paper's point mass with its low gains, or the seven-joint arm (under DOOMED).
         controller: feedback law: pid (the default) or doomed on the point mass; the arm has doomed.
         bound: of the mean applied feedback [N or Nm] (default: that of the present gains).
@@ -45,9 +47,15 @@ def tune(
     from jaxidl.tune.search import Search
 
     if bound is not None and not (math.isfinite(bound) and bound > 0.0):
-        raise ConfigurationError("--bound > 0", str(bound), "give the largest mean feedback, or leave it out")
+        raise ConfigurationError(
+            "--bound > 0", str(bound), "give the largest mean feedback, or leave it out"
+        )
     choose_devices(None)
-    sizes = {name: value for name, value in (("executions", executions), ("epochs", epochs)) if value is not None}
+    sizes = {
+        name: value
+        for name, value in (("executions", executions), ("epochs", epochs))
+        if value is not None
+    }
     for name, least in (("executions", 2), ("epochs", 1)):
         if sizes.get(name, least) < least:
             raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "correct it")

@@ -1,4 +1,6 @@
-"""DOOMED: direct online optimisation of modelling errors (Ratliff et al. 2016), feedback that adapts an offset torque."""
+"""DOOMED: direct online optimisation of modelling errors (Ratliff et al. 2016), feedback that
+adapts an offset torque.
+"""
 
 from typing import NamedTuple
 
@@ -19,11 +21,11 @@ class DoomedState(NamedTuple):
 
 
 class Doomed(struct.PyTreeNode):
-    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ← o + g,
-    within ±``limit``.
+    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ←
+    o + g, within ±``limit``.
 
-    The learner sees o − learner_gain·e, filtered, as it stood *before* the step (entry 0 is 0). The desired trajectory is
-    not used: DOOMED follows the policy itself.
+    The learner sees o − learner_gain·e, filtered, as it stood *before* the step (entry 0 is 0). The
+    desired trajectory is not used: DOOMED follows the policy itself.
     """
 
     rate: Joints | Scalar  # learning rate of the applied offset [N s^2/m]
@@ -35,12 +37,16 @@ class Doomed(struct.PyTreeNode):
     def init(self, q: Joints) -> DoomedState:
         return DoomedState(jnp.zeros_like(q), start_average(q), start_average(q))
 
-    def act(self, memory: DoomedState, desired: State, sensed: State) -> tuple[Feedback, DoomedState]:
+    def act(
+        self, memory: DoomedState, desired: State, sensed: State
+    ) -> tuple[Feedback, DoomedState]:
         return Feedback(memory.offset, memory.filtered.value), memory
 
     def observe(self, memory: DoomedState, qdd_desired: Joints, qdd_actual: Joints) -> DoomedState:
         error = qdd_actual - qdd_desired
-        filtered = update_average(memory.filtered, memory.offset - self.learner_gain * error, self.smoothing)
+        filtered = update_average(
+            memory.filtered, memory.offset - self.learner_gain * error, self.smoothing
+        )
         gradient = update_average(memory.gradient, -self.rate * error, self.gradient_smoothing)
         offset = jnp.clip(memory.offset + gradient.value, -self.limit, self.limit)
         return DoomedState(offset, gradient, filtered)

@@ -1,4 +1,6 @@
-"""What a controller makes of encoder readings: velocity, acceleration, and the desired acceleration to compare it with."""
+"""What a controller makes of encoder readings: velocity, acceleration, and the desired acceleration
+to compare it with.
+"""
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -13,7 +15,9 @@ class Motion(NamedTuple):
 
     sensed: State  # position as read, estimated velocity
     qdd: Joints  # (J,) estimated acceleration [m/s^2 or rad/s^2]
-    qdd_desired: Joints  # (J,) what the estimate is to be compared with: desired acceleration, as late as the estimate is
+    # (J,) what the estimate is to be compared with: desired acceleration, as late as the estimate
+    # is
+    qdd_desired: Joints
 
 
 @runtime_checkable
@@ -24,19 +28,26 @@ class Estimator(Protocol):
         """Memory at rest in the ``sensed`` state."""
         ...
 
-    def update(self, memory: Any, before: State, q: Joints, qdd_desired: Joints, dt: float) -> tuple[Motion, Any]:
-        """Motion and new memory after the reading ``q`` (J,), ``dt`` [s] after the state ``before``; ``qdd_desired`` (J,) was
-        wanted there."""
+    def update(
+        self, memory: Any, before: State, q: Joints, qdd_desired: Joints, dt: float
+    ) -> tuple[Motion, Any]:
+        """Motion and new memory after the reading ``q`` (J,), ``dt`` [s] after the state
+        ``before``; ``qdd_desired`` (J,) was wanted there.
+        """
         ...
 
 
 class FiniteDifference(struct.PyTreeNode):
-    """The paper's simulation: finite differences of readings and of velocities, and nothing else."""
+    """The paper's simulation: finite differences of readings and of velocities, and nothing
+    else.
+    """
 
     def start(self, sensed: State) -> tuple[()]:
         return ()
 
-    def update(self, memory: tuple[()], before: State, q: Joints, qdd_desired: Joints, dt: float) -> tuple[Motion, tuple[()]]:
+    def update(
+        self, memory: tuple[()], before: State, q: Joints, qdd_desired: Joints, dt: float
+    ) -> tuple[Motion, tuple[()]]:
         qd = (q - before.q) / dt
         return Motion(State(q, qd), (qd - before.qd) / dt, qdd_desired), ()
 
@@ -54,8 +65,9 @@ class FilterMemory(NamedTuple):
 class Filtered(struct.PyTreeNode):
     """First-order low passes of finite differences, for noisy encoders at 1 kHz.
 
-    The desired acceleration goes through the acceleration's filter with one step of shift (a command needs a step to show in the
-    differences), so that the filter's lag is not taken for an error.
+    The desired acceleration goes through the acceleration's filter with one step of shift (a
+    command needs a step to show in the differences), so that the filter's lag is not taken for an
+    error.
     """
 
     velocity_band: Scalar = 80.0  # cut-off [Hz]
@@ -73,9 +85,13 @@ class Filtered(struct.PyTreeNode):
         qd = memory.qd + fast * (difference - memory.qd)
         qdd = memory.qdd + slow * ((difference - memory.difference) / dt - memory.qdd)
         wanted = memory.qdd_desired + slow * (memory.late - memory.qdd_desired)
-        return Motion(State(q, qd), qdd, wanted), FilterMemory(difference, qd, qdd, qdd_desired, wanted)
+        return Motion(State(q, qd), qdd, wanted), FilterMemory(
+            difference, qd, qdd, qdd_desired, wanted
+        )
 
 
 def share(band: Scalar, dt: float) -> Scalar:
-    """Weight of a new sample [-] in a first-order low pass with cut-off ``band`` [Hz] and time step ``dt`` [s]."""
+    """Weight of a new sample [-] in a first-order low pass with cut-off ``band`` [Hz] and time step
+    ``dt`` [s].
+    """
     return -jnp.expm1(-2.0 * jnp.pi * band * dt)

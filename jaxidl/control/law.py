@@ -14,7 +14,9 @@ class Feedback(NamedTuple):
 
 @runtime_checkable
 class FeedbackLaw(Protocol):
-    """``init`` once, then in every control step ``act`` before the plant moves and ``observe`` after it."""
+    """``init`` once, then in every control step ``act`` before the plant moves and ``observe``
+    after it.
+    """
 
     def init(self, q: Joints) -> Any:
         """Memory at the start of an execution at position ``q`` (J,)."""

@@ -26,10 +26,12 @@ class PidState(NamedTuple):
 
 
 class Pid(struct.PyTreeNode):
-    """kp·e + kd·ė + I against the desired trajectory; the learner gets the same with its own gains, filtered.
+    """kp·e + kd·ė + I against the desired trajectory; the learner gets the same with its own gains,
+    filtered.
 
-    Reference experiment, section "One control step": the learning feedback is kp'·e + kd'·ė + ki'·e + I_previous, with the
-    applied law's integral from before this step; it is filtered before the plant moves, so entry t belongs to step t.
+    Reference experiment, section "One control step": the learning feedback is kp'·e + kd'·ė + ki'·e
+    + I_previous, with the applied law's integral from before this step; it is filtered before the
+    plant moves, so entry t belongs to step t.
     """
 
     applied: PidGains
@@ -45,7 +47,9 @@ class Pid(struct.PyTreeNode):
         integral = memory.integral + g.ki * error
         sample = h.kp * error + h.kd * rate + h.ki * error + memory.integral
         filtered = update_average(memory.filtered, sample, self.smoothing)
-        return Feedback(g.kp * error + g.kd * rate + integral, filtered.value), PidState(integral, filtered)
+        return Feedback(g.kp * error + g.kd * rate + integral, filtered.value), PidState(
+            integral, filtered
+        )
 
     def observe(self, memory: PidState, qdd_desired: Joints, qdd_actual: Joints) -> PidState:
         return memory

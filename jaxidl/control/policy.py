@@ -1,7 +1,7 @@
 """Acceleration policies: the acceleration one wants in a state, with no dynamics in it.
 
-A policy is called as ``policy(q, qd, t)`` with positions (J,), velocities (J,) and the number of the control step, and
-returns the desired acceleration (J,) [m/s^2].
+A policy is called as ``policy(q, qd, t)`` with positions (J,), velocities (J,) and the number of
+the control step, and returns the desired acceleration (J,) [m/s^2].
 """
 
 import jax.numpy as jnp
@@ -26,9 +26,11 @@ class PdPolicy(struct.PyTreeNode):
 
 
 class LqrPolicy(struct.PyTreeNode):
-    """Kinematic LQR, as on the paper's robot: −K_t·(q − target, qd) for a double integrator on every joint.
+    """Kinematic LQR, as on the paper's robot: −K_t·(q − target, qd) for a double integrator on
+    every joint.
 
-    One row of gains means an infinite horizon; with several, step t uses row t and everything after the horizon the last.
+    One row of gains means an infinite horizon; with several, step t uses row t and everything after
+    the horizon the last.
     """
 
     target: Joints  # (J,) [m]
@@ -57,21 +59,33 @@ def double_integrator(dt: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lqr(
-    target: Joints, dt: float, *, position: float = 1.0, velocity: float = 0.0, effort: float = 1e-4, horizon: int | None = None
+    target: Joints,
+    dt: float,
+    *,
+    position: float = 1.0,
+    velocity: float = 0.0,
+    effort: float = 1e-4,
+    horizon: int | None = None,
 ) -> LqrPolicy:
-    """LQR policy towards ``target`` (J,) [m] at rest, minimising Σ position·e² + velocity·qd² + effort·qdd².
+    """LQR policy towards ``target`` (J,) [m] at rest, minimising Σ position·e² + velocity·qd² +
+    effort·qdd².
 
-    The infinite horizon is solved by SciPy (``solve_discrete_are``); a finite ``horizon`` [steps] runs the Riccati recursion
-    backwards from it with the stage cost at the end.
+    The infinite horizon is solved by SciPy (``solve_discrete_are``); a finite ``horizon`` [steps]
+    runs the Riccati recursion backwards from it with the stage cost at the end.
 
     Raises:
-        ConfigurationError: for a cost that is negative, or zero where it must not be, or an empty horizon.
+        ConfigurationError: for a cost that is negative, or zero where it must not be, or an empty
+            horizon.
     """
     if not (position > 0 and velocity >= 0 and effort > 0 and dt > 0):
         got = f"position={position}, velocity={velocity}, effort={effort}, dt={dt}"
-        raise ConfigurationError("position > 0, velocity >= 0, effort > 0, dt > 0", got, "correct the costs")
+        raise ConfigurationError(
+            "position > 0, velocity >= 0, effort > 0, dt > 0", got, "correct the costs"
+        )
     if horizon is not None and horizon < 1:
-        raise ConfigurationError("a horizon of at least one step", str(horizon), "lengthen it or leave it out")
+        raise ConfigurationError(
+            "a horizon of at least one step", str(horizon), "lengthen it or leave it out"
+        )
     a, b = double_integrator(dt)
     cost, weight = np.diag([position, velocity]), np.array([[effort]])
     if horizon is None:
@@ -79,7 +93,8 @@ def lqr(
         return LqrPolicy(target, jnp.asarray(_gain(value, a, b, weight)))
 
     gains, value = [], cost
-    for _ in range(horizon):  # on the host, in float64: the recursion loses too much in single precision
+    # on the host, in float64: the recursion loses too much in single precision
+    for _ in range(horizon):
         gains.append(_gain(value, a, b, weight)[0])
         value = cost + a.T @ value @ (a - b @ gains[-1:])
     return LqrPolicy(target, jnp.asarray(np.stack(gains[::-1])))

@@ -1,6 +1,13 @@
 """The catalogue of named physical effects."""
 
-from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueCurve, TorqueSaturation, TorqueScale
+from jaxidl.effects.actuator import (
+    ActuatorDelay,
+    ActuatorLag,
+    ConstantOffset,
+    TorqueCurve,
+    TorqueSaturation,
+    TorqueScale,
+)
 from jaxidl.effects.base import Effect
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction

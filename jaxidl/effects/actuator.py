@@ -15,7 +15,9 @@ REACHED = 0.95  # of the limit: from there on a motor counts as saturated
 
 
 class ActuatorLag(Effect):
-    """The delivered torque x follows the command with a first-order lag: T·ẋ = tau − x, exact for a command held over a step."""
+    """The delivered torque x follows the command with a first-order lag: T·ẋ = tau − x, exact for a
+    command held over a step.
+    """
 
     time_constant: Joints  # (J,) T [s]
 
@@ -29,7 +31,9 @@ class ActuatorLag(Effect):
     def start(self, q: Joints) -> Joints:
         return jnp.zeros_like(q)
 
-    def actuate(self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Joints]:
+    def actuate(
+        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Joints]:
         delivered = tau + (memory - tau) * jnp.exp(-dt / self.time_constant)
         return delivered, delivered
 
@@ -44,11 +48,16 @@ class ActuatorLag(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        return [Variant(guess, within={"time_constant": (scale.dt / 10.0, LONGEST)}) for guess in cls.guesses(scale)]
+        return [
+            Variant(guess, within={"time_constant": (scale.dt / 10.0, LONGEST)})
+            for guess in cls.guesses(scale)
+        ]
 
 
 class ActuatorDelay(Effect):
-    """The delivered torque is the command of ``delay`` ago, by linear interpolation; at most ``steps`` steps."""
+    """The delivered torque is the command of ``delay`` ago, by linear interpolation; at most
+    ``steps`` steps.
+    """
 
     delay: Joints  # (J,) [s]
     steps: int = struct.field(pytree_node=False, default=64)
@@ -62,7 +71,9 @@ class ActuatorDelay(Effect):
     def start(self, q: Joints) -> Line:
         return line(jnp.zeros_like(q), self.steps)
 
-    def actuate(self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Line]:
+    def actuate(
+        self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Line]:
         return late(tau, memory, self.delay / dt + jnp.zeros_like(q)), push(memory, tau)
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
@@ -79,7 +90,9 @@ class ActuatorDelay(Effect):
 
 
 class TorqueScale(Effect):
-    """The motor delivers ``scale`` times its command: a motor constant or gear ratio that is not what one believes."""
+    """The motor delivers ``scale`` times its command: a motor constant or gear ratio that is not
+    what one believes.
+    """
 
     scale: Joints  # (J,) [1]
 
@@ -90,11 +103,13 @@ class TorqueScale(Effect):
     mjcf: ClassVar = {"scale": "general/gear"}
     prior: ClassVar[float] = 0.05
     advice: ClassVar[str] = (
-        "repeat the motion with a known mass attached, or hold the joint still against gravity or a force gauge: a wrong torque "
-        "scale shows at rest, a wrong inertia only under acceleration"
+        "repeat the motion with a known mass attached, or hold the joint still against gravity or a"
+        " force gauge: a wrong torque scale shows at rest, a wrong inertia only under acceleration"
     )
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         return self.scale * tau, memory
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
@@ -106,30 +121,45 @@ class TorqueScale(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """A motor constant may be off by a factor of two and a half; beyond that the motor is another one."""
+        """A motor constant may be off by a factor of two and a half; beyond that the motor is
+        another one.
+        """
         return [Variant({"scale": 1.25}, within={"scale": (0.4, 2.5)})]
 
 
 class TorqueCurve(Effect):
-    """The motor delivers less the more is asked for, tau·(1 − l·|tau|), but at least half: its iron saturates."""
+    """The motor delivers less the more is asked for, tau·(1 − l·|tau|), but at least half: its iron
+    saturates.
+    """
 
     loss: Joints  # (J,) l [1/N or 1/Nm]
 
     name: ClassVar[str] = "torque_curve"
-    sentence: ClassVar[str] = "the motor delivers a smaller share of large torques than of small ones"
+    sentence: ClassVar[str] = (
+        "the motor delivers a smaller share of large torques than of small ones"
+    )
     parameters: ClassVar = {"loss": Parameter("1/N", 0.0, 1e3, "share that is missing per torque")}
     neutral: ClassVar[float] = 0.0
     prior: ClassVar[float] = 0.02
-    advice: ClassVar[str] = "hold still against known weights from light to heavy, up to the largest command"
+    advice: ClassVar[str] = (
+        "hold still against known weights from light to heavy, up to the largest command"
+    )
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         return tau * (1.0 - jnp.minimum(self.loss * jnp.abs(tau), 0.5)), memory
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Up to a motor that loses a fifth of the root mean square torque, what it can deliver for long."""
+        """Up to a motor that loses a fifth of the root mean square torque, what it can deliver for
+        long.
+        """
         largest = 0.2 / max(scale.effort or scale.torque / 3.0, 1e-9)
-        return [Variant({"loss": share * largest}, within={"loss": (0.0, largest)}) for share in (0.1, 0.3, 0.6)]
+        return [
+            Variant({"loss": share * largest}, within={"loss": (0.0, largest)})
+            for share in (0.1, 0.3, 0.6)
+        ]
 
 
 class TorqueSaturation(Effect):
@@ -143,16 +173,22 @@ class TorqueSaturation(Effect):
     neutral: ClassVar[float] = float("inf")
     mjcf: ClassVar = {"limit": "general/forcerange"}
     prior: ClassVar[float] = 0.02
-    advice: ClassVar[str] = "command steps of torque that grow beyond the largest so far, and watch the acceleration stop to grow"
+    advice: ClassVar[str] = (
+        "command steps of torque that grow beyond the largest so far, and watch the acceleration"
+        " stop to grow"
+    )
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         return jnp.clip(tau, -self.limit, self.limit), memory
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
         return motor._replace(force=min(motor.force, float(self.limit[joint]) / motor.gear))
 
     def seen(self, logged: History, predicted: History) -> History:
-        """The logged command where it exceeds the limit and the torque that the motion needs reaches it.
+        """The logged command where it exceeds the limit and the torque that the motion needs
+        reaches it.
 
         Elsewhere clipping would explain any gap by shrinking the command.
         """
@@ -162,11 +198,16 @@ class TorqueSaturation(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        return [{"limit": share * scale.torque} for share in (0.93, 0.85, 0.76, 0.68, 0.6, 0.53, 0.46, 0.4, 0.34, 0.28, 0.2)]
+        return [
+            {"limit": share * scale.torque}
+            for share in (0.93, 0.85, 0.76, 0.68, 0.6, 0.53, 0.46, 0.4, 0.34, 0.28, 0.2)
+        ]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """A motor that always delivers the same is no motor; one that never reaches its limit shows none."""
+        """A motor that always delivers the same is no motor; one that never reaches its limit shows
+        none.
+        """
         within = {"limit": (0.1 * scale.torque, scale.torque)}
         return [Variant(guess, within=within) for guess in cls.guesses(scale)]
 
@@ -183,7 +224,10 @@ class ConstantOffset(Effect):
     changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.3
     common: ClassVar[bool] = True
-    advice: ClassVar[str] = "measure the torque that just starts the joint in each direction, with the motor's offset zeroed"
+    advice: ClassVar[str] = (
+        "measure the torque that just starts the joint in each direction, with the motor's offset"
+        " zeroed"
+    )
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return self.offset

@@ -1,4 +1,6 @@
-"""The catalogue of named physical effects: those of the package, and those that a user makes known."""
+"""The catalogue of named physical effects: those of the package, and those that a user makes
+known.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
@@ -8,7 +10,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.effects.actuator import ActuatorDelay, ActuatorLag, ConstantOffset, TorqueCurve, TorqueSaturation, TorqueScale
+from jaxidl.effects.actuator import (
+    ActuatorDelay,
+    ActuatorLag,
+    ConstantOffset,
+    TorqueCurve,
+    TorqueSaturation,
+    TorqueScale,
+)
 from jaxidl.effects.base import Effect
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
@@ -73,24 +82,42 @@ _BUILT_IN = frozenset(CATALOGUE.values())
 
 RESERVED = ("alignment",)  # what the gap workflow calls its own correction of a log's timing
 
-_never: set[str] = {PaperFriction.name, SensingNoise.name, EncoderQuantisation.name}  # two effects in one; no torque
+# two effects in one; no torque
+_never: set[str] = {PaperFriction.name, SensingNoise.name, EncoderQuantisation.name}
 _aside: set[str] = set()  # registered with ``searched=False``: looked for where they are named
 
-_ORDINARY = Scale(1.0, 1.0, -1.0, 1.0, 1.0, 0.1, 10.0, 0.001, joints=2, lows=(-1.0, -1.0), highs=(1.0, 1.0), rest_speed=0.001)
+_ORDINARY = Scale(
+    1.0,
+    1.0,
+    -1.0,
+    1.0,
+    1.0,
+    0.1,
+    10.0,
+    0.001,
+    joints=2,
+    lows=(-1.0, -1.0),
+    highs=(1.0, 1.0),
+    rest_speed=0.001,
+)
 
 C = TypeVar("C", bound=type[Effect])
 
 
 def searched() -> tuple[str, ...]:
-    """Names of the effects that the gap workflow looks for by default, with what is registered by now.
+    """Names of the effects that the gap workflow looks for by default, with what is registered by
+    now.
 
-    Not among them: the paper's friction, which is two of them in one; noise and counts of the encoders, which are no torque.
+    Not among them: the paper's friction, which is two of them in one; noise and counts of the
+    encoders, which are no torque.
     """
     return tuple(name for name in searchable() if name not in _aside)
 
 
 def searchable() -> tuple[str, ...]:
-    """Names of the effects that the gap workflow can look for: ``searched()``, and what was registered to be named only."""
+    """Names of the effects that the gap workflow can look for: ``searched()``, and what was
+    registered to be named only.
+    """
     return tuple(name for name in CATALOGUE if name not in _never)
 
 
@@ -99,23 +126,28 @@ def register(cls: C, *, searched: bool = True) -> C: ...
 @overload
 def register(*, searched: bool = True) -> Callable[[C], C]: ...
 def register(cls: Any = None, *, searched: bool = True) -> Any:
-    """Put an effect of your own into the catalogue: ``@register`` above the class, or ``@register(searched=False)``.
+    """Put an effect of your own into the catalogue: ``@register`` above the class, or
+    ``@register(searched=False)``.
 
-    From then on, in this process, :func:`from_dict`, ``effects.json`` beside a model, the gap workflow and its reports know it.
-    A class of the same module and qualified name takes the place of the earlier one, so a notebook's cell can be run again. What
-    is static in the effect must be a whole number or a flag if it is to be stored.
+    From then on, in this process, :func:`from_dict`, ``effects.json`` beside a model, the gap
+    workflow and its reports know it. A class of the same module and qualified name takes the place
+    of the earlier one, so a notebook's cell can be run again. What is static in the effect must be
+    a whole number or a flag if it is to be stored.
 
     Args:
-        cls: a subclass of :class:`Effect` with ``name``, ``sentence``, and ``parameters`` that name its traced fields in order.
-        searched: does the gap workflow look for it by default? If not, it does where the effect is named. Effects of the whole
-            mechanism (``whole``) are searched for as well as those of a joint. Those whose static fields have no values, or
-            whose ``variants`` or ``guesses`` are no numbers, can be simulated and stored, but not searched for.
+        cls: a subclass of :class:`Effect` with ``name``, ``sentence``, and ``parameters`` that name
+            its traced fields in order.
+        searched: does the gap workflow look for it by default? If not, it does where the effect is
+            named. Effects of the whole mechanism (``whole``) are searched for as well as those of a
+            joint. Those whose static fields have no values, or whose ``variants`` or ``guesses``
+            are no numbers, can be simulated and stored, but not searched for.
 
     Returns:
         The class, unchanged.
 
     Raises:
-        EffectError: if it is no such class; if its name is that of another class; if it shall be searched for and cannot.
+        EffectError: if it is no such class; if its name is that of another class; if it shall be
+            searched for and cannot.
     """
     if cls is None:
         return lambda decorated: register(decorated, searched=searched)
@@ -124,7 +156,11 @@ def register(cls: Any = None, *, searched: bool = True) -> Any:
         obstacle = _obstacle(cls)
         if searched and obstacle:
             raise obstacle
-        for name in [name for name, old in CATALOGUE.items() if _title(old) == _title(cls) and name != cls.name]:
+        for name in [
+            name
+            for name, old in CATALOGUE.items()
+            if _title(old) == _title(cls) and name != cls.name
+        ]:
             del CATALOGUE[name]  # the cell was run again with another name
         CATALOGUE[cls.name] = cls
         (_never.add if obstacle else _never.discard)(cls.name)
@@ -139,40 +175,81 @@ def _title(cls: type) -> str:
 def _check_class(cls: Any) -> None:
     """Raise unless it is an effect that can be stored and has a name of its own."""
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
-        raise EffectError("a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect")
+        raise EffectError(
+            "a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect"
+        )
     title = _title(cls)
     if not (isinstance(cls.name, str) and cls.name.isidentifier()):
-        raise EffectError(f"a name of {title}, one word", repr(cls.name), 'write name: ClassVar[str] = "…", with underscores')
+        raise EffectError(
+            f"a name of {title}, one word",
+            repr(cls.name),
+            'write name: ClassVar[str] = "…", with underscores',
+        )
     if not (isinstance(cls.sentence, str) and cls.sentence.strip()):
-        raise EffectError(f"a sentence of {title}", repr(cls.sentence), "say in plain words what the effect is")
+        raise EffectError(
+            f"a sentence of {title}", repr(cls.sentence), "say in plain words what the effect is"
+        )
     specs = cls.parameters if isinstance(cls.parameters, Mapping) else {}
-    traced, named = [f.name for f in fields(cls) if f.metadata.get("pytree_node", True)], list(specs)
+    traced, named = (
+        [f.name for f in fields(cls) if f.metadata.get("pytree_node", True)],
+        list(specs),
+    )
     if traced != named or not all(isinstance(spec, Parameter) for spec in specs.values()):
-        got = f"parameters {', '.join(named) or 'none'} and traced fields {', '.join(traced) or 'none'}"
-        remedy = "name every traced field, in their order, or make it static: struct.field(pytree_node=False)"
+        got = (
+            f"parameters {', '.join(named) or 'none'} and traced fields"
+            f" {', '.join(traced) or 'none'}"
+        )
+        remedy = (
+            "name every traced field, in their order, or make it static:"
+            " struct.field(pytree_node=False)"
+        )
         raise EffectError(f"a Parameter of {title} for each traced field", got, remedy)
     old = CATALOGUE.get(cls.name)
     if cls.name in RESERVED or (old is not None and _title(old) != title):
         owner = "the gap workflow" if old is None else _title(old)
-        raise EffectError(f"a name of {title} that is not taken", f"{cls.name!r} of {owner}", "choose another name")
+        raise EffectError(
+            f"a name of {title} that is not taken",
+            f"{cls.name!r} of {owner}",
+            "choose another name",
+        )
 
 
 def _obstacle(cls: type[Effect]) -> EffectError | None:
     """Why the gap workflow cannot begin a search for it, if it cannot."""
     static = [f for f in fields(cls) if f.name not in cls.parameters]
     for variant in cls.variants(_ORDINARY):
-        bare = [f.name for f in static if f.default is f.default_factory is MISSING and f.name not in variant.options]
+        bare = [
+            f.name
+            for f in static
+            if f.default is f.default_factory is MISSING and f.name not in variant.options
+        ]
         if bare:
-            return EffectError(f"defaults of the static fields of {cls.name}", f"none of {', '.join(bare)}", "set them")
+            return EffectError(
+                f"defaults of the static fields of {cls.name}",
+                f"none of {', '.join(bare)}",
+                "set them",
+            )
         values = variant.values
-        if wrong := [key for key, value in values.items() if key not in cls.parameters or not np.isfinite(value).all()]:
+        if wrong := [
+            key
+            for key, value in values.items()
+            if key not in cls.parameters or not np.isfinite(value).all()
+        ]:
             got = ", ".join(f"{key} = {values[key]}" for key in wrong)
-            expected = f"guesses of {cls.name} that are finite values of {', '.join(cls.parameters) or 'nothing'}"
+            expected = (
+                f"guesses of {cls.name} that are finite values of"
+                f" {', '.join(cls.parameters) or 'nothing'}"
+            )
             return EffectError(expected, got, "write guesses or variants, where its fit begins")
         known = {*cls.parameters}, {f.name for f in static}
-        for what, names, right in zip(("free", "options"), (variant.free, variant.options), known, strict=True):
+        for what, names, right in zip(
+            ("free", "options"), (variant.free, variant.options), known, strict=True
+        ):
             if strange := [name for name in names if name not in right]:
-                expected = f"variants of {cls.name} with {what} among {', '.join(sorted(right)) or 'nothing'}"
+                expected = (
+                    f"variants of {cls.name} with {what} among"
+                    f" {', '.join(sorted(right)) or 'nothing'}"
+                )
                 return EffectError(expected, ", ".join(strange), "correct the names")
     return None
 
@@ -185,16 +262,29 @@ def from_dict(record: dict[str, Any]) -> Effect:
     """
     name = record.get("effect")
     if name not in CATALOGUE:
-        raise EffectError(f"an effect among {', '.join(CATALOGUE)}", repr(name), "correct the name, or register your class")
+        raise EffectError(
+            f"an effect among {', '.join(CATALOGUE)}",
+            repr(name),
+            "correct the name, or register your class",
+        )
     cls = CATALOGUE[name]
     missing = [key for key in cls.parameters if key not in record.get("parameters", {})]
     if missing:
-        raise EffectError(f"{name} with {', '.join(cls.parameters)}", f"no {', '.join(missing)}", "add what is missing")
+        raise EffectError(
+            f"{name} with {', '.join(cls.parameters)}",
+            f"no {', '.join(missing)}",
+            "add what is missing",
+        )
     try:
-        values = {key: jnp.asarray(np.asarray(record["parameters"][key]["value"], float)) for key in cls.parameters}
+        values = {
+            key: jnp.asarray(np.asarray(record["parameters"][key]["value"], float))
+            for key in cls.parameters
+        }
         if (joint := record.get("joint")) is None:
             return cls(**values, **record.get("options", {})).check()
         alone = cls(**jax.tree.map(lambda x: x[None], values), **record.get("options", {}))
         return OnJoint(alone, joint, record["joints"]).check()
     except (TypeError, KeyError, ValueError) as error:
-        raise EffectError(f"a record of {name} as its to_dict writes it", f"{error}", "correct the record") from None
+        raise EffectError(
+            f"a record of {name} as its to_dict writes it", f"{error}", "correct the record"
+        ) from None

@@ -14,14 +14,17 @@ DELAYS = (0.002, 0.006, 0.015, 0.035)  # where fits of a dead time begin [s]
 LONGEST = 0.08  # dead time that a search looks for [s]: a line costs time in proportion
 
 LATE = (
-    "command faster motion, a chirp beyond the present band or small steps of torque: lag, dead time and compliance differ only "
-    "at high frequency; a second position sensor or the motor's own current tells whether torque or position is late"
+    "command faster motion, a chirp beyond the present band or small steps of torque: lag, dead"
+    " time and compliance differ only at high frequency; a second position sensor or the motor's"
+    " own current tells whether torque or position is late"
 )
 """How to distinguish effects of timing."""
 
 
 def variants_of(guesses: Sequence[Guess], scale: Scale) -> list[Variant]:
-    """Return starting shapes of a dead time, with a line that is long enough for all that is looked for and no longer."""
+    """Return starting shapes of a dead time, with a line that is long enough for all that is looked
+    for and no longer.
+    """
     options = {"steps": max(4, int(LONGEST / scale.dt))}
     return [Variant(guess, within={"delay": (0.0, LONGEST)}, options=options) for guess in guesses]
 
@@ -37,7 +40,9 @@ def push(past: Line, value: Joints) -> Line:
 
 
 def late(value: Joints, past: Line, delay: Joints) -> Joints:
-    """What was ``delay`` (J,) steps ago [1], between two steps by linear interpolation; no older than the line is long."""
+    """What was ``delay`` (J,) steps ago [1], between two steps by linear interpolation; no older
+    than the line is long.
+    """
     everything = jnp.concatenate([value[None], past])
     delay = jnp.clip(delay, 0.0, past.shape[0] - 1e-6)
     before = jnp.floor(delay).astype(int)

@@ -1,9 +1,9 @@
 """Dry friction: a level up to which motion is opposed, and a resting joint kept at rest.
 
-An effect here has its level only; the plant applies the levels of all its effects together, as an impulse over the step that
-takes the velocity towards zero and never through it. So a joint sticks where friction can hold it, without a smoothing width
-and without chattering, and a derivative through a step is that of the branch taken: a sliding joint feels the level, a stuck
-one does not.
+An effect here has its level only; the plant applies the levels of all its effects together, as an
+impulse over the step that takes the velocity towards zero and never through it. So a joint sticks
+where friction can hold it, without a smoothing width and without chattering, and a derivative
+through a step is that of the branch taken: a sliding joint feels the level, a stuck one does not.
 """
 
 from typing import Any, ClassVar
@@ -17,8 +17,8 @@ from jaxidl.types import Joints
 
 FADED = 0.3  # of the top speed: by there a Stribeck curve has mostly faded
 SPEEDS = (
-    "move at several constant speeds from creeping to fast, in both directions, with reversals and rests in between, and measure "
-    "the torque that just starts the joint"
+    "move at several constant speeds from creeping to fast, in both directions, with reversals and"
+    " rests in between, and measure the torque that just starts the joint"
 )
 """How to distinguish kinds of friction."""
 
@@ -52,10 +52,12 @@ class CoulombFriction(Effect):
 
 
 class AsymmetricFriction(Effect):
-    """Dry and viscous friction that differ by direction: −(c₊ + b₊·qd) for qd > 0, c₋ − b₋·qd for qd < 0.
+    """Dry and viscous friction that differ by direction: −(c₊ + b₊·qd) for qd > 0, c₋ − b₋·qd for
+    qd < 0.
 
-    A pure difference in dry friction moves exactly as Coulomb friction of the mean level with a constant offset does.
-    Beside other friction on the same joint the values may be negative: what one direction has less than the other.
+    A pure difference in dry friction moves exactly as Coulomb friction of the mean level with a
+    constant offset does. Beside other friction on the same joint the values may be negative: what
+    one direction has less than the other.
     """
 
     _DRY: ClassVar = ("positive", "negative")
@@ -71,8 +73,12 @@ class AsymmetricFriction(Effect):
     parameters: ClassVar = {
         "positive": Parameter("N", -1e5, 1e5, "dry friction in the positive direction"),
         "negative": Parameter("N", -1e5, 1e5, "dry friction in the negative direction"),
-        "viscous_positive": Parameter("N s/m", -1e4, 1e4, "torque per speed in the positive direction"),
-        "viscous_negative": Parameter("N s/m", -1e4, 1e4, "torque per speed in the negative direction"),
+        "viscous_positive": Parameter(
+            "N s/m", -1e4, 1e4, "torque per speed in the positive direction"
+        ),
+        "viscous_negative": Parameter(
+            "N s/m", -1e4, 1e4, "torque per speed in the negative direction"
+        ),
     }
     linear: ClassVar[bool] = True
     prior: ClassVar[float] = 0.1
@@ -121,14 +127,28 @@ class StribeckFriction(Effect):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         size = scale.residual
-        return [{"level": size, "excess": size, "speed": share * scale.speed} for share in (0.02, 0.05, 0.1, 0.2, 0.4)]
+        return [
+            {"level": size, "excess": size, "speed": share * scale.speed}
+            for share in (0.02, 0.05, 0.1, 0.2, 0.4)
+        ]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """An excess where nothing is seen to move would be stiction; one that fades over most speeds bends the whole curve."""
-        within = {"speed": (3.0 * scale.rest_speed, max(FADED * scale.speed, 6.0 * scale.rest_speed))}
-        speeds = [v for share in (0.02, 0.05, 0.1, 0.2) if (v := share * scale.speed) >= within["speed"][0]]
-        return [Variant({"speed": v}, ("level", "excess"), within) for v in speeds or [within["speed"][0]]]
+        """An excess where nothing is seen to move would be stiction; one that fades over most
+        speeds bends the whole curve.
+        """
+        within = {
+            "speed": (3.0 * scale.rest_speed, max(FADED * scale.speed, 6.0 * scale.rest_speed))
+        }
+        speeds = [
+            v
+            for share in (0.02, 0.05, 0.1, 0.2)
+            if (v := share * scale.speed) >= within["speed"][0]
+        ]
+        return [
+            Variant({"speed": v}, ("level", "excess"), within)
+            for v in speeds or [within["speed"][0]]
+        ]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:

@@ -49,7 +49,9 @@ class QuadraticDrag(Effect):
 
     name: ClassVar[str] = "quadratic_drag"
     sentence: ClassVar[str] = "drag that grows with the square of speed"
-    parameters: ClassVar = {"coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")}
+    parameters: ClassVar = {
+        "coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")
+    }
     linear: ClassVar[bool] = True
     prior: ClassVar[float] = 0.3
     friction: ClassVar[bool] = True
@@ -60,11 +62,13 @@ class QuadraticDrag(Effect):
 
 
 class PaperFriction(Effect):
-    """The paper's friction: viscous, with a coefficient c(q) that changes from region to region of joints 0 and 1.
+    """The paper's friction: viscous, with a coefficient c(q) that changes from region to region of
+    joints 0 and 1.
 
-    In the catalogue's words it is ``position_dependent_friction`` on joints 0 and 1 (on joint 1 a band where the coefficient
-    is negative and pulls) together with ``coupled_friction`` of joint 0 to the position of joint 1. The rules, each
-    overwriting the ones before, with level f (reference experiment, section "Plant"):
+    In the catalogue's words it is ``position_dependent_friction`` on joints 0 and 1 (on joint 1 a
+    band where the coefficient is negative and pulls) together with ``coupled_friction`` of joint 0
+    to the position of joint 1. The rules, each overwriting the ones before, with level f (reference
+    experiment, section "Plant"):
 
     1. q₀ < 0.2: c₀ = 10·exp(f)·sin²q₀
     2. q₁ < 0.2: c₁ = 10·f·cos²q₁
@@ -73,18 +77,23 @@ class PaperFriction(Effect):
 
     Joints from the third on are free.
 
-    The coefficient jumps at the borders. A derivative through an execution is then that of the regions passed, each with its own
-    slope, and knows nothing of the jumps: not that another level, gain or torque moves the instant at which a border is crossed
-    and a coefficient of thousands begins. It is exact for a change so small that no step changes region, and misleads about
-    any other: with the paper's numbers it can have the wrong sign. With ``width`` > 0 each border is a logistic of that width [m]
-    instead, which a derivative sees as it is; 0.01 to 0.05 m serve. Values converge to the sharp ones as the width goes to 0.
+    The coefficient jumps at the borders. A derivative through an execution is then that of the
+    regions passed, each with its own slope, and knows nothing of the jumps: not that another level,
+    gain or torque moves the instant at which a border is crossed and a coefficient of thousands
+    begins. It is exact for a change so small that no step changes region, and misleads about any
+    other: with the paper's numbers it can have the wrong sign. With ``width`` > 0 each border is a
+    logistic of that width [m] instead, which a derivative sees as it is; 0.01 to 0.05 m serve.
+    Values converge to the sharp ones as the width goes to 0.
     """
 
     level: Scalar  # f [-]: 5 medium, 8 high
-    width: float = struct.field(pytree_node=False, default=0.0)  # of the borders [m]; 0: sharp, as in the paper
+    # of the borders [m]; 0: sharp, as in the paper
+    width: float = struct.field(pytree_node=False, default=0.0)
 
     name: ClassVar[str] = "paper_friction"
-    sentence: ClassVar[str] = "viscous friction that changes with position and couples joint 0 to joint 1"
+    sentence: ClassVar[str] = (
+        "viscous friction that changes with position and couples joint 0 to joint 1"
+    )
     parameters: ClassVar = {"level": Parameter("1", 0.0, 12.0, "the friction level")}
 
     def coefficient(self, q: Joints) -> Joints:

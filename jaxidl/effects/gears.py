@@ -14,7 +14,9 @@ from jaxidl.types import Joints, Scalar
 
 
 class DirectionalLoadFriction(Effect):
-    """−μ·|tau|·sign(qd) with one μ where the motor drives the joint and another where the joint drives the motor."""
+    """−μ·|tau|·sign(qd) with one μ where the motor drives the joint and another where the joint
+    drives the motor.
+    """
 
     driving: Joints  # (J,) μ where torque and motion have the same sign [1]
     driven: Joints  # (J,) μ where they are opposed [1]
@@ -22,8 +24,12 @@ class DirectionalLoadFriction(Effect):
     name: ClassVar[str] = "directional_load_friction"
     sentence: ClassVar[str] = "friction under load that differs between driving and being driven"
     parameters: ClassVar = {
-        "driving": Parameter("1", 0.0, 0.99, "friction over transmitted torque where the motor drives"),
-        "driven": Parameter("1", 0.0, 0.99, "friction over transmitted torque where the motor is driven"),
+        "driving": Parameter(
+            "1", 0.0, 0.99, "friction over transmitted torque where the motor drives"
+        ),
+        "driven": Parameter(
+            "1", 0.0, 0.99, "friction over transmitted torque where the motor is driven"
+        ),
     }
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = POSTURES
@@ -33,7 +39,9 @@ class DirectionalLoadFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        return [Variant({}, tuple(cls.parameters), dict.fromkeys(cls.parameters, (0.0, MOST_OF_LOAD)))]
+        return [
+            Variant({}, tuple(cls.parameters), dict.fromkeys(cls.parameters, (0.0, MOST_OF_LOAD)))
+        ]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -41,7 +49,9 @@ class DirectionalLoadFriction(Effect):
 
 
 class ThermalFriction(Effect):
-    """−(w + x·exp(−t/T))·qd: viscous friction that falls as the grease warms up, t being the time since the start."""
+    """−(w + x·exp(−t/T))·qd: viscous friction that falls as the grease warms up, t being the time
+    since the start.
+    """
 
     warm: Joints  # (J,) w, what is left [N s/m or Nm s/rad]
     excess: Joints  # (J,) x, what it is more when cold [N s/m or Nm s/rad]
@@ -55,12 +65,16 @@ class ThermalFriction(Effect):
         "time_constant": Parameter("s", 1e-2, 1e6, "the time in which it mostly goes"),
     }
     friction: ClassVar[bool] = True
-    advice: ClassVar[str] = "record the same motion with the joint cold, and again after it has moved for ten minutes"
+    advice: ClassVar[str] = (
+        "record the same motion with the joint cold, and again after it has moved for ten minutes"
+    )
 
     def start(self, q: Joints) -> Joints:
         return jnp.zeros_like(q)
 
-    def actuate(self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Joints]:
+    def actuate(
+        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Joints]:
         """The torque less what the cold takes; remembers the time since the start (J,) [s]."""
         return tau - self.excess * jnp.exp(-memory / self.time_constant) * qd, memory + dt
 
@@ -71,7 +85,10 @@ class ThermalFriction(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """From some seconds to some minutes: a log is hardly longer, and faster it is not heat."""
         within = {"time_constant": (2.0, 600.0)}
-        return [Variant({"time_constant": time}, ("warm", "excess"), within) for time in (5.0, 15.0, 45.0, 150.0)]
+        return [
+            Variant({"time_constant": time}, ("warm", "excess"), within)
+            for time in (5.0, 15.0, 45.0, 150.0)
+        ]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -79,11 +96,13 @@ class ThermalFriction(Effect):
 
 
 class SublinearFriction(Effect):
-    """a·(6s² − 6s + 1)·sign(qd), s = |qd|/v: what friction bends down at either end of a line, and up in its middle.
+    """a·(6s² − 6s + 1)·sign(qd), s = |qd|/v: what friction bends down at either end of a line, and
+    up in its middle.
 
-    Friction that grows less than in proportion to speed is dry friction and viscous friction, the line that conventional
-    identification fits over speeds up to v, and beside it this, which is orthogonal to both (a Legendre polynomial). So their
-    values stay what they are without it. Beyond v it stays as it is there.
+    Friction that grows less than in proportion to speed is dry friction and viscous friction, the
+    line that conventional identification fits over speeds up to v, and beside it this, which is
+    orthogonal to both (a Legendre polynomial). So their values stay what they are without it.
+    Beyond v it stays as it is there.
     """
 
     bend: Joints  # (J,) a [N or Nm]
@@ -92,7 +111,9 @@ class SublinearFriction(Effect):
     name: ClassVar[str] = "sublinear_friction"
     sentence: ClassVar[str] = "friction that grows less than in proportion to speed"
     parameters: ClassVar = {
-        "bend": Parameter("N", 0.0, 1e5, "by how much friction at rest and at full speed falls short of the line"),
+        "bend": Parameter(
+            "N", 0.0, 1e5, "by how much friction at rest and at full speed falls short of the line"
+        ),
         "speed": Parameter("m/s", 1e-6, 1e3, "the full speed"),
     }
     fixed: ClassVar[tuple[str, ...]] = ("speed",)
@@ -111,7 +132,9 @@ class SublinearFriction(Effect):
 
 
 class CoupledJointFriction(Effect):
-    """Friction on the sum, or the difference, w of the speeds of joints ``joint`` and ``other``: −b·w − c·tanh(w/v) on both."""
+    """Friction on the sum, or the difference, w of the speeds of joints ``joint`` and ``other``:
+    −b·w − c·tanh(w/v) on both.
+    """
 
     coefficient: Scalar  # b [N s/m or Nm s/rad]
     level: Scalar  # c [N or Nm]
@@ -121,7 +144,9 @@ class CoupledJointFriction(Effect):
     difference: bool = struct.field(pytree_node=False, default=False)
 
     name: ClassVar[str] = "coupled_joint_friction"
-    sentence: ClassVar[str] = "friction on the sum or difference of the speeds of two joints, as in a wrist"
+    sentence: ClassVar[str] = (
+        "friction on the sum or difference of the speeds of two joints, as in a wrist"
+    )
     parameters: ClassVar = {
         "coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed"),
         "level": Parameter("N", 0.0, 1e5, "the level of dry friction"),
@@ -131,7 +156,8 @@ class CoupledJointFriction(Effect):
     prior: ClassVar[float] = 0.02
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = (
-        "move the two joints together and against each other, and each with the other at rest, at the same speeds"
+        "move the two joints together and against each other, and each with the other at rest, at"
+        " the same speeds"
     )
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
@@ -145,12 +171,22 @@ class CoupledJointFriction(Effect):
         """With the next joint, if that moves: a wrist's gears connect neighbours."""
         values = {"speed": max(scale.rest_speed, 0.003 * scale.speed, 1e-6)}
         neighbours = [other for other, _, _ in scale.others() if other == scale.joint + 1]
-        options = [{"joint": scale.joint, "other": o, "difference": d} for o in neighbours for d in (False, True)]
-        return [Variant(values, free, options=o) for o in options for free in (("coefficient",), ("coefficient", "level"))]
+        options = [
+            {"joint": scale.joint, "other": o, "difference": d}
+            for o in neighbours
+            for d in (False, True)
+        ]
+        return [
+            Variant(values, free, options=o)
+            for o in options
+            for free in (("coefficient",), ("coefficient", "level"))
+        ]
 
 
 class MotorCoupling(Effect):
-    """The motor of joint ``joint`` turns joint ``other`` too: a share of its torque arrives there."""
+    """The motor of joint ``joint`` turns joint ``other`` too: a share of its torque arrives
+    there.
+    """
 
     share: Scalar  # [1]
     joint: int = struct.field(pytree_node=False, default=0)
@@ -158,11 +194,17 @@ class MotorCoupling(Effect):
 
     name: ClassVar[str] = "motor_coupling"
     sentence: ClassVar[str] = "the motor of one joint turns another one too"
-    parameters: ClassVar = {"share": Parameter("1", -10.0, 10.0, "torque on the other joint over the motor's own")}
+    parameters: ClassVar = {
+        "share": Parameter("1", -10.0, 10.0, "torque on the other joint over the motor's own")
+    }
     prior: ClassVar[float] = 0.02
-    advice: ClassVar[str] = "command one motor alone with the other joint free, and see whether that moves"
+    advice: ClassVar[str] = (
+        "command one motor alone with the other joint free, and see whether that moves"
+    )
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         passed: Array = self.share * tau[self.joint]
         return tau.at[self.other].add(passed), memory
 
@@ -170,4 +212,7 @@ class MotorCoupling(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """Between neighbours, either way."""
         neighbours = [other for other, _, _ in scale.others() if abs(other - scale.joint) == 1]
-        return [Variant({}, ("share",), {"share": (-1.5, 1.5)}, {"joint": scale.joint, "other": o}) for o in neighbours]
+        return [
+            Variant({}, ("share",), {"share": (-1.5, 1.5)}, {"joint": scale.joint, "other": o})
+            for o in neighbours
+        ]

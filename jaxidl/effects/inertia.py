@@ -1,4 +1,6 @@
-"""The rigid body is not the one it is said to be: what is wrong about it is linear in the ten inertial parameters of a link."""
+"""The rigid body is not the one it is said to be: what is wrong about it is linear in the ten
+inertial parameters of a link.
+"""
 
 from typing import Any, ClassVar
 
@@ -15,14 +17,16 @@ from jaxidl.types import Joints, Scalar
 LINK = 0.2  # probability of an error in a link's mass, centre or inertia
 
 ACCELERATIONS = (
-    "repeat the motion with a known mass attached, and hold still in several postures: a wrong rotor inertia shows only under "
-    "acceleration, a wrong mass or centre at rest too, a load in every posture"
+    "repeat the motion with a known mass attached, and hold still in several postures: a wrong"
+    " rotor inertia shows only under acceleration, a wrong mass or centre at rest too, a load in"
+    " every posture"
 )
 """How to distinguish errors of the rigid body."""
 
 
 class InertiaError(Effect):
-    """Inertia that the model lacks: of each joint's rotor, and of the body that a joint carries; negative where it has too much.
+    """Inertia that the model lacks: of each joint's rotor, and of the body that a joint carries;
+    negative where it has too much.
 
     A body's inertia changes in proportion to its mass, its centre stays.
     """
@@ -53,13 +57,17 @@ class InertiaError(Effect):
 
 
 class ComError(Effect):
-    """A first moment that the model lacks on each joint's body, whose mass and inertia about its frame's origin stay."""
+    """A first moment that the model lacks on each joint's body, whose mass and inertia about its
+    frame's origin stay.
+    """
 
     moment: Float[Array, "J 3"]  # in the body's frame [kg m]
 
     name: ClassVar[str] = "com_error"
     sentence: ClassVar[str] = "a link's centre of mass is not where the model has it"
-    parameters: ClassVar = {"moment": Parameter("kg m", -1e4, 1e4, "the missing first moment of the body")}
+    parameters: ClassVar = {
+        "moment": Parameter("kg m", -1e4, 1e4, "the missing first moment of the body")
+    }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"moment": "body/inertial"}
     changes: ClassVar[float] = 0.001
@@ -76,13 +84,17 @@ class ComError(Effect):
 
 
 class InertiaTensorError(Effect):
-    """Rotational inertia that the model lacks on each joint's body: xx, yy, zz, xy, xz, yz about its frame's origin."""
+    """Rotational inertia that the model lacks on each joint's body: xx, yy, zz, xy, xz, yz about
+    its frame's origin.
+    """
 
     tensor: Float[Array, "J 6"]  # in the body's frame [kg m^2]
 
     name: ClassVar[str] = "inertia_tensor_error"
     sentence: ClassVar[str] = "a link has another rotational inertia than the model says"
-    parameters: ClassVar = {"tensor": Parameter("kg m^2", -1e4, 1e4, "the missing inertia tensor of the body")}
+    parameters: ClassVar = {
+        "tensor": Parameter("kg m^2", -1e4, 1e4, "the missing inertia tensor of the body")
+    }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"tensor": "body/inertial"}
     changes: ClassVar[float] = 0.001
@@ -99,15 +111,19 @@ class InertiaTensorError(Effect):
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """About the joint's own axis it is a rotor's inertia, unless other joints move the body, too."""
+        """About the joint's own axis it is a rotor's inertia, unless other joints move the body,
+        too.
+        """
         return ("inertia_error",)
 
 
 class Payload(Effect):
-    """A load on the last body that moves, in that body's frame; negative where the model has a load that is gone.
+    """A load on the last body that moves, in that body's frame; negative where the model has a load
+    that is gone.
 
-    It is a ``mass`` at ``com`` with ``inertia`` about that point: what reports show. Beside it stands a first ``moment`` for
-    fits: with the centre kept at the origin the torque is linear in mass, moment and inertia, and ``settled`` finds the centre.
+    It is a ``mass`` at ``com`` with ``inertia`` about that point: what reports show. Beside it
+    stands a first ``moment`` for fits: with the centre kept at the origin the torque is linear in
+    mass, moment and inertia, and ``settled`` finds the centre.
     """
 
     mass: Scalar  # [kg]
@@ -126,7 +142,12 @@ class Payload(Effect):
     whole: ClassVar[bool] = True
     fixed: ClassVar[tuple[str, ...]] = ("com",)
     internal: ClassVar[tuple[str, ...]] = ("moment",)
-    mjcf: ClassVar = {"mass": "body/inertial", "com": "body/inertial", "moment": "body/inertial", "inertia": "body/inertial"}
+    mjcf: ClassVar = {
+        "mass": "body/inertial",
+        "com": "body/inertial",
+        "moment": "body/inertial",
+        "inertia": "body/inertial",
+    }
     changes: ClassVar[float] = 0.3
     prior: ClassVar[float] = 0.1
     advice: ClassVar[str] = ACCELERATIONS
@@ -138,9 +159,11 @@ class Payload(Effect):
         return ten(self.mass, moment, about(self.mass, com) + self.inertia)
 
     def settled(self) -> "Payload":
-        """Return the same load with its first moment in ``com``, as it is if it has no mass or a centre out of bounds.
+        """Return the same load with its first moment in ``com``, as it is if it has no mass or a
+        centre out of bounds.
 
-        Its inertia about that point has no principal moment of another sign than its mass: no such body could be simulated.
+        Its inertia about that point has no principal moment of another sign than its mass: no such
+        body could be simulated.
         """
         numbers = self.numbers()
         heavy = jnp.abs(numbers[0]) > 1e-9
@@ -149,7 +172,11 @@ class Payload(Effect):
         moments, axes = jnp.linalg.eigh(matrix(numbers[4:] - about(numbers[0], com)))
         kept = jnp.where(moments * numbers[0] > 0.0, moments, 0.0)
         settled = Payload(self.mass, com, jnp.zeros(3), elements((axes * kept[None, :]) @ axes.T))
-        mine = self.replace(com=jnp.asarray(self.com), moment=jnp.zeros(3) + self.moment, inertia=jnp.zeros(6) + self.inertia)
+        mine = self.replace(
+            com=jnp.asarray(self.com),
+            moment=jnp.zeros(3) + self.moment,
+            inertia=jnp.zeros(6) + self.inertia,
+        )
         return jax.tree.map(lambda new, old: jnp.where(there, new, old), settled, mine)
 
     def alter(self, body: Any) -> Any:
@@ -157,7 +184,9 @@ class Payload(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """With its centre left at the frame's origin, where mass, moment and inertia are amplitudes."""
+        """With its centre left at the frame's origin, where mass, moment and inertia are
+        amplitudes.
+        """
         values = {"mass": 0.0, "com": np.zeros(3), "moment": np.zeros(3), "inertia": np.zeros(6)}
         return [Variant(values, ("mass", "moment", "inertia"), {"mass": (0.0, np.inf)})]
 
@@ -168,7 +197,8 @@ class Payload(Effect):
 
 
 class BaseTilt(Effect):
-    """The base is not level: turned by small ``angles`` about two horizontal axes, x and y where gravity points along z.
+    """The base is not level: turned by small ``angles`` about two horizontal axes, x and y where
+    gravity points along z.
 
     Linear: gravity in the base's frame changes by minus the turn's cross product with it.
     """
@@ -177,14 +207,16 @@ class BaseTilt(Effect):
 
     name: ClassVar[str] = "base_tilt"
     sentence: ClassVar[str] = "the base is not level, so gravity points another way"
-    parameters: ClassVar = {"angles": Parameter("rad", -0.5, 0.5, "the tilt about two horizontal axes")}
+    parameters: ClassVar = {
+        "angles": Parameter("rad", -0.5, 0.5, "the tilt about two horizontal axes")
+    }
     linear: ClassVar[bool] = True
     whole: ClassVar[bool] = True
     mjcf: ClassVar = {"angles": "option/gravity"}
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
-        "put a level on the base, or hold still in many postures with the first joint turned all the way round: a tilt goes with "
-        "the base, a wrong link or encoder with its joint"
+        "put a level on the base, or hold still in many postures with the first joint turned all"
+        " the way round: a tilt goes with the base, a wrong link or encoder with its joint"
     )
 
     def alter(self, body: Any) -> Any:

@@ -36,10 +36,13 @@ class _Part:
 
 
 class OnJoint(Effect):
-    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of ``joints``; nothing on others."""
+    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of
+    ``joints``; nothing on others.
+    """
 
     effect: Effect
-    joint: int | Int[Array, ""] = struct.field(pytree_node=False)  # traced where one program serves all joints
+    # traced where one program serves all joints
+    joint: int | Int[Array, ""] = struct.field(pytree_node=False)
     joints: int = struct.field(pytree_node=False)
 
     def _of(self, values: Joints) -> Own:
@@ -56,12 +59,18 @@ class OnJoint(Effect):
     def start(self, q: Joints) -> Any:
         return self.effect.start(self._of(q))
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
-        delivered, memory = self.effect.actuate(memory, self._of(q), self._of(qd), self._of(tau), dt)
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
+        delivered, memory = self.effect.actuate(
+            memory, self._of(q), self._of(qd), self._of(tau), dt
+        )
         return self._put(tau, delivered), memory
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
-        return self._put(jnp.zeros_like(qd), self.effect.torque(self._of(q), self._of(qd), self._of(tau)))
+        return self._put(
+            jnp.zeros_like(qd), self.effect.torque(self._of(q), self._of(qd), self._of(tau))
+        )
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         own = self.effect.dry(self._of(q), self._of(qd), self._of(tau), self._of(direction))
@@ -88,7 +97,11 @@ class OnJoint(Effect):
         return self.effect.reads_torque()
 
     def write_mjcf(self, numbers: Any) -> str | None:
-        return numbers.alter(self) if self.effect.rigid() else self.effect.write_mjcf(numbers.own(self.joint))
+        return (
+            numbers.alter(self)
+            if self.effect.rigid()
+            else self.effect.write_mjcf(numbers.own(self.joint))
+        )
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
         return self.effect.mjcf_motor(motor) if joint == self.joint else motor
@@ -101,7 +114,9 @@ class OnJoint(Effect):
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """The effect's own record with the joint's number; parameters of one joint are plain numbers."""
+        """The effect's own record with the joint's number; parameters of one joint are plain
+        numbers.
+        """
         record = self.effect.to_dict()
         for entry in record["parameters"].values():
             if isinstance(entry["value"], list) and len(entry["value"]) == 1:
@@ -110,7 +125,9 @@ class OnJoint(Effect):
 
 
 def placed(cls: type[Effect], variant: Variant, joint: int, joints: int) -> Effect:
-    """Return the effect of a ``variant`` on joint ``joint`` of ``joints``; as it is if it has its place in itself."""
+    """Return the effect of a ``variant`` on joint ``joint`` of ``joints``; as it is if it has its
+    place in itself.
+    """
     alone = cls.alone()
 
     def value(name: str) -> Array:

@@ -15,8 +15,8 @@ Waves = Float[Array, " J"] | Float[Array, "J H"]
 LEAST_WAVES = 1.5  # of a ripple that a search looks for, within the range of positions
 
 HOLDING = (
-    "hold still at many positions over the whole range, in several postures: offset, spring, ripple, encoder bias and load "
-    "differ in how the holding torque changes with position"
+    "hold still at many positions over the whole range, in several postures: offset, spring,"
+    " ripple, encoder bias and load differ in how the holding torque changes with position"
 )
 """How to distinguish torques that depend on position."""
 
@@ -50,7 +50,11 @@ class Spring(Effect):
 
     @classmethod
     def read_mjcf(cls, numbers: Any) -> "Spring | None":
-        return cls(jnp.asarray(numbers.stiffness), jnp.asarray(numbers.springref)) if np.any(numbers.stiffness) else None
+        return (
+            cls(jnp.asarray(numbers.stiffness), jnp.asarray(numbers.springref))
+            if np.any(numbers.stiffness)
+            else None
+        )
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
@@ -59,7 +63,9 @@ class Spring(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Relaxed at the low end, in the middle or at the high end of the range; farther out than the range is an offset."""
+        """Relaxed at the low end, in the middle or at the high end of the range; farther out than
+        the range is an offset.
+        """
         within = {"rest": (scale.lower - scale.width, scale.upper + scale.width)}
         rests = (scale.lower, (scale.lower + scale.upper) / 2, scale.upper)
         return [Variant({"rest": rest}, ("stiffness",), within) for rest in rests]
@@ -73,7 +79,8 @@ class Spring(Effect):
 class TorqueRipple(Effect):
     """s·sin(2π·q/p) + c·cos(2π·q/p): cogging, a magnet's poles, a gear's teeth.
 
-    With tables of amplitudes it has H harmonics: the sum over h = 1 … H of those for the period p/h.
+    With tables of amplitudes it has H harmonics: the sum over h = 1 … H of those for the period
+    p/h.
     """
 
     sine: Waves  # (J,) or (J, H) s [N or Nm]
@@ -98,15 +105,25 @@ class TorqueRipple(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        least = max(scale.width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))  # passed slowly enough to be seen
+        # passed slowly enough to be seen
+        least = max(scale.width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))
         waves = np.arange(1.5, max(scale.width / least, 2.0), 0.4)
         return [{"sine": 0.0, "cosine": 0.0, "period": scale.width / n} for n in waves]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Many waves along the way, as of a single one nobody knows that it repeats; and some with two harmonics."""
+        """Many waves along the way, as of a single one nobody knows that it repeats; and some with
+        two harmonics.
+        """
         within = {"period": (0.0, scale.width / LEAST_WAVES)}
-        periods = [p for guess in cls.guesses(scale) if (p := float(guess["period"])) <= within["period"][1]]
+        periods = [
+            p
+            for guess in cls.guesses(scale)
+            if (p := float(guess["period"])) <= within["period"][1]
+        ]
         none = np.zeros((1, 2))
         two = [{"sine": none, "cosine": none, "period": period} for period in periods[::3]]
-        return [Variant(values, ("sine", "cosine"), within) for values in [*({"period": p} for p in periods), *two]]
+        return [
+            Variant(values, ("sine", "cosine"), within)
+            for values in [*({"period": p} for p in periods), *two]
+        ]

@@ -30,9 +30,9 @@ class SensingNoise(Effect):
 class EncoderQuantisation(Effect):
     """The encoder reads the nearest whole count.
 
-    Its derivative is zero almost everywhere: a reading that stands still. A derivative through a feedback loop that it is part of
-    is therefore that of a loop cut open, and can be of any size: where one differentiates, leave the effect out, whose error is
-    half a count at most.
+    Its derivative is zero almost everywhere: a reading that stands still. A derivative through a
+    feedback loop that it is part of is therefore that of a loop cut open, and can be of any size:
+    where one differentiates, leave the effect out, whose error is half a count at most.
     """
 
     count: Joints | Scalar  # [m or rad]
@@ -46,7 +46,9 @@ class EncoderQuantisation(Effect):
 
 
 class PositionBias(Effect):
-    """The encoder reads q + bias. Only where forces depend on position (gravity, coupling) does a log show it."""
+    """The encoder reads q + bias. Only where forces depend on position (gravity, coupling) does a
+    log show it.
+    """
 
     bias: Joints  # (J,) [m or rad]
 
@@ -54,8 +56,8 @@ class PositionBias(Effect):
     sentence: ClassVar[str] = "the encoder's zero is not where the model has it"
     parameters: ClassVar = {"bias": Parameter("m", -10.0, 10.0, "the encoder's offset")}
     advice: ClassVar[str] = (
-        "hold still at many positions over the whole range, in several postures, or compare the encoder with a mechanical mark: "
-        "a wrong zero shifts all that depends on position"
+        "hold still at many positions over the whole range, in several postures, or compare the"
+        " encoder with a mechanical mark: a wrong zero shifts all that depends on position"
     )
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
@@ -71,11 +73,16 @@ class PositionBias(Effect):
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
         """A small one to each side; one of more than a quarter of a turn would have been seen."""
-        return [Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)}) for bias in (0.01, -0.01, 0.1, -0.1)]
+        return [
+            Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)})
+            for bias in (0.01, -0.01, 0.1, -0.1)
+        ]
 
 
 class SensorDelay(Effect):
-    """The encoder's reading is ``delay`` old, by linear interpolation between past positions; at most ``steps`` steps."""
+    """The encoder's reading is ``delay`` old, by linear interpolation between past positions; at
+    most ``steps`` steps.
+    """
 
     delay: Joints  # (J,) [s]
     steps: int = struct.field(pytree_node=False, default=64)
@@ -89,7 +96,9 @@ class SensorDelay(Effect):
     def start(self, q: Joints) -> Any:
         return line(q, self.steps), jnp.zeros_like(q)
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         """Leaves the torque alone; remembers the position and how many steps the delay is."""
         return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
 

@@ -1,8 +1,9 @@
 """Borders, sharp or blurred.
 
-Where an effect jumps from one rule to another, a derivative through it knows the rule that holds and nothing of the jump: not
-that a parameter moves the instant at which a border is crossed. Blurred over a width, the border is crossed gradually, and the
-derivative is that of all that happens. As the width goes to zero, values converge to the sharp ones; derivatives do not, they
+Where an effect jumps from one rule to another, a derivative through it knows the rule that holds
+and nothing of the jump: not that a parameter moves the instant at which a border is crossed.
+Blurred over a width, the border is crossed gradually, and the derivative is that of all that
+happens. As the width goes to zero, values converge to the sharp ones; derivatives do not, they
 contain ever steeper slopes.
 """
 
@@ -10,18 +11,25 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-Share = Bool[Array, "..."] | Float[Array, "..."]  # true or false; blurred, something between 0 and 1
+# true or false; blurred, something between 0 and 1
+Share = Bool[Array, "..."] | Float[Array, "..."]
 
 
 def inside(width: float, *distances: Float[Array, "..."]) -> Share:
-    """Are all ``distances`` from borders positive? With a ``width`` > 0, in their unit, to which share: product of logistics."""
+    """Are all ``distances`` from borders positive? With a ``width`` > 0, in their unit, to which
+    share: product of logistics.
+    """
     share = jnp.ones((), bool)
     for distance in distances:
-        share = share & (distance > 0.0) if width == 0.0 else share * jax.nn.sigmoid(distance / width)
+        share = (
+            share & (distance > 0.0) if width == 0.0 else share * jax.nn.sigmoid(distance / width)
+        )
     return share
 
 
-def choose(share: Share, yes: Float[Array, "..."] | float, no: Float[Array, "..."] | float) -> Float[Array, "..."]:
+def choose(
+    share: Share, yes: Float[Array, "..."] | float, no: Float[Array, "..."] | float
+) -> Float[Array, "..."]:
     """``yes`` where ``share`` is true, ``no`` where it is false; between them in proportion."""
     return jnp.where(share, yes, no) if share.dtype == bool else share * yes + (1.0 - share) * no
 

@@ -20,15 +20,21 @@ class Parameter:
     meaning: str
 
     def check(self, name: str, value: object) -> None:
-        """Raise :class:`EffectError` naming the parameter if ``value``, a number or an array, is out of bounds or NaN."""
+        """Raise :class:`EffectError` naming the parameter if ``value``, a number or an array, is
+        out of bounds or NaN.
+        """
         numbers = np.asarray(value, float)
         if not ((numbers >= self.lower) & (numbers <= self.upper)).all():  # NaN fails too
             bounds = f"{name} in [{self.lower:g}, {self.upper:g}] {self.unit}"
-            raise EffectError(bounds, str(numbers.tolist()), f"set {self.meaning} within these bounds")
+            raise EffectError(
+                bounds, str(numbers.tolist()), f"set {self.meaning} within these bounds"
+            )
 
 
 class Scale(NamedTuple):
-    """How large things are on one joint of a log: what an effect measures its starting values with."""
+    """How large things are on one joint of a log: what an effect measures its starting values
+    with.
+    """
 
     torque: float  # largest command [N or Nm]
     speed: float  # largest speed [m/s or rad/s]
@@ -40,7 +46,8 @@ class Scale(NamedTuple):
     dt: float  # sampling interval [s]
     joint: int = 0  # number of the joint
     joints: int = 1  # how many the mechanism has, J
-    lows: Sequence[float] = ()  # (J,) least positions of all joints [m or rad]; empty: of this one only
+    # (J,) least positions of all joints [m or rad]; empty: of this one only
+    lows: Sequence[float] = ()
     highs: Sequence[float] = ()  # (J,) largest positions
     rest_speed: float = 0.0  # speed below which a joint looks as if it rested [m/s or rad/s]
     effort: float = 0.0  # root mean square of the command [N or Nm]; 0: not known
@@ -53,10 +60,13 @@ class Scale(NamedTuple):
     def others(self) -> list[tuple[int, float, float]]:
         """Return number, least and largest position of each other joint that moves."""
         pairs = zip(range(self.joints), self.lows, self.highs, strict=False)
-        return [(j, float(low), float(high)) for j, low, high in pairs if j != self.joint and high > low]
+        return [
+            (j, float(low), float(high)) for j, low, high in pairs if j != self.joint and high > low
+        ]
 
 
-Guess = Mapping[str, float | np.ndarray]  # starting values of the parameters; those not named are zero
+# starting values of the parameters; those not named are zero
+Guess = Mapping[str, float | np.ndarray]
 Bounds = Mapping[str, tuple[float, float]]
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -64,21 +74,25 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 class Variant(NamedTuple):
     """Give one starting shape of an effect on one joint, as a search tries it.
 
-    Values are those of a mechanism of one joint: a number for each parameter, a table of shape (1, K). For effects of the whole
-    mechanism, and those that name their joints themselves, they have the shapes of the effect's fields.
+    Values are those of a mechanism of one joint: a number for each parameter, a table of shape (1,
+    K). For effects of the whole mechanism, and those that name their joints themselves, they have
+    the shapes of the effect's fields.
     """
 
     values: Guess  # starting values of the parameters; those not named are zero
     free: tuple[str, ...] = ()
-    """Amplitudes: parameters in which what the effect adds is linear, and zero at zero, the others kept at ``values``.
-    Empty: what the effect adds at ``values`` is scaled as a whole."""
+    """Amplitudes: parameters in which what the effect adds is linear, and zero at zero, the others
+    kept at ``values``. Empty: what the effect adds at ``values`` is scaled as a whole.
+    """
     within: Bounds = NOTHING  # plausible bounds of any parameters, narrower than the catalogue's
     options: Mapping[str, Any] = NOTHING  # static fields
     prior: float | None = None  # probability, where it is not the effect's
 
 
 class Motor(NamedTuple):
-    """Give what MuJoCo's motor of one joint does: command, lag, clipped to ``force``, times ``gear``, torque."""
+    """Give what MuJoCo's motor of one joint does: command, lag, clipped to ``force``, times
+    ``gear``, torque.
+    """
 
     gear: float = 1.0
     force: float = np.inf  # [N or Nm] before the gear

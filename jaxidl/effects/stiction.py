@@ -17,25 +17,30 @@ BORDERS = (0.25, 0.5, 0.75)  # of the range of positions: below one of them alon
 
 
 class Stiction(Effect):
-    """A resting joint withstands the breakaway torque, beyond what other dry friction holds, before it moves.
+    """A resting joint withstands the breakaway torque, beyond what other dry friction holds, before
+    it moves.
 
-    A joint rests where |qd| < ``speed``; the effect acts below position ``below`` only. Both borders are strict. With
-    ``signed`` it is the paper's program: a resting joint does not accelerate (its speed stays what it was) while the delivered
-    torque itself, not its magnitude, is below the breakaway torque, so that it is held against every negative torque, and the
+    A joint rests where |qd| < ``speed``; the effect acts below position ``below`` only. Both
+    borders are strict. With ``signed`` it is the paper's program: a resting joint does not
+    accelerate (its speed stays what it was) while the delivered torque itself, not its magnitude,
+    is below the breakaway torque, so that it is held against every negative torque, and the
     program's results depend on it.
 
-    Whether a joint sticks is a yes or no, so breakaway torque, resting speed and position below have derivative zero in the
-    signed form, and the time at which a joint breaks away has none: a controller's gain that would free a joint looks useless.
-    With ``width`` > 0 each border is a logistic over that share of its own size (of 1 where it is 0), and a joint that sticks to
-    a share s keeps 1 − s of its acceleration, or withstands s of the breakaway torque. At rest it then creeps by exp(−1/width)
-    of its acceleration: 0.02 to 0.1 serve. Values converge to the sharp ones as the width goes to 0.
+    Whether a joint sticks is a yes or no, so breakaway torque, resting speed and position below
+    have derivative zero in the signed form, and the time at which a joint breaks away has none: a
+    controller's gain that would free a joint looks useless. With ``width`` > 0 each border is a
+    logistic over that share of its own size (of 1 where it is 0), and a joint that sticks to a
+    share s keeps 1 − s of its acceleration, or withstands s of the breakaway torque. At rest it
+    then creeps by exp(−1/width) of its acceleration: 0.02 to 0.1 serve. Values converge to the
+    sharp ones as the width goes to 0.
     """
 
     breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
     speed: Joints | Scalar  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
     below: Joints | Scalar  # (J,) or (): positions from here on do not stick [m]
     signed: bool = struct.field(pytree_node=False, default=False)
-    width: float = struct.field(pytree_node=False, default=0.0)  # of the borders as a share of each [-]; 0: sharp
+    # of the borders as a share of each [-]; 0: sharp
+    width: float = struct.field(pytree_node=False, default=0.0)
 
     name: ClassVar[str] = "stiction"
     sentence: ClassVar[str] = "a joint at rest sticks until the torque exceeds a breakaway value"
@@ -43,7 +48,9 @@ class Stiction(Effect):
     parameters: ClassVar = {
         "breakaway": Parameter("N", 0.0, 1e5, "the breakaway torque"),
         "speed": Parameter("m/s", 0.0, 1.0, "the resting speed"),
-        "below": Parameter("m", -float("inf"), float("inf"), "the position below which the joint sticks"),
+        "below": Parameter(
+            "m", -float("inf"), float("inf"), "the position below which the joint sticks"
+        ),
     }
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = SPEEDS
@@ -51,7 +58,13 @@ class Stiction(Effect):
     def _sticks(self, q: Joints, qd: Joints, *beyond: tuple[Joints | Scalar, Joints]) -> Share:
         """Is each value below its border: speed, position, and those given as (border, value)?"""
         pairs = ((self.speed, jnp.abs(qd)), (self.below, q), *beyond)
-        return inside(self.width, *((border - value) / (1.0 if self.width == 0.0 else _size(border)) for border, value in pairs))
+        return inside(
+            self.width,
+            *(
+                (border - value) / (1.0 if self.width == 0.0 else _size(border))
+                for border, value in pairs
+            ),
+        )
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         if self.signed:
@@ -71,7 +84,10 @@ class Stiction(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """Everywhere, or below one of a few positions only."""
         borders = [np.inf, *(scale.lower + share * scale.width for share in BORDERS)]
-        return [Variant({"speed": 1e-9 * scale.speed, "below": border}, ("breakaway",)) for border in borders]
+        return [
+            Variant({"speed": 1e-9 * scale.speed, "below": border}, ("breakaway",))
+            for border in borders
+        ]
 
 
 STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
@@ -84,5 +100,13 @@ def _size(border: Joints | Scalar) -> Array:
 
 
 def paper_stiction(level: Scalar, width: float = 0.0) -> Stiction:
-    """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed."""
-    return Stiction(jnp.asarray([100.0, 50.0]) * level, jnp.asarray(1e-4), jnp.asarray(0.2), signed=True, width=width)
+    """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and
+    0.0001 m/s, signed.
+    """
+    return Stiction(
+        jnp.asarray([100.0, 50.0]) * level,
+        jnp.asarray(1e-4),
+        jnp.asarray(0.2),
+        signed=True,
+        width=width,
+    )

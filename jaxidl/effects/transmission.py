@@ -1,8 +1,9 @@
-"""What lies between motor and link: a hidden motor-side state that the joint's encoder does not see.
+"""What lies between motor and link: a hidden motor-side state that the joint's encoder does not
+see.
 
-The motor carries ``motor_inertia``, a part of the joint's inertia; the link keeps the rest. In one step the motor moves under the
-command and the transmission's torque in ``SUBSTEPS`` small ones, the link's velocity taken as constant, and the link feels the
-transmission's mean torque.
+The motor carries ``motor_inertia``, a part of the joint's inertia; the link keeps the rest. In one
+step the motor moves under the command and the transmission's torque in ``SUBSTEPS`` small ones, the
+link's velocity taken as constant, and the link feels the transmission's mean torque.
 """
 
 from abc import abstractmethod
@@ -19,20 +20,25 @@ from jaxidl.types import Joints
 
 SUBSTEPS = 4
 MOST_TWIST = 0.1  # of the joint's range: no drive is softer
-SOFTEST = 3.0  # transmission that a search looks for: frequency of the motor against a link held still [Hz]
+# transmission that a search looks for: frequency of the motor against a link held still [Hz]
+SOFTEST = 3.0
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 
 
 class Transmission(Effect):
-    """What all transmissions share: the motor's inertia taken off the link, and its twist and speed as hidden state."""
+    """What all transmissions share: the motor's inertia taken off the link, and its twist and speed
+    as hidden state.
+    """
 
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = LATE
 
     @abstractmethod
     def transmitted(self, twist: Joints, rate: Joints) -> Joints:
-        """Torque (J,) that passes at a ``twist`` (J,) of motor against link that changes at ``rate`` (J,)."""
+        """Torque (J,) that passes at a ``twist`` (J,) of motor against link that changes at
+        ``rate`` (J,).
+        """
 
     def alter(self, body: Any) -> Any:
         return body.add_inertia(-self._inertia)
@@ -40,7 +46,9 @@ class Transmission(Effect):
     def start(self, q: Joints) -> Any:
         return jnp.zeros_like(q), jnp.zeros_like(q)
 
-    def actuate(self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float) -> tuple[Joints, Any]:
+    def actuate(
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+    ) -> tuple[Joints, Any]:
         """Mean transmitted torque (J,) over a step, and the new twist (J,) and motor speed (J,)."""
 
         def small(state: Any, _: None) -> tuple[Any, Joints]:
@@ -56,16 +64,24 @@ class Transmission(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """With the motor's inertia near to where the fit begins.
 
-        A soft transmission with nearly all inertia on the motor's side passes hardly any torque on: a small residual that
-        explains nothing.
+        A soft transmission with nearly all inertia on the motor's side passes hardly any torque on:
+        a small residual that explains nothing.
         """
 
         def variant(guess: Guess) -> Variant:
             inertia = float(guess["motor_inertia"])
-            softest = max((2.0 * np.pi * SOFTEST) ** 2 * inertia, scale.torque / (MOST_TWIST * scale.width))
+            softest = max(
+                (2.0 * np.pi * SOFTEST) ** 2 * inertia, scale.torque / (MOST_TWIST * scale.width)
+            )
             motor = (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia))
             begin = dict(guess) | {"stiffness": max(float(guess["stiffness"]), softest)}
-            return Variant(begin, within={"motor_inertia": motor, "stiffness": (softest, cls.parameters["stiffness"].upper)})
+            return Variant(
+                begin,
+                within={
+                    "motor_inertia": motor,
+                    "stiffness": (softest, cls.parameters["stiffness"].upper),
+                },
+            )
 
         return [variant(guess) for guess in cls.guesses(scale)]
 
@@ -95,8 +111,13 @@ class JointElasticity(Transmission):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         def guess(share: float, hertz: float, ratio: float) -> Guess:
-            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz  # of the motor against a link held still
-            return {"stiffness": omega**2 * inertia, "damping": 2.0 * ratio * omega * inertia, "motor_inertia": inertia}
+            # of the motor against a link held still
+            inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
+            return {
+                "stiffness": omega**2 * inertia,
+                "damping": 2.0 * ratio * omega * inertia,
+                "motor_inertia": inertia,
+            }
 
         top = min(1.5 * scale.band, 0.2 / scale.dt)
         tones = [hertz for hertz in (5.0, 9.0, 16.0, 28.0, 50.0, 90.0) if hertz < top]
@@ -104,7 +125,9 @@ class JointElasticity(Transmission):
 
 
 class Backlash(Transmission):
-    """A dead zone of width ``gap`` between motor and link; beyond it a stiff contact with a damper."""
+    """A dead zone of width ``gap`` between motor and link; beyond it a stiff contact with a
+    damper.
+    """
 
     gap: Joints  # (J,) total play [m or rad]
     stiffness: Joints  # (J,) of the contact [N/m or Nm/rad]
@@ -131,7 +154,12 @@ class Backlash(Transmission):
         def guess(share: float, gap: float, hertz: float) -> Guess:
             inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
             stiffness = omega**2 * inertia
-            return {"gap": gap * width, "stiffness": stiffness, "damping": 0.6 * omega * inertia, "motor_inertia": inertia}
+            return {
+                "gap": gap * width,
+                "stiffness": stiffness,
+                "damping": 0.6 * omega * inertia,
+                "motor_inertia": inertia,
+            }
 
         top = 0.25 / scale.dt
         tones = [min(share * scale.band, top) for share in (0.6, 2.0)]

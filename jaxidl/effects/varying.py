@@ -21,22 +21,28 @@ _ENDS = {
 
 
 KNOTS = (6, 12)  # of tables that a search tries
-MOST_OF_LOAD = 0.6  # of the transmitted torque: what friction takes. With all of it friction would "explain" any command
+# of the transmitted torque: what friction takes. With all of it friction would "explain" any
+# command
+MOST_OF_LOAD = 0.6
 
 POSTURES = (
-    "run the same speeds through the whole range of every joint, in both directions, with the other joints in several postures, "
-    "and once with a load"
+    "run the same speeds through the whole range of every joint, in both directions, with the other"
+    " joints in several postures, and once with a load"
 )
 """How to distinguish kinds of friction that vary."""
 
 
 def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
-    """The table (K,) at ``q``, linear between its evenly spaced positions and constant beyond the ends."""
+    """The table (K,) at ``q``, linear between its evenly spaced positions and constant beyond the
+    ends.
+    """
     return jnp.interp(q, jnp.linspace(lower, upper, table.shape[-1]), table)
 
 
 class PositionDependentFriction(Effect):
-    """−c(q)·sign(qd) − b(q)·qd with c and b tables over position; a negative b feeds motion, a negative c counts as zero."""
+    """−c(q)·sign(qd) − b(q)·qd with c and b tables over position; a negative b feeds motion, a
+    negative c counts as zero.
+    """
 
     level: Table  # (J, K) c [N or Nm]
     coefficient: Table  # (J, K) b [N s/m or Nm s/rad]
@@ -70,9 +76,16 @@ class PositionDependentFriction(Effect):
 
         def values(knots: int) -> Guess:
             table = np.zeros((1, knots))
-            return {"level": table, "coefficient": table, "lower": scale.lower, "upper": scale.upper}
+            return {
+                "level": table,
+                "coefficient": table,
+                "lower": scale.lower,
+                "upper": scale.upper,
+            }
 
-        return [Variant(values(knots), (free,)) for free in ("level", "coefficient") for knots in KNOTS]
+        return [
+            Variant(values(knots), (free,)) for free in ("level", "coefficient") for knots in KNOTS
+        ]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -81,7 +94,9 @@ class PositionDependentFriction(Effect):
 
 
 class CoupledFriction(Effect):
-    """Friction of joint ``joint`` that varies with the position of joint ``other``: −c(q_o)·sign(qd_j) − b(q_o)·qd_j."""
+    """Friction of joint ``joint`` that varies with the position of joint ``other``:
+    −c(q_o)·sign(qd_j) − b(q_o)·qd_j.
+    """
 
     level: Table  # (K,) c [N or Nm]
     coefficient: Table  # (K,) b [N s/m or Nm s/rad]
@@ -120,7 +135,12 @@ class CoupledFriction(Effect):
             values = {"level": table, "coefficient": table, "lower": low, "upper": high}
             return Variant(values, (free,), options={"joint": scale.joint, "other": other})
 
-        return [variant(free, knots, *o) for o in scale.others() for free in ("level", "coefficient") for knots in KNOTS]
+        return [
+            variant(free, knots, *o)
+            for o in scale.others()
+            for free in ("level", "coefficient")
+            for knots in KNOTS
+        ]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -128,13 +148,17 @@ class CoupledFriction(Effect):
 
 
 class LoadDependentFriction(Effect):
-    """−μ·|tau|·sign(qd), tau being the torque that the motor delivers: gears and screws under load."""
+    """−μ·|tau|·sign(qd), tau being the torque that the motor delivers: gears and screws under
+    load.
+    """
 
     coefficient: Joints  # (J,) μ [1]
 
     name: ClassVar[str] = "load_dependent_friction"
     sentence: ClassVar[str] = "dry friction in proportion to the transmitted torque"
-    parameters: ClassVar = {"coefficient": Parameter("1", 0.0, 0.99, "friction over transmitted torque")}
+    parameters: ClassVar = {
+        "coefficient": Parameter("1", 0.0, 0.99, "friction over transmitted torque")
+    }
     linear: ClassVar[bool] = True
     changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.15

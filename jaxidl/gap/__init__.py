@@ -7,4 +7,14 @@ from jaxidl.gap.refine import Refinement
 from jaxidl.logs.log import Log, from_arrays, read
 from jaxidl.systems.mjcf import Model, read_model
 
-__all__ = ["Diagnosis", "Log", "Model", "Refinement", "diagnose", "from_arrays", "read", "read_inputs", "read_model"]
+__all__ = [
+    "Diagnosis",
+    "Log",
+    "Model",
+    "Refinement",
+    "diagnose",
+    "from_arrays",
+    "read",
+    "read_inputs",
+    "read_model",
+]

@@ -1,8 +1,9 @@
 """What an effect adds, along a log, to the command that the model predicts.
 
-The log drives the effect: a hidden state is simulated under the measured motion and the logged command, and an effect that reads
-the torque reads the *predicted* command, or it would explain a command by itself. Of effects of one class many are computed side
-by side, so each class is compiled once, for all its shapes and joints.
+The log drives the effect: a hidden state is simulated under the measured motion and the logged
+command, and an effect that reads the torque reads the *predicted* command, or it would explain a
+command by itself. Of effects of one class many are computed side by side, so each class is compiled
+once, for all its shapes and joints.
 """
 
 from collections.abc import Sequence
@@ -47,16 +48,23 @@ class Terms(NamedTuple):
 
 
 def additions(
-    effects: Sequence[Effect], signals: Signals, tau: np.ndarray, predicted: np.ndarray, undone: bool = False
+    effects: Sequence[Effect],
+    signals: Signals,
+    tau: np.ndarray,
+    predicted: np.ndarray,
+    undone: bool = False,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
-    """Return what each of G effects of one structure adds to the predicted command [N or Nm], and what the last one delivers.
+    """Return what each of G effects of one structure adds to the predicted command [N or Nm], and
+    what the last one delivers.
 
     Args:
-        effects: of the whole mechanism (effects of one joint carry it), all of one class with the same static fields.
+        effects: of the whole mechanism (effects of one joint carry it), all of one class with the
+            same static fields.
         signals: the log, N rows of T instants.
         tau: commands (T, J) that arrive at their ``actuate`` [N or Nm].
         predicted: commands (T, J) that their ``torque`` and ``dry`` read [N or Nm].
-        undone: are the signals' positions already without what the effects do to the encoders? It is not to count again.
+        undone: are the signals' positions already without what the effects do to the encoders? It
+            is not to count again.
     """
     joints = signals.q.shape[1]
     columns, inner, places = _narrowed(effects)
@@ -65,13 +73,17 @@ def additions(
     for first in range(0, len(inner), SIDE_BY_SIDE):
         part = inner[first : first + SIDE_BY_SIDE]
         filled = part + [part[-1]] * (SIDE_BY_SIDE - len(part))
-        leaves = [np.stack([np.asarray(x, float) for x in each]) for each in zip(*map(jax.tree.leaves, filled), strict=True)]
+        leaves = [
+            np.stack([np.asarray(x, float) for x in each])
+            for each in zip(*map(jax.tree.leaves, filled), strict=True)
+        ]
         where = np.resize(np.asarray(places[first : first + SIDE_BY_SIDE]), SIDE_BY_SIDE)
         terms = _many(jax.tree.structure(part[0]), leaves, where, drive, starts, signals.dt)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
             added = _rows(terms, signals, columns, drive, undone)
-        wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))  # a simulation that runs away adds nothing
+        # a simulation that runs away adds nothing
+        wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
         out[first : first + len(part)][:, :, columns] = np.where(wild, 0.0, added)
         if np.any(terms.change[-1]):
             delivered = tau.copy()
@@ -83,8 +95,8 @@ Columns = slice | list[int]  # joints
 
 
 def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
-    """The joints that effects concern, the effects as if the mechanism had no others, so that one program serves all joints, and
-    on which joint those are that reach to others.
+    """The joints that effects concern, the effects as if the mechanism had no others, so that one
+    program serves all joints, and on which joint those are that reach to others.
     """
     first, nowhere = effects[0], [0] * len(effects)
     if isinstance(first, OnJoint) and not any(reaches(e.effect) for e in effects):  # type: ignore[attr-defined]
@@ -97,7 +109,9 @@ def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[in
 
 
 def reaches(effect: Effect) -> bool:
-    """Does an effect of one joint change what others feel: the body that it carries, or the position that they are at?"""
+    """Does an effect of one joint change what others feel: the body that it carries, or the
+    position that they are at?
+    """
     seen = _Watch()
     effect.alter(seen)
     return seen.carried or on_encoders(effect)
@@ -124,21 +138,32 @@ def _sliced(table: Tables, columns: Columns) -> Tables:
     return table.part(columns)
 
 
-def driven(signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Columns) -> tuple[Drive, np.ndarray]:
+def driven(
+    signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Columns
+) -> tuple[Drive, np.ndarray]:
     """Return what effects on some joints see, and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
-    q, qd, qdd, *torques = (x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted))
+    q, qd, qdd, *torques = (
+        x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted)
+    )
     return Drive(q, qd, qdd, torques[0], torques[1], _sliced(signals.tables, columns)), starts
 
 
 @partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)
 def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float) -> Terms:
-    """Terms (G, T, J) of G effects of one structure; where they reach to other joints, each on joint ``where`` (G,)."""
+    """Terms (G, T, J) of G effects of one structure; where they reach to other joints, each on
+    joint ``where`` (G,).
+    """
 
     def one(values: Any, joint: Any) -> Terms:
         effect = jax.tree.unflatten(structure, values)
-        return _along(effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect, drive, starts, dt)
+        return _along(
+            effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect,
+            drive,
+            starts,
+            dt,
+        )
 
     return jax.vmap(one)(leaves, where)
 
@@ -153,15 +178,31 @@ def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
     def instant(q: Any, qd: Any, qdd: Any, tau: Any, table: Any) -> Any:
         body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
         rest, one = jnp.zeros_like(q), jnp.ones_like(q)
-        levels = effect.dry(q, qd, tau, qd), effect.dry(q, rest, tau, one), effect.dry(q, rest, tau, -one)
+        levels = (
+            effect.dry(q, qd, tau, qd),
+            effect.dry(q, rest, tau, one),
+            effect.dry(q, rest, tau, -one),
+        )
         return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
 
-    torque, level, up, down, inertia = jax.vmap(instant)(drive.q, drive.qd, drive.qdd, drive.predicted, drive.table)
-    return Terms(change, torque, level, up, down, inertia, effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q))
+    torque, level, up, down, inertia = jax.vmap(instant)(
+        drive.q, drive.qd, drive.qdd, drive.predicted, drive.table
+    )
+    return Terms(
+        change,
+        torque,
+        level,
+        up,
+        down,
+        inertia,
+        effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q),
+    )
 
 
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
-    """The command after the effect, whose hidden state follows the measured motion and begins anew with each run."""
+    """The command after the effect, whose hidden state follows the measured motion and begins anew
+    with each run.
+    """
 
     def step(memory: Any, now: Any) -> Any:
         q, qd, tau, begins = now
@@ -172,7 +213,9 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
     return jax.lax.scan(step, effect.start(drive.q[0]), (drive.q, drive.qd, drive.tau, starts))[1]
 
 
-def _rows(terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool) -> np.ndarray:
+def _rows(
+    terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool
+) -> np.ndarray:
     """Filter and thin out: what the command must be more (G, N, J)."""
     rows = signals.rows
 
@@ -183,7 +226,12 @@ def _rows(terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone
     slide = terms.level * (np.sign(signals.qd[:, columns]) * ~resting)
     pushed = signals.balance[:, columns] > 0.0
     held = np.where(pushed, terms.up[:, rows], -terms.down[:, rows]) * resting[rows]
-    net = kept(slide - terms.torque, signals.smooth) - kept(terms.change, signals.command) + kept(terms.inertia) + held
+    net = (
+        kept(slide - terms.torque, signals.smooth)
+        - kept(terms.change, signals.command)
+        + kept(terms.inertia)
+        + held
+    )
     if not undone:
         for k in np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
             net[k] += _moved(terms.q[k] - drive.q, signals)[:, columns]
@@ -191,7 +239,12 @@ def _rows(terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone
 
 
 def _moved(shift: np.ndarray, signals: Signals) -> np.ndarray:
-    """Change (N, J) of the inverse dynamics if true positions are ``shift`` (T, J) beside the measured ones."""
+    """Change (N, J) of the inverse dynamics if true positions are ``shift`` (T, J) beside the
+    measured ones.
+    """
     speed = signals.differentiate(shift)
     there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))
-    return inverse_dynamics(signals.body, *(x[signals.rows] for x in there)) - signals.tables.torque[signals.rows]
+    return (
+        inverse_dynamics(signals.body, *(x[signals.rows] for x in there))
+        - signals.tables.torque[signals.rows]
+    )

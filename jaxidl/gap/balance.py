@@ -1,4 +1,6 @@
-"""The torque balance of a model with given effects: nothing is fitted but where within a sample a torque acts."""
+"""The torque balance of a model with given effects: nothing is fitted but where within a sample a
+torque acts.
+"""
 
 from collections.abc import Collection, Sequence
 
@@ -20,7 +22,8 @@ SAME = 1e-6  # of a part: what an effect that has it cannot imitate
 def balance(
     signals: Signals, own: Sequence[Effect], more: Sequence[Effect] = (), held_out: float = 0.3
 ) -> tuple[Rows, Float[np.ndarray, "N J"]]:
-    """Return the rows of a log, and what a model with effects leaves of the command there (N, J) [N or Nm].
+    """Return the rows of a log, and what a model with effects leaves of the command there (N, J) [N
+    or Nm].
 
     As a diagnosis of the patched model would begin.
 
@@ -44,22 +47,32 @@ def balance(
     return rest, residual(rest, Score(rest, items, noise, effective).solve(items))
 
 
-def parts_of(effect: Effect, names: Sequence[str], present: Collection[str], signals: Signals) -> list[Float[np.ndarray, " P"]]:
-    """Return amplitudes (P,) with which an effect adds what one unit of each simpler effect ``present`` on its joint adds.
+def parts_of(
+    effect: Effect, names: Sequence[str], present: Collection[str], signals: Signals
+) -> list[Float[np.ndarray, " P"]]:
+    """Return amplitudes (P,) with which an effect adds what one unit of each simpler effect
+    ``present`` on its joint adds.
 
-    Those simpler effects only count that it contains while its parameters ``names`` are free, and that have one parameter.
+    Those simpler effects only count that it contains while its parameters ``names`` are free, and
+    that have one parameter.
     """
     own = inner(effect)
-    contained = [name for name in own.contains(tuple(names)) if name in present and name in CATALOGUE]
+    contained = [
+        name for name in own.contains(tuple(names)) if name in present and name in CATALOGUE
+    ]
     if not own.linear or not contained or own is effect:
         return []
     zero = own.replace(**{n: 0.0 * getattr(own, n) for n in own.parameters})
-    columns = _added([zero.replace(**{name: 0.0 * getattr(own, name) + 1.0}) for name in names], effect, signals)
+    columns = _added(
+        [zero.replace(**{name: 0.0 * getattr(own, name) + 1.0}) for name in names], effect, signals
+    )
     flat, found = columns.reshape(len(columns), -1), []
     for name in contained:
         cls = CATALOGUE[name]
         (part,) = _added([cls(*(jnp.ones(1) for _ in cls.parameters))], effect, signals)
-        amplitudes = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True) @ (flat @ part.ravel())
+        amplitudes = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True) @ (
+            flat @ part.ravel()
+        )
         same = np.linalg.norm(part.ravel() - amplitudes @ flat) < SAME * np.linalg.norm(part)
         found += [amplitudes] if same and len(cls.parameters) == 1 else []
     return found
@@ -67,4 +80,6 @@ def parts_of(effect: Effect, names: Sequence[str], present: Collection[str], sig
 
 def _added(parts: Sequence[Effect], effect: Effect, signals: Signals) -> np.ndarray:
     """What effects on the joint of another one add (G, N, J)."""
-    return additions([effect.replace(effect=part) for part in parts], signals, signals.tau, signals.tau)[0]
+    return additions(
+        [effect.replace(effect=part) for part in parts], signals, signals.tau, signals.tau
+    )[0]

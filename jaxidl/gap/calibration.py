@@ -1,8 +1,10 @@
-"""From what speaks for a finding to how likely it is right: a logistic model, fitted to the benchmark's cases of another root.
+"""From what speaks for a finding to how likely it is right: a logistic model, fitted to the
+benchmark's cases of another root.
 
-Resampling a log does not see imitation: an effect that stands for something the catalogue has not is there on every draw. What
-gives it away is that it is rare, explains little, and leaves something open behind; what is common is so on all joints. Each sign
-can only speak one way: an effect that explains more is not less likely for it. ``experiments/calibrate.py`` fits the weights.
+Resampling a log does not see imitation: an effect that stands for something the catalogue has not
+is there on every draw. What gives it away is that it is rare, explains little, and leaves something
+open behind; what is common is so on all joints. Each sign can only speak one way: an effect that
+explains more is not less likely for it. ``experiments/calibrate.py`` fits the weights.
 """
 
 import json
@@ -38,7 +40,8 @@ def signs(
     """Return the signs of a finding.
 
     Args:
-        margin: by how much it promises more than the best other effect in its place, in log likelihood.
+        margin: by how much it promises more than the best other effect in its place, in log
+            likelihood.
         gain: share of the error on data kept aside that goes with it, on its joint.
         share: of the command that it explains there.
         left: error that is left there over the floor of the noise.
@@ -46,10 +49,11 @@ def signs(
         systematic: share of what is left there that a network predicts.
         odds: the effect's log prior odds.
         common: does conventional identification fit it on every joint?
-        tied: how likely another effect was beforehand, relative to it, that explains the log as well; 0 if there is none.
+        tied: how likely another effect was beforehand, relative to it, that explains the log as
+            well; 0 if there is none.
         company: share of the other joints on which the same was found.
     """
-    log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))  # noqa: E731
+    log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))
     rare, explained = float(not common), log(share, 1e-3, 1.0)
     return {
         "margin": log(margin, 1.0, 1e4),
@@ -67,11 +71,16 @@ def signs(
 
 
 def probability(found: Mapping[str, float]) -> float:
-    """Return how likely a finding with these signs is right; 1 where no weights have been fitted yet."""
+    """Return how likely a finding with these signs is right; 1 where no weights have been fitted
+    yet.
+    """
     weights = _weights()
     if not weights:
         return 1.0
-    return float(1.0 / (1.0 + np.exp(-weights["constant"] - sum(weights[name] * found[name] for name in SIGNS))))
+    return float(
+        1.0
+        / (1.0 + np.exp(-weights["constant"] - sum(weights[name] * found[name] for name in SIGNS)))
+    )
 
 
 @lru_cache(maxsize=1)

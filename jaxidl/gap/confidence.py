@@ -1,8 +1,10 @@
-"""How sure a finding is: blocks of the log are drawn again with replacement, and the search improves what it found on each draw.
+"""How sure a finding is: blocks of the log are drawn again with replacement, and the search
+improves what it found on each draw.
 
-The share of draws in which an effect is still there is one factor of its confidence (:mod:`jaxidl.gap.calibration`). Resampling
-does not see imitation: an effect that stands for something the catalogue has not is there on every draw. Which effects stand for
-each other shows in what comes in a member's place when it is gone.
+The share of draws in which an effect is still there is one factor of its confidence
+(:mod:`jaxidl.gap.calibration`). Resampling does not see imitation: an effect that stands for
+something the catalogue has not is there on every draw. Which effects stand for each other shows in
+what comes in a member's place when it is gone.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +17,8 @@ from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
 
 DRAWS = 24
-FARTHER = 3.0  # log odds: an explanation that was twenty times less likely beforehand is no equal one
+# log odds: an explanation that was twenty times less likely beforehand is no equal one
+FARTHER = 3.0
 SURE = 0.8  # a member that is there on fewer draws may be another effect
 
 
@@ -27,7 +30,11 @@ class Support(NamedTuple):
 
 
 def support(
-    score: Score, found: Solution, draws: int = DRAWS, seed: int = 0, watch: Callable[[float], None] = lambda share: None
+    score: Score,
+    found: Solution,
+    draws: int = DRAWS,
+    seed: int = 0,
+    watch: Callable[[float], None] = lambda share: None,
 ) -> Support:
     """Return how often each member of a set stays when the blocks of training are drawn again."""
     rng, blocks = np.random.default_rng(seed), len(score.weights)
@@ -51,18 +58,22 @@ def support(
 
 
 def _rivals(score: Score, found: Solution) -> Score:
-    """The score with those items only that could take a member's place: what promises most, with it and without, unless it was
-    much less likely beforehand than all that is on its joints.
+    """The score with those items only that could take a member's place: what promises most, with it
+    and without, unless it was much less likely beforehand than all that is on its joints.
     """
     promise = score.promise(found.members)
     near = {id(i) for i in score.items if promise.get(id(i), -np.inf) > -4.0}
     for m in found.members:
         without = score.promise([o for o in found.members if o is not m])
         ranked = sorted(
-            (i for i in score.items if id(i) in without and set(i.joints) & set(m.joints)), key=lambda i: -without[id(i)]
+            (i for i in score.items if id(i) in without and set(i.joints) & set(m.joints)),
+            key=lambda i: -without[id(i)],
         )
         near |= {id(i) for i in ranked[:3]}
-    least = {j: min((m.odds for m in found.members if j in m.joints), default=0.0) - FARTHER for j in range(len(score.noise))}
+    least = {
+        j: min((m.odds for m in found.members if j in m.joints), default=0.0) - FARTHER
+        for j in range(len(score.noise))
+    }
     likely = [i for i in score.items if id(i) in near and i.odds > min(least[j] for j in i.joints)]
     return score.narrowed([*likely, *(m for m in found.members if m not in likely)])
 

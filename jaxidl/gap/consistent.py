@@ -1,7 +1,8 @@
-"""A fit that stays physical: bounds, friction that dissipates wherever the log went, links that could be built.
+"""A fit that stays physical: bounds, friction that dissipates wherever the log went, links that
+could be built.
 
-Least squares under linear and linear matrix inequalities is a small conic program, solved by an interior-point method (Goulart
-and Chen, Clarabel, 2024).
+Least squares under linear and linear matrix inequalities is a small conic program, solved by an
+interior-point method (Goulart and Chen, Clarabel, 2024).
 """
 
 # Clarabel's names are made when it is imported, where a type checker does not see them
@@ -37,7 +38,8 @@ def consistent(
         gram: (P, P); right: (P,).
         lower, upper: (P,) bounds.
         unequal: (M, P), unequal @ x >= 0.
-        cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive semidefinite.
+        cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive
+            semidefinite.
     """
     size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     eye = np.eye(len(right))
@@ -56,31 +58,42 @@ def consistent(
     settings.verbose = False
     a = sparse.csc_matrix(np.concatenate(rows) / size)
     p = sparse.csc_matrix(np.triu(gram / size / size[:, None]))
-    found = clarabel.DefaultSolver(p, -right / size, a, np.concatenate(sides), kinds, settings).solve()
+    found = clarabel.DefaultSolver(
+        p, -right / size, a, np.concatenate(sides), kinds, settings
+    ).solve()
     if str(found.status) not in ("Solved", "AlmostSolved"):
         return None
     return np.clip(np.asarray(found.x) / size, lower, upper)
 
 
 def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None:
-    """Return coefficients (P,) of a set that are physical, or None if its own are, or none could be found."""
+    """Return coefficients (P,) of a set that are physical, or None if its own are, or none could be
+    found.
+    """
     fits = physical_fits(score, found, rows, folds=False)
     return None if fits is None else fits[0]
 
 
-def physical_fits(score: Score, found: Solution, rows: Rows, folds: bool = True) -> np.ndarray | None:
-    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B, or None if its own are."""
+def physical_fits(
+    score: Score, found: Solution, rows: Rows, folds: bool = True
+) -> np.ndarray | None:
+    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B,
+    or None if its own are.
+    """
     members, count = found.members, len(found.x)
     places = {id(m): found.of(m) for m in members}
     cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
     unequal = dissipating(members, rows, places, count)
-    physical = all(np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones)
+    physical = all(
+        np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones
+    )
     if physical and not np.any(unequal @ found.x < -1e-9):
         return None
     gram, right = score.normal(members)
     anchor, pull = score.anchoring(members)
     prior, lower, upper = (
-        np.concatenate([np.zeros(0), *(getattr(m, name) for m in members)]) for name in ("precision", "lower", "upper")
+        np.concatenate([np.zeros(0), *(getattr(m, name) for m in members)])
+        for name in ("precision", "lower", "upper")
     )
     whole = gram.sum(0), right.sum(0)
     x = np.concatenate([found.x[None], found.folds]) if folds else found.x[None].copy()
@@ -92,16 +105,24 @@ def physical_fits(score: Score, found: Solution, rows: Rows, folds: bool = True)
     return x
 
 
-def dissipating(members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int) -> np.ndarray:
-    """Return rows (M, P): at so many places of the log the friction of a joint against its motion, by the coefficients."""
+def dissipating(
+    members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int
+) -> np.ndarray:
+    """Return rows (M, P): at so many places of the log the friction of a joint against its motion,
+    by the coefficients.
+    """
     out, signals = [], rows.signals
     for j in range(rows.gap.shape[1]):
-        here = [m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)]
+        here = [
+            m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)
+        ]
         speed = signals.qd[signals.rows, j]
         fast = np.flatnonzero(rows.used[:, j] & (np.abs(speed) > FAST * signals.rest_speed[j]))
         if not here or not len(fast):
             continue
-        picked = fast[np.argsort(np.abs(speed[fast]))][np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)]
+        picked = fast[np.argsort(np.abs(speed[fast]))][
+            np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)
+        ]
         part = np.zeros((len(picked), count))
         for m in here:
             part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
@@ -110,9 +131,15 @@ def dissipating(members: Sequence[Item], rows: Rows, places: dict[int, slice], c
 
 
 def buildable(
-    members: Sequence[Item], links: Links | None, own: Sequence[Effect], places: dict[int, slice], count: int
+    members: Sequence[Item],
+    links: Links | None,
+    own: Sequence[Effect],
+    places: dict[int, slice],
+    count: int,
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the pseudo-inertia of each link that the members change, with the model's ``own`` effects, and its derivatives."""
+    """Return the pseudo-inertia of each link that the members change, with the model's ``own``
+    effects, and its derivatives.
+    """
     if links is None:
         return []
     slopes = np.zeros((count, *links.nominal.shape))
@@ -129,7 +156,8 @@ def buildable(
     for link, numbers in enumerate(nominal):
         if not np.any(slopes[:, link]) or not physical(numbers):
             continue
-        whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))  # is the tensor free? If not, at least the mass is one
+        # is the tensor free? If not, at least the mass is one
+        whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))
         base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
         if not whole:
             base, change = base[3, 3] * np.eye(4), change[:, 3, 3, None, None] * np.eye(4)

@@ -10,7 +10,17 @@ import numpy as np
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
-from jaxidl.gap.diagnosis import SURE, Ambiguity, Diagnosis, Envelope, Finding, Gap, Row, Side, Traces
+from jaxidl.gap.diagnosis import (
+    SURE,
+    Ambiguity,
+    Diagnosis,
+    Envelope,
+    Finding,
+    Gap,
+    Row,
+    Side,
+    Traces,
+)
 from jaxidl.gap.find import Found, aside, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.library import Library, Reference, library, residual, rms
@@ -48,14 +58,18 @@ def diagnose(
     rollouts: bool = True,
     watch: Watch = lambda what, share: None,
 ) -> Diagnosis:
-    """Say where a log and a model disagree, which effects are missing, and by how much the gap shrinks with them.
+    """Say where a log and a model disagree, which effects are missing, and by how much the gap
+    shrinks with them.
 
     Args:
         log: a :class:`jaxidl.logs.log.Log`, or files as :func:`jaxidl.logs.log.read` takes them.
         model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
-        reference: an earlier log of the same machine. What both have in common is no finding, only what changed.
-        held_out: share of the log, at the end of each run, that takes no part in fitting and searching.
-        effects: names of the catalogue to look for; default: all of it that is searched, with what the user registered.
+        reference: an earlier log of the same machine. What both have in common is no finding, only
+            what changed.
+        held_out: share of the log, at the end of each run, that takes no part in fitting and
+            searching.
+        effects: names of the catalogue to look for; default: all of it that is searched, with what
+            the user registered.
         exclude: names not to look for.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         rollouts: replay the torques and compare positions, too; compiling that takes some seconds.
@@ -64,7 +78,8 @@ def diagnose(
     Raises:
         LogError: if a log cannot be used.
         ModelError: if the model cannot be read.
-        ConfigurationError: for an unknown effect, a share out of its bounds, or a log of another number of joints.
+        ConfigurationError: for an unknown effect, a share out of its bounds, or a log of another
+            number of joints.
     """
     names = _names(held_out, effects, exclude, min_gain)
     with jax.enable_x64(True):
@@ -75,7 +90,9 @@ def diagnose(
         common: tuple[Effect, ...] = ()
         if reference is not None:
             watch("searching the reference", 0.0)
-            before = _search(_log(reference, known), known, (), names, 0.0, min_gain, watch, resample=False)
+            before = _search(
+                _log(reference, known), known, (), names, 0.0, min_gain, watch, resample=False
+            )
             common = tuple(v.effect for v in _values(before, before.library.rows))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
         rows = found.library.rows
@@ -85,7 +102,9 @@ def diagnose(
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
         tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
-        named = findings(found, _values(found, rows.whole()), known, [n.value for n in network], tied)
+        named = findings(
+            found, _values(found, rows.whole()), known, [n.value for n in network], tied
+        )
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = _doubts(ties, named)
@@ -95,7 +114,9 @@ def diagnose(
     notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(verdict, named, doubts, compared, unexplained, remaining, known, reference is not None),
+        summary=summarise(
+            verdict, named, doubts, compared, unexplained, remaining, known, reference is not None
+        ),
         findings=named,
         ambiguous=doubts,
         where=where,
@@ -109,22 +130,35 @@ def diagnose(
         traces=_traces(measured, rows, gap, after),
         band=rows.signals.band,
         notes=notes,
-        options={"held_out": held_out, "effects": names, "min_gain": min_gain, "reference": reference is not None},
+        options={
+            "held_out": held_out,
+            "effects": names,
+            "min_gain": min_gain,
+            "reference": reference is not None,
+        },
         common=common,
         signals=rows.signals,
     )
 
 
-def _names(held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float) -> list[str]:
+def _names(
+    held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float
+) -> list[str]:
     """Names of the effects to look for."""
     for name in (*(effects or ()), *exclude):
         if name not in searchable():
             raise one_of("an effect to look for", name, searchable())
     names = [name for name in (searched() if effects is None else effects) if name not in exclude]
     if not names:
-        raise ConfigurationError("at least one effect to look for", "none", f"choose among {', '.join(searchable())}")
+        raise ConfigurationError(
+            "at least one effect to look for", "none", f"choose among {', '.join(searchable())}"
+        )
     if not 0.1 <= held_out <= 0.6:
-        raise ConfigurationError("a held-out share between 0.1 and 0.6", f"{held_out}", "keep a tenth to six tenths aside")
+        raise ConfigurationError(
+            "a held-out share between 0.1 and 0.6",
+            f"{held_out}",
+            "keep a tenth to six tenths aside",
+        )
     if not 0.0 < min_gain < 1.0:
         raise ConfigurationError("a least gain between 0 and 1", f"{min_gain}", "choose 0.05, say")
     return names
@@ -133,7 +167,10 @@ def _names(held_out: float, effects: Sequence[str] | None, exclude: Sequence[str
 def _log(log: Source, known: Model) -> Log:
     measured = log if isinstance(log, Log) else read(log, joints=len(known.names))
     if measured.joints != len(known.names):
-        expected, remedy = f"the model's {len(known.names)} joints in the log", "give the log and the model of one mechanism"
+        expected, remedy = (
+            f"the model's {len(known.names)} joints in the log",
+            "give the log and the model of one mechanism",
+        )
         raise ConfigurationError(expected, f"{measured.joints} in the log", remedy)
     return measured
 
@@ -160,15 +197,29 @@ def _search(
 
 
 def _reference(before: Found) -> Reference:
-    """What a log says of everything common and of what was found there, about the values that were found."""
+    """What a log says of everything common and of what was found there, about the values that were
+    found.
+    """
     rows, score, named = before.library.rows, before.score, before.named
     taken = {m.group for m in named}
-    members = [*named, *(m for m in before.library.envelope.members if not m.always and m.group not in taken)]
-    fresh = Score(rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective)
+    members = [
+        *named,
+        *(m for m in before.library.envelope.members if not m.always and m.group not in taken),
+    ]
+    fresh = Score(
+        rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
+    )
     gram, right = fresh.normal(members)
     precision = np.concatenate([m.precision for m in members])
-    at = [before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower)) for m in members]
-    return Reference(tuple(members), gram.sum(0) + np.diag(precision), right.sum(0) - precision * np.concatenate(at))
+    at = [
+        before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
+        for m in members
+    ]
+    return Reference(
+        tuple(members),
+        gram.sum(0) + np.diag(precision),
+        right.sum(0) - precision * np.concatenate(at),
+    )
 
 
 def _values(found: Found, rows: Rows) -> list[Value]:
@@ -177,8 +228,18 @@ def _values(found: Found, rows: Rows) -> list[Value]:
     return values(found.solution.members, x, rows, found.score, found.predicted)
 
 
-def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common: Any, rollouts: bool, watch: Watch) -> Gap:
-    """Both sides on the rows kept aside, and in the same windows of them, with parameters that were fitted without them."""
+def _gap(
+    found: Found,
+    gap: np.ndarray,
+    after: np.ndarray,
+    known: Model,
+    common: Any,
+    rollouts: bool,
+    watch: Watch,
+) -> Gap:
+    """Both sides on the rows kept aside, and in the same windows of them, with parameters that were
+    fitted without them.
+    """
     rows, signals = found.library.rows, found.library.rows.signals
     members = [v.effect for v in _values(found, rows)]
     behind = signals.behind(members)
@@ -195,18 +256,26 @@ def _gap(found: Found, gap: np.ndarray, after: np.ndarray, known: Model, common:
 
     model = Plant(known.plant.body, (*known.plant.effects, *common))
     before = side(gap, model, signals._replace(late=behind.late))
-    later = side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
+    later = (
+        side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
+    )
     return Gap(list(known.units), before, later, rows.floor.tolist())
 
 
 def _envelope(made: Library, compared: Gap) -> Envelope:
     left = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
-    command = np.array(compared.before.torque_rms) / np.maximum(compared.before.torque_relative, 1e-300)
+    command = np.array(compared.before.torque_rms) / np.maximum(
+        compared.before.torque_relative, 1e-300
+    )
     return Envelope(left.tolist(), (left / np.maximum(command, 1e-300)).tolist())
 
 
-def _unexplained(found: Found, compared: Gap, network: Sequence[tuple[float, float]]) -> tuple[int, ...]:
-    """Joints of which much is left: more than the envelope leaves, or a good part that a network still predicts."""
+def _unexplained(
+    found: Found, compared: Gap, network: Sequence[tuple[float, float]]
+) -> tuple[int, ...]:
+    """Joints of which much is left: more than the envelope leaves, or a good part that a network
+    still predicts.
+    """
     rows, made = found.library.rows, found.library
     envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
     out = []
@@ -219,11 +288,17 @@ def _unexplained(found: Found, compared: Gap, network: Sequence[tuple[float, flo
     return tuple(out)
 
 
-def _verdict(findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]) -> str:
+def _verdict(
+    findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]
+) -> str:
     if unexplained:
         return "unexplained"
     sure = {(f.name, f.joint) for f in findings if f.sure}
-    if any(f for f in findings if not f.sure) and doubts and any(not set(d.candidates) & sure for d in doubts):
+    if (
+        any(f for f in findings if not f.sure)
+        and doubts
+        and any(not set(d.candidates) & sure for d in doubts)
+    ):
         return "ambiguous"
     return "named" if sure else "ambiguous" if findings else "nothing_missing"
 
@@ -232,14 +307,21 @@ def _doubts(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, .
     """Sets of effects that the log cannot tell apart, of which the first was found."""
     there = {(f.name, f.joint) for f in named}
     sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
-    return tuple(Ambiguity(keys, experiment(keys)) for keys in dict.fromkeys(sets) if len(keys) > 1 and keys[0] in there)
+    return tuple(
+        Ambiguity(keys, experiment(keys))
+        for keys in dict.fromkeys(sets)
+        if len(keys) > 1 and keys[0] in there
+    )
 
 
 def _rivals(found: Found) -> tuple[Row, ...]:
     """What was not taken, and why."""
     dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
     promise = found.score.promise(found.solution.members)
-    rest = sorted((i for i in found.score.items if id(i) in promise and not i.always), key=lambda i: -promise[id(i)])
+    rest = sorted(
+        (i for i in found.score.items if id(i) in promise and not i.always),
+        key=lambda i: -promise[id(i)],
+    )
     seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
     for i in rest:
         if i.key not in seen and len(dropped) < SHOWN:
@@ -250,13 +332,17 @@ def _rivals(found: Found) -> tuple[Row, ...]:
 
 def _traces(log: Log, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
     s, at = rows.signals, rows.signals.rows
-    return Traces(log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used)
+    return Traces(
+        log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used
+    )
 
 
 def _warnings(rows: Rows, known: Model) -> list[str]:
     notes = []
     if np.count_nonzero(np.diff(~rows.training)) > 2 * len(rows.signals.slices) - 1:
-        notes.append("several parts of the log are kept aside: its end holds motion that the rest does not")
+        notes.append(
+            "several parts of the log are kept aside: its end holds motion that the rest does not"
+        )
     still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
     if still:
         notes.append(f"{', '.join(still)} hardly moved: nothing can be said of friction there")

@@ -34,15 +34,20 @@ class Finding:
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    confidence: float  # share of draws that find it times how likely it is right; see :mod:`jaxidl.gap.calibration`
+    # share of draws that find it times how likely it is right; see :mod:`jaxidl.gap.calibration`
+    confidence: float
     evidence: float  # fall of the score without it
-    share: float  # root mean square of what it adds over that of the command, on the joint where it is largest
+    # root mean square of what it adds over that of the command, on the joint where it is largest
+    share: float
     where: int  # that joint
-    held_out_before: float  # root mean square error there on data kept aside without it, with all others fitted anew [N or Nm]
+    # root mean square error there on data kept aside without it, with all others fitted anew [N or
+    # Nm]
+    held_out_before: float
     held_out_after: float  # ... with it
     gain: float  # 1 − after/before
     gain_stderr: float
-    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)  # of the parameters that were fitted
+    # of the parameters that were fitted
+    bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     signs: dict[str, float] = field(default_factory=dict)  # what its confidence was computed from
 
     @property
@@ -52,7 +57,9 @@ class Finding:
 
 
 class Ambiguity(NamedTuple):
-    """Effects that stand for each other when the log is resampled, the one that was found first, and what would separate them."""
+    """Effects that stand for each other when the log is resampled, the one that was found first,
+    and what would separate them.
+    """
 
     candidates: tuple[Key, ...]
     experiment: str
@@ -118,20 +125,25 @@ class Diagnosis:
     envelope: Envelope
     unexplained: tuple[int, ...]  # joints of which much is left
     rivals: tuple[Row, ...]
-    network: tuple[tuple[float, float], ...]  # (J) what a network removes of the remaining residual, and its standard error
+    # (J) what a network removes of the remaining residual, and its standard error
+    network: tuple[tuple[float, float], ...]
     model: Model
     traces: Traces
     band: float  # [Hz]
     notes: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
-    common: tuple[Effect, ...] = ()  # what the log shares with the one that it was compared with, and is no finding
+    # what the log shares with the one that it was compared with, and is no finding
+    common: tuple[Effect, ...] = ()
     signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
     refinement: Refinement | None = field(default=None, repr=False)  # what :meth:`refined` did
 
     @property
     def plant(self) -> Plant:
         """The model with what was found: it simulates, controls and learns like any other."""
-        return Plant(self.model.plant.body, (*self.model.plant.effects, *self.common, *(f.effect for f in self.findings)))
+        return Plant(
+            self.model.plant.body,
+            (*self.model.plant.effects, *self.common, *(f.effect for f in self.findings)),
+        )
 
     @property
     def frame(self) -> str:
@@ -166,7 +178,10 @@ class Diagnosis:
                     for f in self.findings
                 ],
                 "ambiguous": [
-                    {"candidates": [{"effect": n, "joint": j} for n, j in a.candidates], "experiment": a.experiment}
+                    {
+                        "candidates": [{"effect": n, "joint": j} for n, j in a.candidates],
+                        "experiment": a.experiment,
+                    }
                     for a in self.ambiguous
                 ],
                 "where": [p._asdict() for p in self.where],
@@ -180,7 +195,10 @@ class Diagnosis:
                 "envelope": self.envelope._asdict(),
                 "unexplained_joints": list(self.unexplained),
                 "rivals": [r._asdict() for r in self.rivals],
-                "network": [{"joint": j, "gain": g, "gain_stderr": s} for j, (g, s) in enumerate(self.network)],
+                "network": [
+                    {"joint": j, "gain": g, "gain_stderr": s}
+                    for j, (g, s) in enumerate(self.network)
+                ],
                 "joints": list(self.model.names),
                 "band_hz": self.band,
                 "notes": list(self.notes),
@@ -190,16 +208,19 @@ class Diagnosis:
         )
 
     def refined(self, window: float | None = None) -> "Diagnosis":
-        """The diagnosis with its parameters fitted to trajectories, too; see :func:`jaxidl.gap.refine.refine`.
+        """The diagnosis with its parameters fitted to trajectories, too; see
+        :func:`jaxidl.gap.refine.refine`.
 
-        If the simulation so follows motion kept aside more closely, the findings, the plant and the gap "after" are those of the
-        refined parameters; if not, they stay as they are. ``refinement`` has both sides' numbers in either case.
+        If the simulation so follows motion kept aside more closely, the findings, the plant and the
+        gap "after" are those of the refined parameters; if not, they stay as they are.
+        ``refinement`` has both sides' numbers in either case.
 
         Args:
             window: length of the rollouts [s]; 0.4 s unless given, or ten samples of a slower log.
 
         Raises:
-            ConfigurationError: for a window of fewer than ten samples, or a diagnosis without signals.
+            ConfigurationError: for a window of fewer than ten samples, or a diagnosis without
+                signals.
         """
         from jaxidl.gap.refined import refined
 

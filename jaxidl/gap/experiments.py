@@ -9,7 +9,9 @@ MOST = 2  # pieces of advice
 
 
 def experiment(candidates: Sequence[Key]) -> str:
-    """Return the motion or load that would separate the candidates, in the words of the rarest of them."""
+    """Return the motion or load that would separate the candidates, in the words of the rarest of
+    them.
+    """
     names = list(dict.fromkeys(name for name, _ in candidates))
     if len(names) == 1:
         return "move one joint at a time, with the others held still"

@@ -48,8 +48,15 @@ class Found:
         return tuple(m for m in self.solution.members if not m.always)
 
 
-def find(library: Library, min_gain: float, watch: Watch = lambda what, share: None, resample: bool = True) -> Found:
-    """Return what is missing, beginning with the envelope, or with nothing where another log is the reference."""
+def find(
+    library: Library,
+    min_gain: float,
+    watch: Watch = lambda what, share: None,
+    resample: bool = True,
+) -> Found:
+    """Return what is missing, beginning with the envelope, or with nothing where another log is the
+    reference.
+    """
     rows = library.rows
     score, predicted, banned = library.score, library.predicted, dict[Group, str]()
     watch("searching", 0.0)
@@ -61,18 +68,30 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
         fit, number = set(now.members), number + 1
         now, narrow, strong, weak = nameable(score, now, rows, min_gain)
         banned |= strong
-        if number == ROUNDS or all(m in fit or m.shape is None or not movable(m.shape) for m in now.members):
+        if number == ROUNDS or all(
+            m in fit or m.shape is None or not movable(m.shape) for m in now.members
+        ):
             break
         score = score.narrowed([i for i in score.items if i.group not in strong])
     watch("resampling", 0.0)
-    said = support(narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share))
+    said = support(
+        narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
+    )
     watch("looking for other explanations", 0.0)
-    ties = tied(seen_anew(narrow, now, rows, predicted, load=True), now, library, predicted) if resample else []
+    ties = (
+        tied(seen_anew(narrow, now, rows, predicted, load=True), now, library, predicted)
+        if resample
+        else []
+    )
     return Found(library, narrow, now, predicted, said, ties, banned | weak)
 
 
-def settled(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> tuple[Score, Solution, np.ndarray]:
-    """Return the set with its shapes fitted, with the score made for them and the command (T, J) that it predicts."""
+def settled(
+    score: Score, now: Solution, library: Library, predicted: np.ndarray
+) -> tuple[Score, Solution, np.ndarray]:
+    """Return the set with its shapes fitted, with the score made for them and the command (T, J)
+    that it predicts.
+    """
     rows = library.rows
     for _ in range(ROUNDS):
         predicted = upsampled(rows, rows.command - residual(rows, now))
@@ -88,13 +107,18 @@ def settled(score: Score, now: Solution, library: Library, predicted: np.ndarray
     return score, now, predicted
 
 
-def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray, load: bool = False) -> Score:
-    """Return the score with those items anew, no members, that look at the predicted command to see whether it gets through; with
-    ``load`` also those to which it is the load. Where they compete those keep the envelope's prediction: once the command is
-    predicted well, a share of it explains it by itself.
+def seen_anew(
+    score: Score, now: Solution, rows: Rows, predicted: np.ndarray, load: bool = False
+) -> Score:
+    """Return the score with those items anew, no members, that look at the predicted command to see
+    whether it gets through; with ``load`` also those to which it is the load. Where they compete
+    those keep the envelope's prediction: once the command is predicted well, a share of it explains
+    it by itself.
     """
-    looks = lambda shape: sees(shape) if load else shape.cls.seen is not Effect.seen  # noqa: E731
-    old = [i for i in score.items if i.shape is not None and looks(i.shape) and i not in now.members]
+    looks = lambda shape: sees(shape) if load else shape.cls.seen is not Effect.seen
+    old = [
+        i for i in score.items if i.shape is not None and looks(i.shape) and i not in now.members
+    ]
     if not old:
         return score
     columns = columns_of([i.shape for i in old], rows, predicted)
@@ -104,17 +128,28 @@ def seen_anew(score: Score, now: Solution, rows: Rows, predicted: np.ndarray, lo
 
 
 def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
-    """Return the score with ``fresh`` items in the place of those of their groups, and the best set from there."""
+    """Return the score with ``fresh`` items in the place of those of their groups, and the best set
+    from there.
+    """
     groups = {i.group for i in fresh}
-    members = [*(m for m in now.members if m.group not in groups), *fresh] if len(fresh) < len(now.members) else fresh
+    members = (
+        [*(m for m in now.members if m.group not in groups), *fresh]
+        if len(fresh) < len(now.members)
+        else fresh
+    )
     old = {id(m) for m in now.members if m.group in groups}
-    items = [*(i for i in score.items if id(i) not in old), *(i for i in fresh if i not in score.items or id(i) in old)]
+    items = [
+        *(i for i in score.items if id(i) not in old),
+        *(i for i in fresh if i not in score.items or id(i) in old),
+    ]
     score = Score(rows, items, score.noise, score.effective, score.anchor, score)
     return score, search(score, members)
 
 
 def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
-    """Return the members whose columns change: those with a shape, fitted, and those that read the torque."""
+    """Return the members whose columns change: those with a shape, fitted, and those that read the
+    torque.
+    """
     fresh = []
     for m in now.members:
         if m.shape is None or m.always:
@@ -129,8 +164,8 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
 def nameable(
     score: Score, now: Solution, rows: Rows, min_gain: float
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
-    """Return the set without what may not be named, the score of what is left, and what was taken out, and why: what the rest was
-    judged beside, and what it was not.
+    """Return the set without what may not be named, the score of what is left, and what was taken
+    out, and why: what the rest was judged beside, and what it was not.
 
     What makes less than the least improvement goes at the end, and nothing comes in its place.
     """
@@ -141,8 +176,12 @@ def nameable(
     return now, score, strong, weak
 
 
-def supported(score: Score, now: Solution, rows: Rows) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
-    """Return the set without what the log does not support, the weakest first; the rest is fitted and searched anew each time."""
+def supported(
+    score: Score, now: Solution, rows: Rows
+) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
+    """Return the set without what the log does not support, the weakest first; the rest is fitted
+    and searched anew each time.
+    """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
         found = objections(score, now, 0.0, rows) or unphysical(score, now, rows)
@@ -157,22 +196,29 @@ def supported(score: Score, now: Solution, rows: Rows) -> tuple[Solution, Score,
             strong[worst.group], weak = why, {}
         else:
             weak[worst.group] = why
-        score = every.narrowed([i for i in every.items if i.group not in strong and i.group not in weak])
+        score = every.narrowed(
+            [i for i in every.items if i.group not in strong and i.group not in weak]
+        )
         now = search(score, without(now, worst), swap=worth > STRONG)
 
 
-Objection = tuple[float, Item, str]  # what the member is worth to the score, and why it may not be named
+# what the member is worth to the score, and why it may not be named
+Objection = tuple[float, Item, str]
 
 
 def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list[Objection]:
     """Return the members that may not be named."""
-    found = [(m, why) for m in now.members if (why := objection(score, now, m, min_gain, rows.signals.dt))]
+    found = [
+        (m, why)
+        for m in now.members
+        if (why := objection(score, now, m, min_gain, rows.signals.dt))
+    ]
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
 
 
 def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
-    """Return the member without which the log is explained better, if all links are to be such as could be built, and all
-    friction is to dissipate; none if there is no such member.
+    """Return the member without which the log is explained better, if all links are to be such as
+    could be built, and all friction is to dissipate; none if there is no such member.
     """
     cost = price(score, now, rows)
     best, found = now.value - cost, list[Objection]()
@@ -187,7 +233,11 @@ def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
 def price(score: Score, now: Solution, rows: Rows) -> float:
     """Return what it costs the score to keep a set physical."""
     x = physical_fit(score, now, rows)
-    return 0.0 if x is None else score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
+    return (
+        0.0
+        if x is None
+        else score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
+    )
 
 
 def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: float) -> str:
@@ -213,29 +263,41 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
 
 
 def beyond(m: Item, x: np.ndarray) -> bool:
-    """Are the values that a member is reported with out of the catalogue's bounds, such as a load's centre far away?"""
+    """Are the values that a member is reported with out of the catalogue's bounds, such as a load's
+    centre far away?
+    """
     if not m.shape.cls.internal:
         return False
     effect = m.shape.at(x).settled()
     values = {n: np.asarray(getattr(effect, n), float) for n in m.shape.cls.parameters}
-    return any(np.any((v < p.lower) | (v > p.upper)) for v, p in ((values[n], m.shape.cls.parameters[n]) for n in values))
+    return any(
+        np.any((v < p.lower) | (v > p.upper))
+        for v, p in ((values[n], m.shape.cls.parameters[n]) for n in values)
+    )
 
 
 def late(now: Solution, m: Item, x: np.ndarray) -> float:
-    """Return the longest time [s] among the parameters of an effect that is nothing but late; infinite of others.
+    """Return the longest time [s] among the parameters of an effect that is nothing but late;
+    infinite of others.
 
     What the alignment of the joint's torque takes back does not count.
     """
     if m.shape.free:
         return np.inf
     names = [n for n in movable(m.shape) for _ in range(np.size(m.shape.values[n]))]
-    times = [v for n, v in zip(names, vector(m.shape, x), strict=True) if m.shape.cls.parameters[n].unit == "s"]
+    times = [
+        v
+        for n, v in zip(names, vector(m.shape, x), strict=True)
+        if m.shape.cls.parameters[n].unit == "s"
+    ]
     back = [float(now.x[now.of(o)][0]) for o in now.members if o.key == (ALIGNMENT, m.shape.joint)]
     return max(times) + min([0.0, *back]) if times else np.inf
 
 
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
-    """Are blocks kept aside predicted worse than before, by more than the scatter between them, and not for noise?"""
+    """Are blocks kept aside predicted worse than before, by more than the scatter between them, and
+    not for noise?
+    """
     count = np.maximum(score.count[~score.training], 1.0)
     a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
     rise = (a - b).sum(1)
@@ -243,26 +305,38 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
 
 
 def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
-    """Return the share of a joint's root mean square error on blocks kept aside that goes, and its standard error."""
+    """Return the share of a joint's root mean square error on blocks kept aside that goes, and its
+    standard error.
+    """
     a, b = (score.aside(s)[:, joint] / s.passed[joint] for s in (after, before))
-    share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))  # noqa: E731
+    share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))
     return float(share(a.sum(), b.sum())), float(jackknife(share(a.sum() - a, b.sum() - b)))
 
 
 def aside(score: Score, found: Solution) -> np.ndarray:
-    """Return the mean squared error (J,) on rows kept aside [noise^2], relative to what actuators let through."""
-    return score.aside(found).sum(0) / np.maximum(score.count[~score.training].sum(0), 1.0) / found.passed
+    """Return the mean squared error (J,) on rows kept aside [noise^2], relative to what actuators
+    let through.
+    """
+    return (
+        score.aside(found).sum(0)
+        / np.maximum(score.count[~score.training].sum(0), 1.0)
+        / found.passed
+    )
 
 
 def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
     """Return by which share (J,) the root mean square error on blocks left out falls."""
     count = np.maximum(score.count[score.training].sum(0), 1.0)
-    a, b = (np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before))
+    a, b = (
+        np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before)
+    )
     return 1.0 - a / b
 
 
 def together(x: np.ndarray, folds: np.ndarray) -> float:
-    """Return the root mean square of coefficients (P,) in standard errors, all together (Wald), by what comes without a block."""
+    """Return the root mean square of coefficients (P,) in standard errors, all together (Wald), by
+    what comes without a block.
+    """
     if len(x) < 2:
         return 0.0
     apart = folds - folds.mean(0)
@@ -271,6 +345,8 @@ def together(x: np.ndarray, folds: np.ndarray) -> float:
 
 
 def jackknife(samples: np.ndarray) -> np.ndarray:
-    """Return the standard error (...) from what comes out without one block each, ``samples`` (B, ...)."""
+    """Return the standard error (...) from what comes out without one block each, ``samples`` (B,
+    ...).
+    """
     b = len(samples)
     return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))

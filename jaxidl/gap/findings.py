@@ -1,4 +1,6 @@
-"""The findings of a diagnosis: effects with their values, what each explains, and how likely it is right."""
+"""The findings of a diagnosis: effects with their values, what each explains, and how likely it is
+right.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +17,11 @@ from jaxidl.systems.mjcf import Model
 
 
 def findings(
-    found: Found, fitted: Sequence[Value], known: Model, network: Sequence[float], tied: Mapping[Key, float]
+    found: Found,
+    fitted: Sequence[Value],
+    known: Model,
+    network: Sequence[float],
+    tied: Mapping[Key, float],
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
@@ -27,7 +33,10 @@ def findings(
         tied: how likely others are, relative to it, that explain the log as well as an effect.
     """
     rows, out = found.library.rows, []
-    command, whole = rms(rows.command, rows.used), rms(rows.gap, rows.used & ~rows.training[:, None])
+    command, whole = (
+        rms(rows.command, rows.used),
+        rms(rows.gap, rows.used & ~rows.training[:, None]),
+    )
     for value in fitted:
         name, joint = value.key
         if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
@@ -36,28 +45,45 @@ def findings(
         bare = found.score.solve(others)
         adds = np.zeros_like(rows.gap)
         for m in value.items:
-            adds[:, list(m.joints)] += np.tensordot(found.solution.x[found.solution.of(m)], m.columns, 1)
+            adds[:, list(m.joints)] += np.tensordot(
+                found.solution.x[found.solution.of(m)], m.columns, 1
+            )
         shares = rms(adds, rows.used) / np.maximum(command, 1e-300)
-        j = int(np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0)))
-        a, b = (np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare))
+        j = int(
+            np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0))
+        )
+        a, b = (
+            np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare)
+        )
         support = min(found.support.share[m.group] for m in value.items)
         evidence, share = found.solution.value - bare.value, float(shares[j])
         kind = known.kinds[joint if joint is not None else j]
         cls = CATALOGUE[name]
         parameters = {
-            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e)) for n, (v, e) in value.parameters.items()
+            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
+            for n, (v, e) in value.parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)
         promise = found.score.promise(others)
-        rivals = [promise[id(i)] for i in found.score.items if id(i) in promise and i.key != value.key and j in i.joints]
+        rivals = [
+            promise[id(i)]
+            for i in found.score.items
+            if id(i) in promise and i.key != value.key and j in i.joints
+        ]
         margin = max(promise[id(m)] for m in value.items) - max(rivals, default=0.0)
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
         kind_of = shape.odds, cls.common, tied.get(value.key, 0.0)
-        alike = {joint for found_name, joint in (v.key for v in fitted) if found_name == name} - {joint}
-        company = len(alike) / (len(known.names) - 1) if joint is not None and len(known.names) > 1 else 0.0
+        alike = {joint for found_name, joint in (v.key for v in fitted) if found_name == name} - {
+            joint
+        }
+        company = (
+            len(alike) / (len(known.names) - 1)
+            if joint is not None and len(known.names) > 1
+            else 0.0
+        )
         speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company)
         out.append(
             Finding(

@@ -1,4 +1,5 @@
-"""Gram matrices of what may be in a set of effects: made once, block by block of a log, so that a set is one small solve.
+"""Gram matrices of what may be in a set of effects: made once, block by block of a log, so that a
+set is one small solve.
 
 Columns are scaled to about one, and divided by the noise of their joint.
 """
@@ -13,12 +14,15 @@ from jaxtyping import Float
 
 from jaxidl.gap.rows import Rows
 
-Group = tuple[str, int | None, str]  # name, joint and part of an effect: one shape of each at a time
+# name, joint and part of an effect: one shape of each at a time
+Group = tuple[str, int | None, str]
 
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """One shape of an effect: P columns of the predicted command on some joints. Compared by identity."""
+    """One shape of an effect: P columns of the predicted command on some joints. Compared by
+    identity.
+    """
 
     group: Group
     shape: Any  # see :mod:`jaxidl.gap.library`
@@ -27,11 +31,13 @@ class Item:
     lower: Float[np.ndarray, " P"]
     upper: Float[np.ndarray, " P"]
     odds: float  # log prior odds
-    precision: Float[np.ndarray, " P"]  # of the prior on its coefficients: inverse squares of what is plausible
+    # of the prior on its coefficients: inverse squares of what is plausible
+    precision: Float[np.ndarray, " P"]
     actuates: bool = False  # does it change what the motor delivers?
     common: bool = False  # part of the envelope?
     always: bool = False  # part of every set, and no effect?
-    push: np.ndarray | None = field(default=None, repr=False)  # (P, N, K) derivatives of the columns by the command [1]
+    # (P, N, K) derivatives of the columns by the command [1]
+    push: np.ndarray | None = field(default=None, repr=False)
     deaf: np.ndarray | None = field(
         default=None, repr=False
     )  # (P, K) share of samples that keep back all of a little more command
@@ -43,7 +49,9 @@ class Item:
 
 
 class Anchor(NamedTuple):
-    """What another log of the same machine says of items that both share: changes of their coefficients cost its error."""
+    """What another log of the same machine says of items that both share: changes of their
+    coefficients cost its error.
+    """
 
     items: tuple[Item, ...]
     information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
@@ -73,9 +81,12 @@ class Gram:
             old: the score of the same rows with other items: what both have is not computed again.
         """
         self.items, self.noise, self.effective = list(items), noise, effective
-        self._alive = list(items)  # of those that ``narrowed`` leaves out, too: no other may get their identity
+        # of those that ``narrowed`` leaves out, too: no other may get their identity
+        self._alive = list(items)
         sizes = np.cumsum([0, *(len(i.lower) for i in items)])
-        self.place = {id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)}
+        self.place = {
+            id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)
+        }
         self.total = int(sizes[-1])
         kept_aside = sorted({int(b) for b in rows.block if b < 0}, reverse=True)
         order = [*range(int(rows.block.max()) + 1), *kept_aside]
@@ -100,7 +111,9 @@ class Gram:
         for j in range(joints):
             on = [(i, i.joints.index(j)) for i in items if j in i.joints]
             which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
-            x = np.concatenate([np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)])
+            x = np.concatenate(
+                [np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)]
+            )
             x = (x * weights[:, j] / self.scale[which, None]).T  # (N, p)
             y = rows.gap[:, j] * weights[:, j]
             parts = [rows.block == b for b in order]
@@ -119,16 +132,20 @@ class Gram:
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
             self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
-        self.variance = np.array([c for _, ((_, _, c), _) in self.spread])  # of the command [noise^2]
+        # of the command [noise^2]
+        self.variance = np.array([c for _, ((_, _, c), _) in self.spread])
         self.bounds = [
-            np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale for side in ("lower", "upper")
+            np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale
+            for side in ("lower", "upper")
         ]
         self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
         self.anchor = anchor
         self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:
             at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
-            self.anchored[np.ix_(at, at)] = anchor.information / self.scale[at, None] / self.scale[at]
+            self.anchored[np.ix_(at, at)] = (
+                anchor.information / self.scale[at, None] / self.scale[at]
+            )
             self.pull[at] = anchor.pull / self.scale[at]
         self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
         self.local = [np.full(self.total, -1) for _ in range(joints)]
@@ -137,22 +154,34 @@ class Gram:
         self.weights = np.ones(int(self.training.sum()))  # of the blocks of training
 
     def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
-        """Where columns of actuators are, their covariance, with joint j's command, too, and of it; the same of a little more."""
+        """Where columns of actuators are, their covariance, with joint j's command, too, and of it;
+        the same of a little more.
+        """
         sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
         places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
         mask = rows.training & rows.used[:, j]
         n, none = max(int(mask.sum()), 1), [np.zeros((0, int(mask.sum())))]
         c = rows.command[mask, j] / self.noise[j]
-        x = np.concatenate([*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)])
+        x = np.concatenate(
+            [*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)]
+        )
         more = [np.zeros_like(i.columns) if i.push is None else i.push for i in acting]
-        p = np.concatenate([*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))])
+        p = np.concatenate(
+            [*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))]
+        )
         c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
-        deaf = [np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting]
-        d = np.concatenate([np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))])
+        deaf = [
+            np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting
+        ]
+        d = np.concatenate(
+            [np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))]
+        )
         return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, d))
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block of training."""
+        """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block
+        of training.
+        """
         at = self._places(members)
         gram, right, _ = self._normal(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
@@ -160,9 +189,13 @@ class Gram:
     def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
         at = self._places(members)
-        return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[at] * self.scale[at]
+        return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[
+            at
+        ] * self.scale[at]
 
-    def _normal(self, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
+    def _normal(
+        self, at: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
         blocks = len(self.weights)  # those of training come first
         gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
         own = []
@@ -177,8 +210,9 @@ class Gram:
 
     @cached_property
     def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
-        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the items by their width: places
-        (n, p), their own part of the matrix (n, p, p) and on which joints (n, J) they are.
+        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the
+        items by their width: places (n, p), their own part of the matrix (n, p, p) and on which
+        joints (n, J) they are.
         """
         gram, push = self.anchored.copy(), self.pull.copy()
         for which, g, h in zip(self.which, self.gram, self.right, strict=True):
@@ -189,7 +223,9 @@ class Gram:
             items = [i for i in self.items if len(i.lower) == width]
             where = np.stack([self.place[id(i)] for i in items])
             own = gram[where[:, :, None], where[:, None, :]].copy()
-            own[:, np.arange(width), np.arange(width)] += self.prior[where] + 1e-6 * np.diagonal(gram)[where] + 1e-9
+            own[:, np.arange(width), np.arange(width)] += (
+                self.prior[where] + 1e-6 * np.diagonal(gram)[where] + 1e-9
+            )
             on = np.zeros((len(items), len(self.which)))
             for n, i in enumerate(items):
                 on[n, list(i.joints)] = 1.0

@@ -36,12 +36,15 @@ def read_inputs(
     Args:
         logs: files as :func:`jaxidl.gap.read` takes them.
         model: MJCF or URDF.
-        joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked where the log has them on
-            average, or else as the model's file draws them. Default: all.
+        joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked
+            where the log has them on average, or else as the model's file draws them. Default: all.
         columns: which column is which, as ``"q0=actual_q_0"`` or ``"q=actual_q_*"``.
-        motor: YAML file that says how joints follow from motors, as :func:`jaxidl.logs.motor_side.motor_side` reads it.
-        torque_constant: [Nm/A] of motors whose currents the log has; one for all or one for each joint.
-        gear_ratio: of motors whose currents or torques the log has; one for all or one for each joint.
+        motor: YAML file that says how joints follow from motors, as
+            :func:`jaxidl.logs.motor_side.motor_side` reads it.
+        torque_constant: [Nm/A] of motors whose currents the log has; one for all or one for each
+            joint.
+        gear_ratio: of motors whose currents or torques the log has; one for all or one for each
+            joint.
         topic: of a ROS bag.
 
     Raises:
@@ -51,7 +54,9 @@ def read_inputs(
     with jax.enable_x64(True):
         robot = names_of(model) if joints else ()
         places = {name: joint_called(name, robot) for name in joints}  # "elbow" for elbow_joint
-        part = read_model(model, [name if (j := places[name]) is None else robot[j] for name in joints] or None)
+        part = read_model(
+            model, [name if (j := places[name]) is None else robot[j] for name in joints] or None
+        )
         robot = robot or part.names
         side = motor_side(part.names, motor, torque_constant, gear_ratio)
         log = read(list(logs), part.names, robot=robot, columns=columns, motor=side, topic=topic)
@@ -59,5 +64,7 @@ def read_inputs(
             return Inputs(log, part)
         try:
             return Inputs(log, read_model(model, part.names, dict(log.still)))
-        except ModelError:  # not every joint can be locked anywhere; where it is instead, the model's notes say
+        except (
+            ModelError
+        ):  # not every joint can be locked anywhere; where it is instead, the model's notes say
             return Inputs(log, part)

@@ -1,7 +1,9 @@
-"""The library: what every effect of the catalogue, in every shape that it offers, would add to the command of this log.
+"""The library: what every effect of the catalogue, in every shape that it offers, would add to the
+command of this log.
 
-What is linear in an effect's amplitudes is a group of columns as it is. What has a shape (a speed, a period, a delay ...) is one
-group for each starting shape; of these the few that promise most beside everything common stay.
+What is linear in an effect's amplitudes is a group of columns as it is. What has a shape (a speed,
+a period, a delay ...) is one group for each starting shape; of these the few that promise most
+beside everything common stay.
 """
 
 from collections.abc import Sequence
@@ -27,63 +29,103 @@ ALIKE = 20.0  # samples that say as much as one, before it is known how many
 PUSH = 0.01  # of the command's spread, to see whether more command delivers more
 HELD = 0.1  # so long more command is held [s]: what swings or comes late delivers it by then
 DEAF = 0.8  # of it is kept back: there any command explains the motion
-PARAMETER = float(np.log(10.0))  # log odds that each parameter costs: a log tells it to a tenth of what it might have been
+# log odds that each parameter costs: a log tells it to a tenth of what it might have been
+PARAMETER = float(np.log(10.0))
 
 
 def plausible(i: Item, links: Links | None, alike: float) -> Item:
-    """Return an item with the prior on its coefficients: how large a change of a link is plausible, where it changes links.
+    """Return an item with the prior on its coefficients: how large a change of a link is plausible,
+    where it changes links.
 
-    Neighbouring samples are alike, ``alike`` of them say as much as one, and the prior is weighted like the data.
+    Neighbouring samples are alike, ``alike`` of them say as much as one, and the prior is weighted
+    like the data.
     """
-    if links is None or i.shape is None or i.shape.joint is None or i.shape.cls.alter is Effect.alter or not i.shape.free:
+    if (
+        links is None
+        or i.shape is None
+        or i.shape.joint is None
+        or i.shape.cls.alter is Effect.alter
+        or not i.shape.free
+    ):
         return i
     changes = np.stack([change_of(i.shape.at(row), links) for row in np.eye(len(i.lower))])
     return replace(i, precision=alike * np.sum((changes / links.plausible) ** 2, (1, 2)))
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return items, those of actuators with what they keep back of a little more command, per command, and at which share of the
-    samples they keep back all of a little more that is held.
+    """Return items, those of actuators with what they keep back of a little more command, per
+    command, and at which share of the samples they keep back all of a little more that is held.
     """
     acting = [i for i in items if i.actuates]
     nudge, shapes = PUSH * np.maximum(rows.spread, 1e-300), [i.shape for i in acting]
     without = columns_of(shapes, rows, predicted)
 
     def kept(logged: np.ndarray, way: np.ndarray | float) -> list[np.ndarray]:
-        more = columns_of(shapes, rows._replace(tau=rows.tau + nudge * logged), predicted + nudge * logged)
+        more = columns_of(
+            shapes, rows._replace(tau=rows.tau + nudge * logged), predicted + nudge * logged
+        )
         return [(a - b) * way / nudge for a, b in zip(more, without, strict=True)]
 
-    size = max(3, round(HELD / (rows.signals.dt * float(np.median(np.diff(rows.signals.rows, prepend=0))))))
+    size = max(
+        3, round(HELD / (rows.signals.dt * float(np.median(np.diff(rows.signals.rows, prepend=0)))))
+    )
     use = rows.used & rows.training[:, None]
     out = {}
     for i, push, held in zip(
-        acting, kept(np.sign(rows.tau), np.sign(rows.command)), kept(np.ones_like(rows.tau), 1.0), strict=True
+        acting,
+        kept(np.sign(rows.tau), np.sign(rows.command)),
+        kept(np.ones_like(rows.tau), 1.0),
+        strict=True,
     ):
         deaf = (uniform_filter1d(held, size, axis=1) > DEAF) & use
-        out[id(i)] = {"push": push[:, :, list(i.joints)], "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, list(i.joints)]}
+        out[id(i)] = {
+            "push": push[:, :, list(i.joints)],
+            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, list(i.joints)],
+        }
     return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
 
 def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
-    """Return how large things are on each joint, of whose command the model leaves ``residual`` (J,) [N or Nm]."""
+    """Return how large things are on each joint, of whose command the model leaves ``residual``
+    (J,) [N or Nm].
+    """
     lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    torque, effort, count = np.abs(signals.tau).max(0), np.sqrt(np.mean(signals.tau**2, 0)), len(lows)
+    torque, effort, count = (
+        np.abs(signals.tau).max(0),
+        np.sqrt(np.mean(signals.tau**2, 0)),
+        len(lows),
+    )
     return [
         Scale(
-            float(torque[j]), float(speed[j]), float(lows[j]), float(highs[j]), float(inertia[j]), float(residual[j]),
-            signals.band, signals.dt, j, count, tuple(lows.tolist()), tuple(highs.tolist()), float(signals.rest_speed[j]),
+            float(torque[j]),
+            float(speed[j]),
+            float(lows[j]),
+            float(highs[j]),
+            float(inertia[j]),
+            float(residual[j]),
+            signals.band,
+            signals.dt,
+            j,
+            count,
+            tuple(lows.tolist()),
+            tuple(highs.tolist()),
+            float(signals.rest_speed[j]),
             float(effort[j]),
         )
         for j in range(count)
-    ]  # fmt: skip
+    ]
 
 
-def beside(shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndarray]]) -> tuple[Shape, np.ndarray]:
-    """Return a shape with those combinations of its amplitudes only that add what its ``parts`` (N, J) do not, and its columns.
+def beside(
+    shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndarray]]
+) -> tuple[Shape, np.ndarray]:
+    """Return a shape with those combinations of its amplitudes only that add what its ``parts`` (N,
+    J) do not, and its columns.
 
-    So an effect never stands in for a simpler one that it contains: beside the simpler one it is what is special about it.
+    So an effect never stands in for a simpler one that it contains: beside the simpler one it is
+    what is special about it.
     """
     flat, directions = columns.reshape(len(columns), -1), []
     inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True)
@@ -98,7 +140,9 @@ def beside(shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndar
     return shape._replace(basis=basis, parts=tuple(directions)), np.tensordot(basis.T, columns, 1)
 
 
-def items_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()) -> list[Item]:
+def items_of(
+    shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()
+) -> list[Item]:
     """Return items of shapes of one class, beside ``others`` that they may have as parts."""
     out, whole = [], [shape._replace(basis=None, parts=()) for shape in shapes]
     for shape, columns in zip(whole, columns_of(whole, rows, predicted), strict=True):
@@ -123,8 +167,14 @@ def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> li
         together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
     out: list[np.ndarray] = [np.zeros(0)] * len(jobs)
     for numbers in together.values():
-        added, _ = additions([p for n in numbers for p in jobs[n][1]], rows.signals, rows.tau, predicted)
-        for n, part in zip(numbers, np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]), strict=True):
+        added, _ = additions(
+            [p for n in numbers for p in jobs[n][1]], rows.signals, rows.tau, predicted
+        )
+        for n, part in zip(
+            numbers,
+            np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]),
+            strict=True,
+        ):
             shape, _, size = jobs[n]
             columns = part / size[:, None, None]
             out[n] = columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
@@ -139,16 +189,35 @@ def spread(i: Item, rows: Rows) -> np.ndarray:
 
 
 def item(shape: Shape, columns: np.ndarray) -> Item:
-    """Return the item of a shape with columns (P, N, J); joints that it does not touch are left out."""
+    """Return the item of a shape with columns (P, N, J); joints that it does not touch are left
+    out.
+    """
     cls = shape.cls
     size = np.sqrt(np.mean(columns**2, 1))  # (P, J)
-    joints = tuple(np.flatnonzero((size > 1e-9 * np.maximum(size.max(initial=0.0), 1e-300)).any(0)).tolist())
+    joints = tuple(
+        np.flatnonzero((size > 1e-9 * np.maximum(size.max(initial=0.0), 1e-300)).any(0)).tolist()
+    )
     lower, upper = shape.limits()
     part = "+".join(shape.free) if cls.linear else ""
     acts = cls.actuate is not Effect.actuate
-    odds = shape.odds - PARAMETER * (rank(columns) if shape.free else 0) - PARAMETER * parameters(shape)
+    odds = (
+        shape.odds
+        - PARAMETER * (rank(columns) if shape.free else 0)
+        - PARAMETER * parameters(shape)
+    )
     group, none = (cls.name, shape.joint, part), np.zeros(len(lower))
-    return Item(group, shape, joints, columns[:, :, list(joints)], lower, upper, odds, none, acts, cls.common)
+    return Item(
+        group,
+        shape,
+        joints,
+        columns[:, :, list(joints)],
+        lower,
+        upper,
+        odds,
+        none,
+        acts,
+        cls.common,
+    )
 
 
 def rank(columns: np.ndarray) -> int:
@@ -176,7 +245,9 @@ class Reference(NamedTuple):
     pull: np.ndarray  # (P,)
 
 
-def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference | None = None) -> Library:
+def library(
+    rows: Rows, names: Sequence[str], own: Present, reference: Reference | None = None
+) -> Library:
     """Return the library of the effects ``names``.
 
     Args:
@@ -191,15 +262,22 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     predicted = rows.tau
     classes = [CATALOGUE[name] for name in names]
     offered = {
-        cls: [s for scale in (every[:1] if cls.whole else moving) for s in shapes_of(cls, scale, own, reference is not None)]
+        cls: [
+            s
+            for scale in (every[:1] if cls.whole else moving)
+            for s in shapes_of(cls, scale, own, reference is not None)
+        ]
         for cls in classes
     }
     links = links_of(signals.body)
-    classes = sorted(classes, key=lambda cls: len(cls.contains()))  # parts before what contains them
+    # parts before what contains them
+    classes = sorted(classes, key=lambda cls: len(cls.contains()))
     common: list[Item] = []
     for cls in classes:
         if cls.common:
-            common += [plausible(i, links, ALIKE) for i in items_of(offered[cls], rows, predicted, common)]
+            common += [
+                plausible(i, links, ALIKE) for i in items_of(offered[cls], rows, predicted, common)
+            ]
     rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
     first = Score(rows, common, spread, np.ones(len(spread)))
@@ -208,18 +286,29 @@ def library(rows: Rows, names: Sequence[str], own: Present, reference: Reference
     rows = rows.evened(left)
     noise, effective = noise_of(rows, left)
     predicted = upsampled(rows, rows.command - left)
-    alike = float(np.median((rows.used & rows.training[:, None]).sum(0) / np.maximum(effective, 1.0)))
+    alike = float(
+        np.median((rows.used & rows.training[:, None]).sum(0) / np.maximum(effective, 1.0))
+    )
     common = [plausible(i, links, alike) for i in common]
-    shared = tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
+    shared = (
+        tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
+    )
     items = [*common, *shared, *alignments(rows, predicted, alike)]
     projected = Projection(rows, items, noise)
     for cls in classes:
         if not cls.common:
             best = projected.best(items_of(offered[cls], rows, predicted, items), left, effective)
-            items += [i if i.actuates else plausible(i, links, alike) for i in pushed(best, rows, predicted)]
+            items += [
+                i if i.actuates else plausible(i, links, alike)
+                for i in pushed(best, rows, predicted)
+            ]
     basic = [i for i in items if i.common or i.always]
     score = Score(
-        rows, items, noise, effective, Anchor(shared, reference.information, reference.pull) if reference is not None else None
+        rows,
+        items,
+        noise,
+        effective,
+        Anchor(shared, reference.information, reference.pull) if reference is not None else None,
     )
     still = tuple(j for j in range(len(every)) if every[j] not in moving)
     return Library(rows, score, score.solve(basic), predicted, still)
@@ -248,10 +337,15 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
 
 
 def noise_of(rows: Rows, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of what is left (N, J) in training."""
+    """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of what is left
+    (N, J) in training.
+    """
     use = rows.used & rows.training[:, None]
     noise = np.maximum(rms(left, use), rows.floor)
-    effective = [use[:, j].sum() / correlation_time(left[use[:, j], j]) if use[:, j].any() else 0.0 for j in range(len(noise))]
+    effective = [
+        use[:, j].sum() / correlation_time(left[use[:, j], j]) if use[:, j].any() else 0.0
+        for j in range(len(noise))
+    ]
     return noise, np.array(effective)
 
 
@@ -269,7 +363,9 @@ def residual(rows: Rows, found: Solution) -> np.ndarray:
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
-    """Return a command (T, J) from its values (N, J) at the rows; as logged where a joint rests and near the ends of runs."""
+    """Return a command (T, J) from its values (N, J) at the rows; as logged where a joint rests and
+    near the ends of runs.
+    """
     out, at = rows.tau.copy(), rows.signals.rows
     value = np.where(rows.used, command, rows.command)
     for run in rows.signals.slices:

@@ -1,6 +1,8 @@
-"""What changes of a link are physical: its ten inertial parameters, how large a change is plausible, and what stays consistent.
+"""What changes of a link are physical: its ten inertial parameters, how large a change is
+plausible, and what stays consistent.
 
-A body of positive density has a positive definite pseudo-inertia (Wensing, Kim and Slotine, IEEE RA-L 2018).
+A body of positive density has a positive definite pseudo-inertia (Wensing, Kim and Slotine, IEEE
+RA-L 2018).
 """
 
 from typing import Any, NamedTuple
@@ -11,7 +13,9 @@ from jaxidl.effects import Effect
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass
 
-PLAUSIBLE = 0.5  # of a link's mass, and of that times its length once and twice: standard deviation of what a model gets wrong
+# of a link's mass, and of that times its length once and twice: standard deviation of what a model
+# gets wrong
+PLAUSIBLE = 0.5
 
 
 class Links(NamedTuple):
@@ -33,13 +37,29 @@ def links_of(body: Any) -> Links | None:
     mass = source.body_mass
     typical = np.mean(mass[mass > 0.0]) if np.any(mass > 0.0) else 1.0
     reach: Any = [
-        max([0.05, *(np.linalg.norm(source.body_pos[c]) for c in range(source.nbody) if source.body_parentid[c] == b)])
+        max(
+            [
+                0.05,
+                *(
+                    np.linalg.norm(source.body_pos[c])
+                    for c in range(source.nbody)
+                    if source.body_parentid[c] == b
+                ),
+            ]
+        )
         for b in ids
     ]
     heavy = np.maximum(mass[ids], 0.2 * typical)[:, None]
     length = np.maximum(reach, np.sqrt(np.abs(each[ids, 4:7]).max(1)))[:, None]
-    spread = np.concatenate([heavy, np.repeat(heavy * length, 3, 1), np.repeat(heavy * length**2, 6, 1)], 1)
-    return Links(mass[ids][:, None] * each[ids], each[list(body.bodies)], PLAUSIBLE * spread, last == body.bodies[-1])
+    spread = np.concatenate(
+        [heavy, np.repeat(heavy * length, 3, 1), np.repeat(heavy * length**2, 6, 1)], 1
+    )
+    return Links(
+        mass[ids][:, None] * each[ids],
+        each[list(body.bodies)],
+        PLAUSIBLE * spread,
+        last == body.bodies[-1],
+    )
 
 
 class _Recorder:
@@ -55,7 +75,9 @@ class _Recorder:
         return self
 
     def add_mass(self, extra: Any) -> "_Recorder":
-        self.change[:-1] += np.broadcast_to(np.asarray(extra), (len(self.change) - 1,))[:, None] * self.links.unit
+        self.change[:-1] += (
+            np.broadcast_to(np.asarray(extra), (len(self.change) - 1,))[:, None] * self.links.unit
+        )
         return self
 
     def add_link(self, extra: Any) -> "_Recorder":
@@ -78,13 +100,17 @@ def pseudo_inertia(ten: np.ndarray) -> np.ndarray:
     """Return the pseudo-inertia (..., 4, 4) of inertial parameters (..., 10)."""
     tensor = ten[..., 4:][..., np.array(PLACES)]
     out = np.zeros((*ten.shape[:-1], 4, 4))
-    out[..., :3, :3] = 0.5 * np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - tensor
+    out[..., :3, :3] = (
+        0.5 * np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] * np.eye(3) - tensor
+    )
     out[..., :3, 3] = out[..., 3, :3] = ten[..., 1:4]
     out[..., 3, 3] = ten[..., 0]
     return out
 
 
 def physical(ten: np.ndarray) -> np.ndarray:
-    """Return which links (..., 10) have a pseudo-inertia that is positive definite, or nothing at all."""
+    """Return which links (..., 10) have a pseudo-inertia that is positive definite, or nothing at
+    all.
+    """
     least = np.linalg.eigvalsh(pseudo_inertia(ten))[..., 0]
     return np.asarray(least > -1e-9 * np.maximum(np.abs(ten).max(-1), 1e-12))

@@ -8,7 +8,8 @@ from scipy import signal
 from jaxidl.gap.library import rms
 from jaxidl.gap.rows import Rows
 
-EXCESS = 1.5  # a regime stands out if its share of the energy is this many times its share of the time
+# a regime stands out if its share of the energy is this many times its share of the time
+EXCESS = 1.5
 LEAST = 0.08  # and if that is at least this much of the joint's energy
 MOST = 4  # places told of each joint
 
@@ -24,7 +25,9 @@ class Place(NamedTuple):
 
 
 def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
-    """The regimes of each joint that stand out, the most striking first; joints in the order of their relative residual."""
+    """The regimes of each joint that stand out, the most striking first; joints in the order of
+    their relative residual.
+    """
     counted = data.used
     size = (rms(residual, counted) / np.maximum(data.spread, 1e-12)).tolist()
     places = []
@@ -35,7 +38,10 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
             share = float(energy[mask].sum() / max(energy.sum(), 1e-300))
             time = float(np.sum(mask & counted[:, j]) / max(np.sum(counted[:, j]), 1))
             if share > LEAST and share > EXCESS * time and time > 0.0:
-                sentence = f"{names[j]}: {share:.0%} of the residual's energy lies {words}, which is {time:.0%} of the time"
+                sentence = (
+                    f"{names[j]}: {share:.0%} of the residual's energy lies {words}, which is"
+                    f" {time:.0%} of the time"
+                )
                 found.append(Place(j, regime, share, time, sentence))
         found.sort(key=lambda p: p.share * np.log(p.share / p.time), reverse=True)
         places += found[:MOST] or [_everywhere(j, names[j], size[j])]
@@ -49,7 +55,8 @@ def _everywhere(joint: int, name: str, size: float) -> Place:
         "everywhere",
         1.0,
         1.0,
-        f"{name}: the residual, {size:.1%} of the command's spread, is spread evenly over all regimes",
+        f"{name}: the residual, {size:.1%} of the command's spread, is spread evenly over all"
+        " regimes",
     )
 
 
@@ -62,7 +69,10 @@ def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.nda
     low, high = np.quantile(speed, [0.25, 0.75])
     reach = np.quantile(np.abs(qdd), 0.75), np.quantile(np.abs(tau), 0.75)
     thirds = np.quantile(q, [1 / 3, 2 / 3])
-    turn = _near(np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0, max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt))))
+    turn = _near(
+        np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0,
+        max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt))),
+    )
     quarters = np.arange(len(rows)) * 4 // len(rows)
     out = [
         ("standstill", resting[:, j], "where the joint rests"),
@@ -72,13 +82,21 @@ def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.nda
         ("positive direction", qd > signals.rest_speed[j], "in motion forwards"),
         ("negative direction", qd < -signals.rest_speed[j], "in motion backwards"),
         ("low position", q < thirds[0], f"at positions below {thirds[0]:.3g}"),
-        ("middle position", (q >= thirds[0]) & (q <= thirds[1]), f"at positions between {thirds[0]:.3g} and {thirds[1]:.3g}"),
+        (
+            "middle position",
+            (q >= thirds[0]) & (q <= thirds[1]),
+            f"at positions between {thirds[0]:.3g} and {thirds[1]:.3g}",
+        ),
         ("high position", q > thirds[1], f"at positions above {thirds[1]:.3g}"),
         ("high acceleration", np.abs(qdd) > reach[0], f"above an acceleration of {reach[0]:.3g}"),
         ("high load", np.abs(tau) > reach[1], f"above a torque of {reach[1]:.3g}"),
     ]
     return out + [
-        (f"quarter {k + 1}", quarters == k, f"in the {('first', 'second', 'third', 'last')[k]} quarter of the log")
+        (
+            f"quarter {k + 1}",
+            quarters == k,
+            f"in the {('first', 'second', 'third', 'last')[k]} quarter of the log",
+        )
         for k in range(4)
     ]
 
@@ -100,9 +118,19 @@ def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Plac
     found = []
     if dry > 0.25:
         way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
-        found.append(Place(j, "direction", float(dry), 1.0, f"{name}: {dry:.0%} of it is a constant torque {way} the motion"))
+        found.append(
+            Place(
+                j,
+                "direction",
+                float(dry),
+                1.0,
+                f"{name}: {dry:.0%} of it is a constant torque {way} the motion",
+            )
+        )
     if mean > 0.25:
-        found.append(Place(j, "offset", float(mean), 1.0, f"{name}: {mean:.0%} of it is one constant torque"))
+        found.append(
+            Place(j, "offset", float(mean), 1.0, f"{name}: {mean:.0%} of it is one constant torque")
+        )
     dt = float(np.median(np.diff(rows))) * data.signals.dt
     f, power = signal.welch(residual[:, j], 1.0 / dt, nperseg=min(256, len(rows)))
     top = f[np.searchsorted(np.cumsum(power), 0.8 * power.sum())]

@@ -1,8 +1,9 @@
 """The check for what no effect explains: does a network still predict the remaining residual?
 
-Trained on some blocks and asked on the others, a network sees position, velocity and acceleration of all joints. Where it removes
-a good part of the residual, something systematic is left. Its hidden layer is random and only the last one is fitted, by ridge
-regression (an extreme learning machine; Huang, Zhu and Siew 2006): no training that could stop too early.
+Trained on some blocks and asked on the others, a network sees position, velocity and acceleration
+of all joints. Where it removes a good part of the residual, something systematic is left. Its
+hidden layer is random and only the last one is fitted, by ridge regression (an extreme learning
+machine; Huang, Zhu and Siew 2006): no training that could stop too early.
 """
 
 from typing import NamedTuple
@@ -15,9 +16,11 @@ from jaxidl.gap.rows import Rows
 
 FOLDS = 3
 HIDDEN = 300
-WIDTHS = (0.3, 1.0)  # scale of the random weights, for inputs of unit variance: half of the hidden units each
+# scale of the random weights, for inputs of unit variance: half of the hidden units each
+WIDTHS = (0.3, 1.0)
 RIDGES = (1e-3, 1e-2, 1e-1)  # of the rows; the best on a quarter of those that are trained on
-SYSTEMATIC = 0.25  # share of a joint's residual that the network must remove for it to be called systematic
+# share of a joint's residual that the network must remove for it to be called systematic
+SYSTEMATIC = 0.25
 
 
 class Gain(NamedTuple):
@@ -28,7 +31,9 @@ class Gain(NamedTuple):
 
 
 def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
-    """Return what a network removes of each joint's residual (N, J) on blocks that it was not trained on, in ``FOLDS`` turns."""
+    """Return what a network removes of each joint's residual (N, J) on blocks that it was not
+    trained on, in ``FOLDS`` turns.
+    """
     signals, rows = data.signals, data.signals.rows
     x = np.concatenate([signals.q[rows], signals.qd[rows], signals.qdd[rows]], axis=1)
     x = np.clip((x - x.mean(0)) / np.maximum(x.std(0), 1e-12), -4.0, 4.0)
@@ -42,22 +47,33 @@ def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
     predicted, fold = np.zeros_like(residual), np.where(data.block >= 0, data.block % FOLDS, -1)
     for k in range(FOLDS):
         train, asked = (fold >= 0) & (fold != k), fold == k
-        predicted[asked] = _predict(features[train], y[train], features[asked], data.block[train]) * scale
+        predicted[asked] = (
+            _predict(features[train], y[train], features[asked], data.block[train]) * scale
+        )
     before, after = (_by_block(e, data, counted) for e in (residual, residual - predicted))
-    share = lambda a, b: 1.0 - np.sqrt(a / np.maximum(b, 1e-300))  # noqa: E731
-    value, parts = share(after.sum(0), before.sum(0)), share(after.sum(0) - after, before.sum(0) - before)
+    share = lambda a, b: 1.0 - np.sqrt(a / np.maximum(b, 1e-300))
+    value, parts = (
+        share(after.sum(0), before.sum(0)),
+        share(after.sum(0) - after, before.sum(0) - before),
+    )
     return tuple(Gain(float(v), float(e)) for v, e in zip(value, jackknife(parts), strict=True))
 
 
 def _by_block(residual: np.ndarray, data: Rows, counted: np.ndarray) -> np.ndarray:
     """Sums of squares (B, J)."""
-    return np.stack([np.sum((residual**2 * counted)[data.block == b], 0) for b in range(data.block.max() + 1)])
+    return np.stack(
+        [np.sum((residual**2 * counted)[data.block == b], 0) for b in range(data.block.max() + 1)]
+    )
 
 
 def _predict(x: np.ndarray, y: np.ndarray, asked: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Fitted last layer on what it was not fitted to, with the ridge that does best for each joint on every fourth block."""
+    """Fitted last layer on what it was not fitted to, with the ridge that does best for each joint
+    on every fourth block.
+    """
     check = block % 4 == 0
-    errors = np.stack([np.sum((y[check] - x[check] @ w) ** 2, 0) for w in _weights(x[~check], y[~check])])
+    errors = np.stack(
+        [np.sum((y[check] - x[check] @ w) ** 2, 0) for w in _weights(x[~check], y[~check])]
+    )
     every = np.stack([asked @ w for w in _weights(x, y)])
     return np.take_along_axis(every, errors.argmin(0)[None, None], 0)[0]
 

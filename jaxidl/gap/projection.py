@@ -1,4 +1,6 @@
-"""What everything common leaves: to see which shapes promise most beside it, and when the logged torque acts."""
+"""What everything common leaves: to see which shapes promise most beside it, and when the logged
+torque acts.
+"""
 
 from collections.abc import Sequence
 from typing import Any
@@ -22,7 +24,11 @@ class Projection:
     def __init__(self, rows: Rows, common: Sequence[Item], noise: np.ndarray):
         self.use, self.noise, self.bases = rows.used & rows.training[:, None], noise, []
         for j in range(len(noise)):
-            on = [i.columns[:, :, i.joints.index(j)][:, self.use[:, j]] for i in common if j in i.joints]
+            on = [
+                i.columns[:, :, i.joints.index(j)][:, self.use[:, j]]
+                for i in common
+                if j in i.joints
+            ]
             x = np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T
             x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
             u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
@@ -36,7 +42,9 @@ class Projection:
             left = y - basis @ (basis.T @ y)
             square = float(left @ left) / max(len(y), 1)
             if square > 0.0:
-                total[j] = 0.5 * len(y) / correlation_time(left) * np.log(max(square, rows.floor[j] ** 2))
+                total[j] = (
+                    0.5 * len(y) / correlation_time(left) * np.log(max(square, rows.floor[j] ** 2))
+                )
         return total
 
     def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
@@ -44,7 +52,11 @@ class Projection:
         groups: dict[Any, list[tuple[float, int, Item]]] = {}
         for number, i in enumerate(items):
             groups.setdefault(i.group, []).append((self._promise(i, left, effective), -number, i))
-        return [i for group in groups.values() for _, _, i in sorted(group, key=lambda g: g[:2], reverse=True)[:SHAPES]]
+        return [
+            i
+            for group in groups.values()
+            for _, _, i in sorted(group, key=lambda g: g[:2], reverse=True)[:SHAPES]
+        ]
 
     def _promise(self, i: Item, left: np.ndarray, effective: np.ndarray) -> float:
         parts, wanted = [], []
@@ -54,7 +66,9 @@ class Projection:
             wanted.append(left[self.use[:, j], j] / self.noise[j])
         x, y = np.concatenate(parts), np.concatenate(wanted)
         gram = x.T @ x
-        step = np.linalg.solve(gram + (1e-6 * np.trace(gram) / len(gram) + 1e-300) * np.eye(len(gram)), x.T @ y)
+        step = np.linalg.solve(
+            gram + (1e-6 * np.trace(gram) / len(gram) + 1e-300) * np.eye(len(gram)), x.T @ y
+        )
         if len(step) == 1:
             step = np.clip(step, i.lower, i.upper)
         gain = float(2 * step @ (x.T @ y) - step @ gram @ step)
@@ -63,10 +77,12 @@ class Projection:
 
 
 def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
-    """Return the rows with the torque of each joint shifted in time as everything common fits it best.
+    """Return the rows with the torque of each joint shifted in time as everything common fits it
+    best.
 
-    Whether a logged torque acts at its instant, over the interval that follows or over the one before is the logger's convention,
-    and no effect. A torque that comes before its motion by more than that is a delay, and left for the search.
+    Whether a logged torque acts at its instant, over the interval that follows or over the one
+    before is the logger's convention, and no effect. A torque that comes before its motion by more
+    than that is a delay, and left for the search.
     """
     joints = rows.gap.shape[1]
     projected = Projection(rows, common, np.ones(joints))
@@ -80,8 +96,8 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
 def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[Item]:
     """Return for each joint a further shift within that convention, which every set has.
 
-    A faint prior keeps it where it is if a delay would do as well. Neighbouring samples are alike, ``alike`` of them say as much
-    as one.
+    A faint prior keeps it where it is if a delay would do as well. Neighbouring samples are alike,
+    ``alike`` of them say as much as one.
     """
     s, found = rows.signals, []
     slope = s.smooth(s.differentiate(predicted))[s.rows]
@@ -90,5 +106,7 @@ def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[It
         lower, upper = (np.array([edge * s.dt - already[j]]) for edge in CONVENTION)
         precision = np.array([FAINT * alike / s.dt**2])
         column = slope[None, :, j : j + 1]
-        found.append(Item((ALIGNMENT, j, ""), None, (j,), column, lower, upper, 0.0, precision, always=True))
+        found.append(
+            Item((ALIGNMENT, j, ""), None, (j,), column, lower, upper, 0.0, precision, always=True)
+        )
     return found

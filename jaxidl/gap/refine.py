@@ -1,10 +1,11 @@
 """Physical parameters fitted to trajectories, by derivatives through the simulator.
 
-The search fits the torque balance instant by instant (equation error): fast, convex where effects are linear, but blind to how
-errors add up in motion. What it finds is here the start of a fit of *simulated positions* to measured ones (output error) over
-short windows that begin at measured states: multiple shooting with the starts held (Bock 1983; short windows keep the problem
-smooth: Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is explained in
-:mod:`jaxidl.replay.trajectory`.
+The search fits the torque balance instant by instant (equation error): fast, convex where effects
+are linear, but blind to how errors add up in motion. What it finds is here the start of a fit of
+*simulated positions* to measured ones (output error) over short windows that begin at measured
+states: multiple shooting with the starts held (Bock 1983; short windows keep the problem smooth:
+Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is
+explained in :mod:`jaxidl.replay.trajectory`.
 """
 
 from collections.abc import Sequence
@@ -29,13 +30,17 @@ WINDOW = 0.4  # of a rollout [s]
 FEWEST, MOST = 8, 96  # windows on either side
 LEAST_GAIN = 0.05  # of the held-out rollout error,
 SURE = 2.0  # and as many standard errors: what counts as better
-DEARER = 0.1  # by so much may a joint's held-out torque error grow, or its rollout error after the longest horizon
+# by so much may a joint's held-out torque error grow, or its rollout error after the longest
+# horizon
+DEARER = 0.1
 
 
 class Proof(NamedTuple):
     """One set of parameters on the data kept aside. J values each."""
 
-    score: float  # root mean square position error over windows and joints, relative to that of training at the start [1]
+    # root mean square position error over windows and joints, relative to that of training at the
+    # start [1]
+    score: float
     lost: int  # windows in which the simulation ran away
     torque_rms: list[float]  # [N or Nm]
     rollout_rms: dict[str, list[float]]  # by horizon [m or rad]
@@ -49,12 +54,14 @@ class Refinement(NamedTuple):
     effects: tuple[Effect, ...]  # to use: refined if accepted, as given if not
     given: tuple[Values, ...]  # of each effect: its free parameters as given,
     refined: tuple[Values, ...]  # as refined, accepted or not,
-    stderr: tuple[Values, ...]  # and their standard errors, of the scatter between windows; zero of one without influence
+    # and their standard errors, of the scatter between windows; zero of one without influence
+    stderr: tuple[Values, ...]
     window: float  # [s]
     windows: tuple[int, int]  # of training, and kept aside
     before: Proof | None = None  # None where nothing could be tried
     after: Proof | None = None  # of the refined ones, accepted or not
-    residual: Float[np.ndarray, "N J"] | None = None  # of the torque balance with the refined ones [N or Nm]
+    # of the torque balance with the refined ones [N or Nm]
+    residual: Float[np.ndarray, "N J"] | None = None
 
 
 def refine(
@@ -66,41 +73,54 @@ def refine(
     held_out: float = 0.3,
     window: float = WINDOW,
 ) -> Refinement:
-    """Fit parameters of the effects ``found`` to measured trajectories: bounded Levenberg-Marquardt through the simulator.
+    """Fit parameters of the effects ``found`` to measured trajectories: bounded Levenberg-Marquardt
+    through the simulator.
 
-    Windows of ``window`` seconds, end to end and wholly in the rows of training, start from measured (smoothed) states; hidden
-    states are led along as in :func:`jaxidl.replay.rollout.rollout_errors`. Minimised is the squared error of position at ten
-    moments of each window, each joint's relative to its own at the start. Simulated is with the log's sampling interval: what
-    steps of that size make of a motion goes into the parameters.
+    Windows of ``window`` seconds, end to end and wholly in the rows of training, start from
+    measured (smoothed) states; hidden states are led along as in
+    :func:`jaxidl.replay.rollout.rollout_errors`. Minimised is the squared error of position at ten
+    moments of each window, each joint's relative to its own at the start. Simulated is with the
+    log's sampling interval: what steps of that size make of a motion goes into the parameters.
 
-    The refined parameters are accepted if, on windows wholly in the rows kept aside, the root of this error falls by
-    ``LEAST_GAIN``, and the windows' mean by more than ``SURE`` standard errors of their paired differences; if no more windows
-    run away; and if neither a joint's held-out torque error nor its error after the longest horizon grows by more than
-    ``DEARER``. Else the effects stay as given. A window that is not finite, or off by more than a joint's whole range, counts as
-    off by that range and has no derivative: dry friction and delays have the derivative of the branch taken, encoders none (see
-    :mod:`jaxidl.replay.trajectory`). Where the parameters given were fitted to the torques of the whole log, as a diagnosis
-    reports them, both sides of the comparison have that in common.
+    The refined parameters are accepted if, on windows wholly in the rows kept aside, the root of
+    this error falls by ``LEAST_GAIN``, and the windows' mean by more than ``SURE`` standard errors
+    of their paired differences; if no more windows run away; and if neither a joint's held-out
+    torque error nor its error after the longest horizon grows by more than ``DEARER``. Else the
+    effects stay as given. A window that is not finite, or off by more than a joint's whole range,
+    counts as off by that range and has no derivative: dry friction and delays have the derivative
+    of the branch taken, encoders none (see :mod:`jaxidl.replay.trajectory`). Where the parameters
+    given were fitted to the torques of the whole log, as a diagnosis reports them, both sides of
+    the comparison have that in common.
 
     Args:
         model: the plant for which ``signals`` were prepared.
         found: effects of the whole mechanism that it lacks.
         signals: the log, T instants of J joints.
-        free: of each effect found, its free parameters with bounds; those of encoders, which no rollout sees, are left alone.
-        held_out: share of the rows that is kept aside, as :func:`jaxidl.gap.rows.kept_rows` chooses them.
+        free: of each effect found, its free parameters with bounds; those of encoders, which no
+            rollout sees, are left alone.
+        held_out: share of the rows that is kept aside, as :func:`jaxidl.gap.rows.kept_rows` chooses
+            them.
         window: [s].
 
     Raises:
-        ConfigurationError: for a window of fewer than ten samples, or a parameter that starts out of its bounds.
+        ConfigurationError: for a window of fewer than ten samples, or a parameter that starts out
+            of its bounds.
     """
     length = round(window / signals.dt)
     if length < MOMENTS:
-        raise ConfigurationError(f"a window of {MOMENTS} samples or more", f"{window:g} s", "choose a longer one")
+        raise ConfigurationError(
+            f"a window of {MOMENTS} samples or more", f"{window:g} s", "choose a longer one"
+        )
     found = tuple(found)
-    free = tuple({} if _senses(effect) else dict(bounds) for effect, bounds in zip(found, free, strict=True))
+    free = tuple(
+        {} if _senses(effect) else dict(bounds) for effect, bounds in zip(found, free, strict=True)
+    )
     with jax.enable_x64(True):
-        vector = Free(Plant(model.body, (*model.effects, *found)), (*(() for _ in model.effects), *free))
+        vector = Free(
+            Plant(model.body, (*model.effects, *found)), (*(() for _ in model.effects), *free)
+        )
         (lower, upper), start = vector.bounds(), np.asarray(vector.vector)
-        named = lambda theta: vector.named(theta)[len(model.effects) :]  # noqa: E731
+        named = lambda theta: vector.named(theta)[len(model.effects) :]
         seen, aside = signals.behind(found), instants_of(signals, ~kept_rows(signals, held_out))
         training, proving = (_starts(seen, rows, length) for rows in (~aside, aside))
         given, windows = named(start), (len(training), len(proving))
@@ -108,7 +128,11 @@ def refine(
         if not len(start):
             return nothing._replace(reason="there is no parameter to refine")
         if min(nothing.windows) < FEWEST:
-            return nothing._replace(reason=f"there are fewer than {FEWEST} windows of {window:g} s to fit or to prove it")
+            return nothing._replace(
+                reason=(
+                    f"there are fewer than {FEWEST} windows of {window:g} s to fit or to prove it"
+                )
+            )
         problem = Problem(vector, seen, training, length, _tied(vector, signals))
         if problem.hopeless:
             return nothing._replace(reason="the simulation runs away in every window")
@@ -142,17 +166,26 @@ def _prove(
     aside: np.ndarray,
     held_out: float,
 ) -> tuple[np.ndarray, Proof, np.ndarray]:
-    """Error (V,) of each window kept aside, what they say together, and the torque balance's residual (N, J)."""
+    """Error (V,) of each window kept aside, what they say together, and the torque balance's
+    residual (N, J).
+    """
     errors, lost = problem.score(theta, proving)
     rows, residual = balance(signals, model.effects, effects, held_out)
     torque = rms(residual, rows.used & ~rows.training[:, None])
     far = rollout_errors(Plant(model.body, (*model.effects, *effects)), seen, aside)
-    proof = Proof(float(np.sqrt(np.mean(errors**2))), int(lost.sum()), torque.tolist(), {h: e.tolist() for h, e in far.items()})
+    proof = Proof(
+        float(np.sqrt(np.mean(errors**2))),
+        int(lost.sum()),
+        torque.tolist(),
+        {h: e.tolist() for h, e in far.items()},
+    )
     return errors, proof, residual
 
 
 def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
-    """Why the refined parameters are not to be used, given by how much each window's error (V,) fell; or nothing."""
+    """Why the refined parameters are not to be used, given by how much each window's error (V,)
+    fell; or nothing.
+    """
     if after.lost > before.lost:
         return "the simulation runs away in more windows than before"
     if not after.score < (1.0 - LEAST_GAIN) * before.score:
@@ -163,16 +196,24 @@ def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
         return f"the error of torques kept aside grows by more than {DEARER:.0%}"
     horizon = max(before.rollout_rms, key=float)
     if _dearer(before.rollout_rms[horizon], after.rollout_rms[horizon]):
-        return f"the error after {horizon} s of motion kept aside grows by more than {DEARER:.0%} on a joint"
+        return (
+            f"the error after {horizon} s of motion kept aside grows by more than {DEARER:.0%} on a"
+            " joint"
+        )
     return ""
 
 
 def _dearer(before: list[float], after: list[float]) -> bool:
-    return any(b > (1.0 + DEARER) * a or (np.isnan(b) and not np.isnan(a)) for a, b in zip(before, after, strict=True))
+    return any(
+        b > (1.0 + DEARER) * a or (np.isnan(b) and not np.isnan(a))
+        for a, b in zip(before, after, strict=True)
+    )
 
 
 def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
-    """First instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end; see also ``window_starts``."""
+    """First instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end; see also
+    ``window_starts``.
+    """
     starts = []
     for run in signals.slices:
         first = run.start + round(SETTLE / signals.dt)
@@ -193,13 +234,22 @@ def _senses(effect: Effect) -> bool:
 
 
 def _tied(free: Free, signals: Signals) -> list[np.ndarray]:
-    """Directions (P,) of an effect's parameters that add what a simpler effect on the same joint does: it keeps that part."""
+    """Directions (P,) of an effect's parameters that add what a simpler effect on the same joint
+    does: it keeps that part.
+    """
     found, at = [], 0
-    where = {(inner(e).name, getattr(e, "joint", None)): n for e, n in zip(free.plant.effects, free.labels, strict=True)}
+    where = {
+        (inner(e).name, getattr(e, "joint", None)): n
+        for e, n in zip(free.plant.effects, free.labels, strict=True)
+    }
     start = np.asarray(free.vector)
     for effect, names in zip(free.plant.effects, free.labels, strict=True):
         size = sum(np.size(getattr(inner(effect), name)) for name in names)
-        present = {part for part, joint in where if joint == getattr(effect, "joint", None) and where[part, joint]}
+        present = {
+            part
+            for part, joint in where
+            if joint == getattr(effect, "joint", None) and where[part, joint]
+        }
         for amplitudes in parts_of(effect, names, present, signals):
             row = np.zeros(len(start))
             row[at : at + size] = amplitudes / np.linalg.norm(amplitudes)

@@ -21,7 +21,9 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     """See :meth:`jaxidl.gap.diagnosis.Diagnosis.refined`."""
     signals = d.signals
     if signals is None:
-        raise ConfigurationError("a diagnosis with the log's signals", "one without", "make it with gap.diagnose")
+        raise ConfigurationError(
+            "a diagnosis with the log's signals", "one without", "make it with gap.diagnose"
+        )
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
     found, bounds = [f.effect for f in d.findings], [_bounds(f) for f in d.findings]
@@ -44,13 +46,22 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         remaining=remaining,
         traces=d.traces._replace(after=r.residual),
         summary=summarise(
-            d.verdict, findings, d.ambiguous, gap, d.unexplained, remaining, d.model, bool(d.options.get("reference"))
+            d.verdict,
+            findings,
+            d.ambiguous,
+            gap,
+            d.unexplained,
+            remaining,
+            d.model,
+            bool(d.options.get("reference")),
         ),
     )
 
 
 def _bounds(f: Finding) -> Bounds:
-    """Bounds of a finding's parameters, as wide as its values need: an effect that has others as parts may be beyond its own."""
+    """Bounds of a finding's parameters, as wide as its values need: an effect that has others as
+    parts may be beyond its own.
+    """
     out = {}
     for name, (low, high) in f.bounds.items():
         value = np.asarray(f.parameters[name].value)
@@ -90,25 +101,37 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
 
 
 def reported_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
-    """Standard errors (n,) of a refined parameter of the k-th finding: of the scatter between windows and, beside it, the change.
+    """Standard errors (n,) of a refined parameter of the k-th finding: of the scatter between
+    windows and, beside it, the change.
 
-    That torques and motion say different things is a matter of filters and time steps, the same in all windows. No time is known
-    better than to a sampling interval.
+    That torques and motion say different things is a matter of filters and time steps, the same in
+    all windows. No time is known better than to a sampling interval.
     """
     r = d.refinement
     assert r is not None
     within = np.full_like(
-        r.stderr[k][name], d.signals.dt / np.sqrt(12.0) if d.signals and d.findings[k].parameters[name].unit == "s" else 0.0
+        r.stderr[k][name],
+        d.signals.dt / np.sqrt(12.0)
+        if d.signals and d.findings[k].parameters[name].unit == "s"
+        else 0.0,
     )
-    return np.sqrt(r.stderr[k][name] ** 2 + (r.refined[k][name] - r.given[k][name]) ** 2 + within**2)
+    return np.sqrt(
+        r.stderr[k][name] ** 2 + (r.refined[k][name] - r.given[k][name]) ** 2 + within**2
+    )
 
 
 def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
-    """A finding with its refined effect and parameters; those without influence on motion keep their standard errors."""
+    """A finding with its refined effect and parameters; those without influence on motion keep
+    their standard errors.
+    """
     f = d.findings[k]
     parameters = dict(f.parameters)
     for name, value in r.refined[k].items():
-        stderr = np.where(r.stderr[k][name] > 0.0, reported_stderr(d, k, name), np.ravel(f.parameters[name].stderr))
+        stderr = np.where(
+            r.stderr[k][name] > 0.0,
+            reported_stderr(d, k, name),
+            np.ravel(f.parameters[name].stderr),
+        )
         parameters[name] = Estimate(_number(value), f.parameters[name].unit, _number(stderr))
     return replace(f, effect=r.effects[k], parameters=parameters)
 

@@ -1,4 +1,6 @@
-"""The rows of a log that fits share: what the model leaves of the command there, and which rows are fitted, in which blocks."""
+"""The rows of a log that fits share: what the model leaves of the command there, and which rows are
+fitted, in which blocks.
+"""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -10,16 +12,21 @@ from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
 from jaxidl.logs.signals import Signals
 
-BLOCKS = 16  # of training; residuals of real machines are correlated from sample to sample, blocks hardly are
+# of training; residuals of real machines are correlated from sample to sample, blocks hardly are
+BLOCKS = 16
 ASIDE = 6  # blocks of the rows kept aside
-FURTHER = 1.2  # times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
+# times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
+FURTHER = 1.2
 STRETCH = 1.5  # see ``kept_rows`` [s]
-NOISE_MARGIN = 1.2  # below this multiple of the noise errors count as equal: a changed inertia changes it
+# below this multiple of the noise errors count as equal: a changed inertia changes it
+NOISE_MARGIN = 1.2
 LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
 
 
 class Rows(NamedTuple):
-    """N rows of J joints. Of a joint at rest only the last instant of each rest counts, with the torque that broke it away."""
+    """N rows of J joints. Of a joint at rest only the last instant of each rest counts, with the
+    torque that broke it away.
+    """
 
     gap: Float[np.ndarray, "N J"]  # command less what the model predicts [N or Nm]
     command: Float[np.ndarray, "N J"]  # filtered [N or Nm]
@@ -30,31 +37,43 @@ class Rows(NamedTuple):
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
-    shift: float | np.ndarray = 0.0  # (J,) by how much torques are taken as logged later than they were [s]
+    # (J,) by how much torques are taken as logged later than they were [s]
+    shift: float | np.ndarray = 0.0
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later than they were."""
         s = self.signals
         t, each = np.arange(len(s.q)) * s.dt, np.broadcast_to(shift, s.q.shape[1:])
-        moved = lambda x: np.concatenate(  # noqa: E731
-            [np.stack([np.interp(t[r] - d, t[r], c) for c, d in zip(x[r].T, each, strict=True)], 1) for r in s.slices]
+        moved = lambda x: np.concatenate(
+            [
+                np.stack(
+                    [np.interp(t[r] - d, t[r], c) for c, d in zip(x[r].T, each, strict=True)], 1
+                )
+                for r in s.slices
+            ]
         )
         tau = moved(self.tau)
         command = s.command(tau)[s.rows]
         late = s._replace(tau=moved(s.tau))
         gap = self.gap + command - self.command
-        return self._replace(gap=gap, command=command, tau=tau, signals=late, shift=self.shift + each)
+        return self._replace(
+            gap=gap, command=command, tau=tau, signals=late, shift=self.shift + each
+        )
 
     def evened(self, left: np.ndarray) -> "Rows":
-        """Return the rows with blocks of training that hold like shares of time and of the squares of what is ``left`` (N, J).
+        """Return the rows with blocks of training that hold like shares of time and of the squares
+        of what is ``left`` (N, J).
 
-        What happens in one moment of a log, a limit that is reached once, is so in several blocks and can be predicted.
+        What happens in one moment of a log, a limit that is reached once, is so in several blocks
+        and can be predicted.
         """
         square = left**2 * self.used * self.training[:, None]
         share = square / np.maximum(square.sum(0), 1e-300)
         density = 1.0 / self.training.sum() + share.max(1) / max(share.max(1).sum(), 1e-300)
         at = np.cumsum(np.where(self.training, density, 0.0))
-        number = np.minimum(BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1).astype(int)
+        number = np.minimum(
+            BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1
+        ).astype(int)
         return self._replace(block=np.where(self.training, number, self.block))
 
     def whole(self) -> "Rows":
@@ -68,10 +87,12 @@ class Rows(NamedTuple):
 
 
 def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 0.3) -> Rows:
-    """Return the rows of a log and what the model, a rigid body with ``effects``, leaves of the command.
+    """Return the rows of a log and what the model, a rigid body with ``effects``, leaves of the
+    command.
 
     Args:
-        signals: the log, prepared for the model: what its effects do to the encoders is undone there.
+        signals: the log, prepared for the model: what its effects do to the encoders is undone
+            there.
         effects: the model's own.
         held_out: share of the rows that is kept aside.
     """
@@ -103,11 +124,12 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
 
 
 def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
-    """Return which of the kept rows (N,) are fitted: all but the last share ``held_out`` of every run.
+    """Return which of the kept rows (N,) are fitted: all but the last share ``held_out`` of every
+    run.
 
-    What happens at the end of a log only, saturation in fast motion for one, could neither be found if that end were kept aside
-    nor be shown if it were not. So where the ends hold faster or harder motion than the rest, stretches of ``STRETCH`` seconds
-    each give their own last part.
+    What happens at the end of a log only, saturation in fast motion for one, could neither be found
+    if that end were kept aside nor be shown if it were not. So where the ends hold faster or harder
+    motion than the rest, stretches of ``STRETCH`` seconds each give their own last part.
     """
     rows = signals.rows
     counts = [int(np.sum((rows >= r.start) & (rows < r.stop))) for r in signals.slices]
@@ -116,7 +138,7 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
     if not last.any():
         return ~last
     sizes = [np.abs(x[rows]) for x in (signals.tau, signals.qd, signals.qdd)]
-    reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])  # noqa: E731
+    reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])
     if np.all(reach(last) <= FURTHER * reach(~last)):
         return ~last
     duration = len(rows) * np.median(np.diff(rows)) * signals.dt

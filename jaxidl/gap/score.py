@@ -1,11 +1,14 @@
-"""The score of a set of effects: how well it predicts blocks that it was not fitted to, and how likely it was beforehand.
+"""The score of a set of effects: how well it predicts blocks that it was not fitted to, and how
+likely it was beforehand.
 
 score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p)):
 
-* e is the mean squared error of the command on blocks left out, in units of what the envelope leaves. Where effects change what
-  the motor delivers it is taken relative to the share of the command's variance that they let through. At samples where a little
-  more command would deliver no more, any command explains the motion: there the command's own variance takes e's place.
-* N is the effective number of samples, which counts the autocorrelation of what the envelope leaves (Bartlett 1946).
+* e is the mean squared error of the command on blocks left out, in units of what the envelope
+  leaves. Where effects change what the motor delivers it is taken relative to the share of the
+  command's variance that they let through. At samples where a little more command would deliver no
+  more, any command explains the motion: there the command's own variance takes e's place.
+* N is the effective number of samples, which counts the autocorrelation of what the envelope leaves
+  (Bartlett 1946).
 * p is the effect's prior.
 
 A set costs one small solve for each block (:mod:`jaxidl.gap.gram`).
@@ -65,35 +68,52 @@ class Score(Gram):
         gram, right, own = self._normal(at)
         w = self.weights[:, None]
         whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
-        left = np.concatenate([whole[None], whole - w[:, :, None] * gram]), np.concatenate([wanted[None], wanted - w * right])
+        left = (
+            np.concatenate([whole[None], whole - w[:, :, None] * gram]),
+            np.concatenate([wanted[None], wanted - w * right]),
+        )
         x = self._bounded(*left, at)
         error = np.zeros((len(gram), len(self.which)))
         for j, (here, g, h) in enumerate(own):
             part = x[1:, here]
-            error[:, j] = self.square[:blocks, j] + np.sum(((g @ part[..., None])[..., 0] - 2 * h) * part, 1)
+            error[:, j] = self.square[:blocks, j] + np.sum(
+                ((g @ part[..., None])[..., 0] - 2 * h) * part, 1
+            )
         error, (passed, heard) = np.maximum(error, 0.0), self._passed(members, at, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
         value = self.value_of(mean / passed, heard, members)
-        return Solution(members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value)
+        return Solution(
+            members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
+        )
 
     def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
-        """Return the score of a mean squared error (J,) where shares ``heard`` (J,) of the samples tell of the command."""
-        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(np.maximum(self.variance, self.floor))
+        """Return the score of a mean squared error (J,) where shares ``heard`` (J,) of the samples
+        tell of the command.
+        """
+        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(
+            np.maximum(self.variance, self.floor)
+        )
         return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
 
-    def _passed(self, members: Sequence[Item], at: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What actuators let through of each joint's command, or of a little more of it: the share of its variance (J,), and the
-        share of samples that tell (J,).
+    def _passed(
+        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """What actuators let through of each joint's command, or of a little more of it: the share
+        of its variance (J,), and the share of samples that tell (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
         for j, (places, ((xx, xc, cc), (pp, mean, deaf))) in enumerate(self.spread):
             acting = [m for m in members if id(m) in places]
             if not acting:
                 continue
-            there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
+            there = np.concatenate(
+                [np.arange(places[id(m)].start, places[id(m)].stop) for m in acting]
+            )
             own = np.concatenate([self.place[id(m)] for m in acting])
             values = x[np.searchsorted(at, own)] / self.scale[own]
-            quadratic = lambda a, values=values, there=there: values @ a[np.ix_(there, there)] @ values  # noqa: E731
+            quadratic = lambda a, values=values, there=there: (
+                values @ a[np.ix_(there, there)] @ values
+            )
             variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
             more = 1.0 - 2 * values @ mean[there] + quadratic(pp)
             passed[j] = max(min(variance, more), 1e-9)
@@ -101,7 +121,9 @@ class Score(Gram):
         return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by the first."""
+        """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by
+        the first.
+        """
         lower, upper = self.bounds[0][at], self.bounds[1][at]
         if not len(at):
             return right
@@ -137,15 +159,17 @@ class Score(Gram):
         elif free.any():
             rows = gram[1:, free]
             x[1:] = held
-            x[1:, free] = np.linalg.solve(rows[:, :, free], (right[1:, free] - rows[:, :, ~free] @ held[~free])[..., None])[
-                ..., 0
-            ]
+            x[1:, free] = np.linalg.solve(
+                rows[:, :, free], (right[1:, free] - rows[:, :, ~free] @ held[~free])[..., None]
+            )[..., 0]
         else:
             x[1:] = held
         return np.clip(x, lower, upper)
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
-        """Return the score of coefficients ``x`` (P,) of a set on the blocks of training themselves."""
+        """Return the score of coefficients ``x`` (P,) of a set on the blocks of training
+        themselves.
+        """
         at, blocks = self._places(members), len(self.weights)
         _, _, own = self._normal(at)
         scaled, error = x * self.scale[at], np.zeros(len(own))
@@ -153,13 +177,18 @@ class Score(Gram):
             part = scaled[here]
             error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
         passed, heard = self._passed(members, at, scaled)
-        return self.value_of(np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed, heard, members)
+        return self.value_of(
+            np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed,
+            heard,
+            members,
+        )
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
 
-        What the set leaves is as many things as the score counts samples, the floor below which all errors are equal is one for
-        each block, and what the log does not tell is as wide as was plausible beforehand.
+        What the set leaves is as many things as the score counts samples, the floor below which all
+        errors are equal is one for each block, and what the log does not tell is as wide as was
+        plausible beforehand.
         """
         at, blocks = self._places(found.members), len(self.weights)
         gram, _, own = self._normal(at)
@@ -167,7 +196,9 @@ class Score(Gram):
         count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
         middle = known * float(np.median(count / effective))
         for j, (here, g, _) in enumerate(own):
-            middle[np.ix_(here, here)] += g.sum(0) * (found.error[:, j].sum() / effective[j] + self.floor[j] * count[j] / blocks)
+            middle[np.ix_(here, here)] += g.sum(0) * (
+                found.error[:, j].sum() / effective[j] + self.floor[j] * count[j] / blocks
+            )
         inside = gram.sum(0) + known
         inside[np.diag_indices(len(at))] += RIDGE * np.diagonal(inside) + 1e-12
         inverse = np.linalg.inv(inside)
@@ -182,16 +213,22 @@ class Score(Gram):
             here = np.flatnonzero(local[at] >= 0)
             there, part = local[at[here]], x[here]
             error[:, j] += -2 * self.right[j][len(self.weights) :, there] @ part
-            error[:, j] += np.einsum("bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part)
+            error[:, j] += np.einsum(
+                "bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part
+            )
         return np.maximum(error, 0.0)
 
     def promise(self, members: Iterable[Item]) -> dict[int, float]:
-        """Return a quick estimate of what adding each other item is worth to the score, from the fit on all blocks."""
+        """Return a quick estimate of what adding each other item is worth to the score, from the
+        fit on all blocks.
+        """
         now = self.solve(members)
         at = self._places(now.members)
         gram, push, widths = self._whole
         push = push - gram[:, at] @ (now.x * self.scale[at])
-        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9)
+        inside = gram[np.ix_(at, at)] + np.diag(
+            self.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9
+        )
         over = gram[at]
         across = np.linalg.solve(inside, over) if len(at) else over
         left = np.maximum(now.error.sum(0), 1e-9)
@@ -214,7 +251,9 @@ class Score(Gram):
     def lost(self, now: Solution) -> dict[int, float]:
         """Return a quick estimate of what dropping each member would cost the score."""
         at, (gram, _, _) = self._places(now.members), self._whole
-        inside = gram[np.ix_(at, at)] + np.diag(self.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9)
+        inside = gram[np.ix_(at, at)] + np.diag(
+            self.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9
+        )
         inverse, x = np.linalg.inv(inside), now.x * self.scale[at]
         left, out = np.maximum(now.error.sum(0), 1e-9), {}
         for m in now.members:
@@ -233,7 +272,9 @@ class Score(Gram):
         for m in members:
             if not m.always and set(m.joints) <= set(whole.joints):
                 own = self.place[id(m)]
-                left = gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ inverse @ gram[np.ix_(at, own)]
+                left = (
+                    gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ inverse @ gram[np.ix_(at, own)]
+                )
                 if np.trace(left) < ALIKE * np.trace(gram[np.ix_(own, own)]):
                     found.append(m)
         return found
@@ -243,7 +284,9 @@ class Score(Gram):
         return self._with(items=list(items), _known=self._known)
 
     def resampled(self, weights: np.ndarray) -> "Score":
-        """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each was drawn."""
+        """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each
+        was drawn.
+        """
         return self._with(weights=weights, _known={})
 
     def _with(self, **changes: Any) -> "Score":
@@ -254,7 +297,9 @@ class Score(Gram):
 
 
 def correlation_time(x: np.ndarray) -> float:
-    """Return by how much the samples ``x`` (N,) count for less because neighbours are alike [samples], at least 1."""
+    """Return by how much the samples ``x`` (N,) count for less because neighbours are alike
+    [samples], at least 1.
+    """
     f = np.fft.rfft(x - x.mean(), 2 * len(x))
     a = np.fft.irfft(np.abs(f) ** 2)[: len(x)]
     if a[0] <= 0.0:

@@ -1,17 +1,22 @@
 """The search: which effects are missing. One model, one score, one neighbourhood.
 
-1. Every effect offers columns of the command that it would add along this log (:mod:`jaxidl.gap.library`).
-2. Gram matrices of blocks give the held-out error of any set of effects in one small solve (:mod:`jaxidl.gap.score`); each effect
-   costs its prior, and each of its parameters a factor of ten.
-3. Begin with the envelope: everything common, on every joint. It is what conventional identification reaches.
-4. Improve the set while the score rises: drop one, add one, another shape of one, one for another or for all that it can
-   imitate, two for one or two.
-5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the command as now predicted,
-   and go to 4 until the set stays as it is.
-6. Take out what is on a bound, what its standard error does not tell from zero, what is not physical and what kept-aside blocks
-   do better without, and go to 4; what makes less than the least improvement goes last, and nothing takes its place.
-7. Repeat 4 on resampled blocks. How often an effect is still there, times how likely such a finding is right
-   (:mod:`jaxidl.gap.calibration`), is its confidence. What explains the log as well in its place is said beside it.
+1. Every effect offers columns of the command that it would add along this log
+   (:mod:`jaxidl.gap.library`).
+2. Gram matrices of blocks give the held-out error of any set of effects in one small solve
+   (:mod:`jaxidl.gap.score`); each effect costs its prior, and each of its parameters a factor of
+   ten.
+3. Begin with the envelope: everything common, on every joint. It is what conventional
+   identification reaches.
+4. Improve the set while the score rises: drop one, add one, another shape of one, one for another
+   or for all that it can imitate, two for one or two.
+5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the
+   command as now predicted, and go to 4 until the set stays as it is.
+6. Take out what is on a bound, what its standard error does not tell from zero, what is not
+   physical and what kept-aside blocks do better without, and go to 4; what makes less than the
+   least improvement goes last, and nothing takes its place.
+7. Repeat 4 on resampled blocks. How often an effect is still there, times how likely such a finding
+   is right (:mod:`jaxidl.gap.calibration`), is its confidence. What explains the log as well in its
+   place is said beside it.
 """
 
 from collections.abc import Callable, Iterable
@@ -22,14 +27,17 @@ from jaxidl.gap.gram import Item
 from jaxidl.gap.score import Score, Solution
 
 EPSILON = 1e-6  # least rise of the score
-TRIED = 6  # of the most promising additions, and replacements of a member, for each joint that they are on
+# of the most promising additions, and replacements of a member, for each joint that they are on
+TRIED = 6
 REPLACED = 4  # of a member's replacements
 NEAR = 5.0  # of the score: by how much a promise may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients
 PASSES = 40
 
 
-def search(score: Score, start: Iterable[Item], swap: bool = True, watch: Callable[[], None] = lambda: None) -> Solution:
+def search(
+    score: Score, start: Iterable[Item], swap: bool = True, watch: Callable[[], None] = lambda: None
+) -> Solution:
     """Return the best set that the neighbourhood reaches from ``start``."""
     now = score.solve(start)
     neighbourhoods = (single, replaced, pairs) if swap else (single,)
@@ -49,14 +57,18 @@ Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
 
 
 def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
-    """Return the set after all moves that raise the score, best first, each judged where the ones before have led."""
+    """Return the set after all moves that raise the score, best first, each judged where the ones
+    before have led.
+    """
     ranked = []
     for out, new in moves:
         value = score.solve(after(now.members, out, new)).value
         if value > now.value + EPSILON:
             ranked.append((value, out, new))
     for _, out, new in sorted(ranked, key=lambda r: r[0], reverse=True):
-        if out <= set(now.members) and not {n.group for n in new} & {m.group for m in now.members if m not in out}:
+        if out <= set(now.members) and not {n.group for n in new} & {
+            m.group for m in now.members if m not in out
+        }:
             then = score.solve(after(now.members, out, new))
             if then.value > now.value + EPSILON:
                 now = then
@@ -76,16 +88,27 @@ def without(now: Solution, m: Item) -> list[Item]:
 def single(score: Score, now: Solution) -> list[Move]:
     """Return the moves: drop one, add one, another shape of one."""
     lost = score.lost(now)
-    drops = [(frozenset([m]), frozenset()) for m in now.members if not m.always and lost[id(m)] < NEAR]
+    drops = [
+        (frozenset([m]), frozenset()) for m in now.members if not m.always and lost[id(m)] < NEAR
+    ]
     taken = {m.group: m for m in now.members}
     fresh = promising(score, now.members, now.value)
-    adds = [(frozenset([taken[i.group]]) if i.group in taken else frozenset(), frozenset([i])) for i in fresh]
+    adds = [
+        (frozenset([taken[i.group]]) if i.group in taken else frozenset(), frozenset([i]))
+        for i in fresh
+    ]
     return [*drops, *adds]
 
 
 def replaced(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: one for another on one of its joints, or one for several that it can imitate."""
-    moves = [(frozenset(alike), frozenset([i])) for i in score.items if len(alike := score.imitated(now.members, i)) > 1]
+    """Return the moves: one for another on one of its joints, or one for several that it can
+    imitate.
+    """
+    moves = [
+        (frozenset(alike), frozenset([i]))
+        for i in score.items
+        if len(alike := score.imitated(now.members, i)) > 1
+    ]
     for m in filter(lambda m: not m.always, now.members):
         rest = after(now.members, [m], [])
         fresh = promising(score, rest, now.value, set(m.joints), [m])
@@ -94,7 +117,9 @@ def replaced(score: Score, now: Solution) -> list[Move]:
 
 
 def pairs(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: two members of one joint for one or two others, of those that hang together most."""
+    """Return the moves: two members of one joint for one or two others, of those that hang together
+    most.
+    """
     moves = []
     for a, b in entangled(score, now):
         rest, both = after(now.members, [a, b], []), set(a.joints) & set(b.joints)
@@ -108,7 +133,11 @@ def pairs(score: Score, now: Solution) -> list[Move]:
 
 
 def promising(
-    score: Score, members: Iterable[Item], value: float, joints: set[int] | None = None, out: Iterable[Item] = ()
+    score: Score,
+    members: Iterable[Item],
+    value: float,
+    joints: set[int] | None = None,
+    out: Iterable[Item] = (),
 ) -> list[Item]:
     """Return the items that promise most beside ``members``, best first: a few for each joint.
 
@@ -120,7 +149,10 @@ def promising(
     members = tuple(members)
     promise, least = score.promise(members), value - score.solve(members).value - NEAR
     taken = {m.group for m in members} if joints is not None else set()
-    ranked = sorted((i for i in score.items if promise.get(id(i), -np.inf) > least), key=lambda i: -promise[id(i)])
+    ranked = sorted(
+        (i for i in score.items if promise.get(id(i), -np.inf) > least),
+        key=lambda i: -promise[id(i)],
+    )
     count: dict[tuple[int, ...], int] = {}
     found = []
     for i in ranked:
@@ -134,8 +166,8 @@ def promising(
 
 
 def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
-    """Return pairs of members on one joint that may be two wrong ones: of what is not common any two, others if a log determines
-    one beside the other badly.
+    """Return pairs of members on one joint that may be two wrong ones: of what is not common any
+    two, others if a log determines one beside the other badly.
     """
     found = []
     for n, a in enumerate(now.members):
@@ -148,4 +180,8 @@ def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
             x, y = now.folds[:, now.of(a)], now.folds[:, now.of(b)]
             if x.shape[1] == y.shape[1] == 1 and np.std(x) > 0 and np.std(y) > 0:
                 found.append((abs(float(np.corrcoef(x[:, 0], y[:, 0])[0, 1])), a, b))
-    return [(a, b) for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 4 * TRIED] if r > ENTANGLED]
+    return [
+        (a, b)
+        for r, a, b in sorted(found, key=lambda f: f[0], reverse=True)[: 4 * TRIED]
+        if r > ENTANGLED
+    ]

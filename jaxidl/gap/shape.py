@@ -1,7 +1,8 @@
-"""The shape of an effect on a joint: what a fit may move, within which bounds, and the effect that comes of it.
+"""The shape of an effect on a joint: what a fit may move, within which bounds, and the effect that
+comes of it.
 
-*Amplitudes* are what an effect is linear in. The other parameters are its shape (a speed, a period, a delay ...), of which an
-effect offers a few to begin with.
+*Amplitudes* are what an effect is linear in. The other parameters are its shape (a speed, a period,
+a delay ...), of which an effect offers a few to begin with.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +21,9 @@ Present = Mapping[tuple[str, int | None], Mapping[str, np.ndarray]]
 
 
 def present(effects: Sequence[Effect]) -> Present:
-    """Return what a model has already: the sums of the parameters of effects of one name and joint."""
+    """Return what a model has already: the sums of the parameters of effects of one name and
+    joint.
+    """
     found: dict[tuple[str, int | None], dict[str, np.ndarray]] = {}
     for effect in effects:
         inner = effect.effect if isinstance(effect, OnJoint) else effect
@@ -42,18 +45,24 @@ class Shape(NamedTuple):
     within: Mapping[str, tuple[float, float]]
     odds: float = 0.0  # log prior odds of the effect
     amplitudes: frozenset[str] = frozenset()  # of all shapes of the effect
-    basis: np.ndarray | None = None  # (A, P): of the amplitudes, those combinations that the effect's parts cannot imitate
+    # (A, P): of the amplitudes, those combinations that the effect's parts cannot imitate
+    basis: np.ndarray | None = None
     parts: tuple[
         tuple[str, np.ndarray], ...
     ] = ()  # names of the parts, and the amplitudes (A,) that add what one unit of them adds
 
     def probes(self) -> tuple[list[Effect], np.ndarray]:
-        """Return an effect for each amplitude (P), or one at the values, and by what their additions are to be divided (P,)."""
+        """Return an effect for each amplitude (P), or one at the values, and by what their
+        additions are to be divided (P,).
+        """
         if not self.free:
             return [self.effect()], np.ones(1)
         whole = self._replace(basis=None)
-        far = np.minimum(np.abs(whole.limits()[1]), np.abs(whole.limits()[0]) + np.abs(whole.limits()[1]))
-        size = np.where(np.isfinite(far) & (far > 0.0), np.minimum(0.5 * far, 1.0), 1.0)  # a motor's curve ends at its bound
+        far = np.minimum(
+            np.abs(whole.limits()[1]), np.abs(whole.limits()[0]) + np.abs(whole.limits()[1])
+        )
+        # a motor's curve ends at its bound
+        size = np.where(np.isfinite(far) & (far > 0.0), np.minimum(0.5 * far, 1.0), 1.0)
         return [whole.at(row) for row in np.diag(size)], size
 
     def effect(self, **changes: Any) -> Effect:
@@ -61,22 +70,35 @@ class Shape(NamedTuple):
         return build(self.cls, self.joint, self.joints, {**self.values, **changes}, self.options)
 
     def at(self, x: np.ndarray) -> Effect:
-        """Return the effect with amplitudes ``x`` (P,), or scaled to a first approximation by the one number ``x``."""
+        """Return the effect with amplitudes ``x`` (P,), or scaled to a first approximation by the
+        one number ``x``.
+        """
         if not self.free:
             return self.effect(**self.scaled(float(x[0])))
         sizes = [np.size(self.values[name]) for name in self.free]
         amplitudes = np.asarray(x, float) if self.basis is None else self.basis @ x
         parts = np.split(amplitudes, np.cumsum(sizes)[:-1])
-        return self.effect(**{n: p.reshape(np.shape(self.values[n])) for n, p in zip(self.free, parts, strict=True)})
+        return self.effect(
+            **{
+                n: p.reshape(np.shape(self.values[n]))
+                for n, p in zip(self.free, parts, strict=True)
+            }
+        )
 
     def scaled(self, share: float) -> dict[str, np.ndarray]:
-        """Return values of an effect without amplitudes that adds about ``share`` of what it adds at its own."""
+        """Return values of an effect without amplitudes that adds about ``share`` of what it adds
+        at its own.
+        """
         if len(self.values) != 1 or not np.isfinite(self.cls.neutral):
             return {}
         (name,) = self.values
         low, high = self.bounds(name)
         value = np.asarray(self.values[name])
-        return {name: np.asarray(np.clip(self.cls.neutral + share * (value - self.cls.neutral), low, high))}
+        return {
+            name: np.asarray(
+                np.clip(self.cls.neutral + share * (value - self.cls.neutral), low, high)
+            )
+        }
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the bounds of a parameter: the variant's within the catalogue's."""
@@ -86,12 +108,18 @@ class Shape(NamedTuple):
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper bounds (P,) of the coefficients."""
         if self.free:
-            pairs = np.array([self.bounds(name) for name in self.free for _ in range(np.size(self.values[name]))]).T
+            pairs = np.array(
+                [self.bounds(name) for name in self.free for _ in range(np.size(self.values[name]))]
+            ).T
             if self.basis is None:
                 return pairs[0], pairs[1]
-            whole = [np.flatnonzero(column)[0] if np.count_nonzero(column) == 1 else -1 for column in self.basis.T]
+            whole = [
+                np.flatnonzero(column)[0] if np.count_nonzero(column) == 1 else -1
+                for column in self.basis.T
+            ]
             low, high = (
-                np.array([s[k] if k >= 0 else far for k in whole]) for s, far in zip(pairs, (-np.inf, np.inf), strict=True)
+                np.array([s[k] if k >= 0 else far for k in whole])
+                for s, far in zip(pairs, (-np.inf, np.inf), strict=True)
             )
             return low, high
         neutral, least = self.cls.neutral, 0.0
@@ -104,51 +132,89 @@ class Shape(NamedTuple):
 
 
 def sees(shape: Shape) -> bool:
-    """Does what an effect adds depend on the predicted command? It is the same for all shapes of a class."""
+    """Does what an effect adds depend on the predicted command? It is the same for all shapes of a
+    class.
+    """
     cls = shape.cls
     if cls not in _SEES:
         _SEES[cls] = cls.seen is not Effect.seen or shape.effect().reads_torque(shape.joints)
     return _SEES[cls]
 
 
-_SEES: dict[type[Effect], bool] = {}  # asked for every column of every set: an effect is not built each time
+# asked for every column of every set: an effect is not built each time
+_SEES: dict[type[Effect], bool] = {}
 
 
-def build(cls: type[Effect], joint: int | None, joints: int, values: Mapping[str, Any], options: Mapping[str, Any]) -> Effect:
-    """Return an effect of the whole mechanism from values of one joint, or of all if it belongs to no one."""
+def build(
+    cls: type[Effect],
+    joint: int | None,
+    joints: int,
+    values: Mapping[str, Any],
+    options: Mapping[str, Any],
+) -> Effect:
+    """Return an effect of the whole mechanism from values of one joint, or of all if it belongs to
+    no one.
+    """
     own = cls.alone() and joint is not None
-    arrays = {n: jnp.asarray(np.atleast_1d(np.asarray(v, float)) if own else np.asarray(v, float)) for n, v in values.items()}
+    arrays = {
+        n: jnp.asarray(np.atleast_1d(np.asarray(v, float)) if own else np.asarray(v, float))
+        for n, v in values.items()
+    }
     effect = cls(**arrays, **options)
     return OnJoint(effect, joint, joints) if own and joint is not None else effect
 
 
-def shapes_of(cls: type[Effect], scale: Scale, own: Present = MappingProxyType({}), changed: bool = False) -> list[Shape]:
-    """Return the shapes that an effect offers on a joint. Shapes that compete share the effect's prior.
+def shapes_of(
+    cls: type[Effect], scale: Scale, own: Present = MappingProxyType({}), changed: bool = False
+) -> list[Shape]:
+    """Return the shapes that an effect offers on a joint. Shapes that compete share the effect's
+    prior.
 
-    Beside what the model has of it (``own``) an effect may be less by as much. Where it is asked what ``changed`` since another
-    log, the prior is that of a change.
+    Beside what the model has of it (``own``) an effect may be less by as much. Where it is asked
+    what ``changed`` since another log, the prior is that of a change.
     """
     found = []
     variants = cls.variants(scale)
     amplitudes = frozenset(name for v in variants for name in v.free)
-    rivals = len({v.free for v in variants}) if not cls.linear else 1  # where each begins is no choice: fits move it
+    # where each begins is no choice: fits move it
+    rivals = len({v.free for v in variants}) if not cls.linear else 1
     for variant in variants:
         values = {name: np.asarray(variant.values.get(name, 0.0), float) for name in cls.parameters}
         bounds = {n: variant.within[n] for n in variant.within if n not in variant.free}
-        if any(np.any(values[n] < low) or np.any(values[n] > high) for n, (low, high) in bounds.items()):
+        if any(
+            np.any(values[n] < low) or np.any(values[n] > high) for n, (low, high) in bounds.items()
+        ):
             continue  # not plausible on this joint
         joint = None if cls.whole else scale.joint
         there = own.get((cls.name, joint), {})
-        less = {n: float(np.min(there[n])) for n in variant.free if n in there and np.ndim(there[n]) <= 1}
+        less = {
+            n: float(np.min(there[n]))
+            for n in variant.free
+            if n in there and np.ndim(there[n]) <= 1
+        }
         within = {**variant.within}
         for n, value in less.items():
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
             within[n] = (low - max(value, 0.0), high)
         if changed:  # it may be less, too: a load that is gone
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
-        prior = (cls.changes if changed else cls.prior if variant.prior is None else variant.prior) / rivals
+        prior = (
+            cls.changes if changed else cls.prior if variant.prior is None else variant.prior
+        ) / rivals
         odds = float(np.log(prior / (1.0 - prior)))
-        found.append(Shape(cls, joint, scale.joints, variant.free, values, variant.options, within, odds, amplitudes))
+        found.append(
+            Shape(
+                cls,
+                joint,
+                scale.joints,
+                variant.free,
+                values,
+                variant.options,
+                within,
+                odds,
+                amplitudes,
+            )
+        )
     return found
 
 
@@ -176,19 +242,27 @@ def amplitudes(shape: Shape) -> int:
     """Return the number of amplitudes."""
     if not shape.free:
         return 0
-    return sum(np.size(shape.values[n]) for n in shape.free) if shape.basis is None else shape.basis.shape[1]
+    return (
+        sum(np.size(shape.values[n]) for n in shape.free)
+        if shape.basis is None
+        else shape.basis.shape[1]
+    )
 
 
 def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
     """Return the shape with the parameters beside its amplitudes set from theta (P,)."""
     names, rest = movable(shape), np.asarray(theta, float)[amplitudes(shape) :]
-    parts = np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
+    parts = (
+        np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
+    )
     changed = {n: p.reshape(np.shape(shape.values[n])) for n, p in zip(names, parts, strict=True)}
     return shape._replace(values={**shape.values, **changed})
 
 
 def vector(shape: Shape, x: np.ndarray) -> np.ndarray:
-    """Return parameters theta (P,) of a shape whose coefficients are ``x``: its amplitudes, or how much of it is there."""
+    """Return parameters theta (P,) of a shape whose coefficients are ``x``: its amplitudes, or how
+    much of it is there.
+    """
     values = shape.values if shape.free else {**shape.values, **shape.scaled(float(x[0]))}
     own = x if shape.free else np.zeros(0)
     return np.concatenate([own, *(np.ravel(np.asarray(values[n], float)) for n in movable(shape))])

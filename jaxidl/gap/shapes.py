@@ -1,7 +1,8 @@
 """The shapes of effects, fitted: speeds, periods, delays ... of those that a search has taken.
 
-One effect after the other: of what it adds, and of its derivatives, all that the other members can imitate is projected out
-(variable projection, Golub and Pereyra 1973); bounded least squares then move all of its free parameters.
+One effect after the other: of what it adds, and of its derivatives, all that the other members can
+imitate is projected out (variable projection, Golub and Pereyra 1973); bounded least squares then
+move all of its free parameters.
 """
 
 from typing import NamedTuple
@@ -23,7 +24,9 @@ SMALL = 1e-4  # of a parameter: the step of a difference
 
 
 class Tangent(NamedTuple):
-    """What an effect adds at parameters theta (P,), amplitudes first, and the derivatives of that."""
+    """What an effect adds at parameters theta (P,), amplitudes first, and the derivatives of
+    that.
+    """
 
     value: np.ndarray  # (N, J) [N or Nm]
     columns: np.ndarray  # (P, N, J)
@@ -35,14 +38,20 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     use = [rows.used[:, j] & rows.training for j in range(len(noise))]
     bases, left = {}, {}
     for j in m.joints:
-        others = [o.columns[:, :, o.joints.index(j)][:, use[j]] for o in found.members if o is not m and j in o.joints]
+        others = [
+            o.columns[:, :, o.joints.index(j)][:, use[j]]
+            for o in found.members
+            if o is not m and j in o.joints
+        ]
         bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
         left[j] = rows.gap[use[j], j] / noise[j]
 
     def projected(x: np.ndarray) -> np.ndarray:
         """Stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
         parts = [x[:, use[j], j].T / noise[j] for j in m.joints]
-        return np.concatenate([p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)])
+        return np.concatenate(
+            [p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)]
+        )
 
     wanted = np.concatenate([left[j] - bases[j] @ (bases[j].T @ left[j]) for j in m.joints])
     shape, known = m.shape, {}
@@ -60,7 +69,9 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     def minimum(pull: np.ndarray) -> np.ndarray:
         """The best parameters with a ``pull`` (Q, P) back to where they began."""
         return least_squares(
-            lambda theta: np.append(wanted - projected(at(theta).value[None])[:, 0], pull @ (theta - begin)),
+            lambda theta: np.append(
+                wanted - projected(at(theta).value[None])[:, 0], pull @ (theta - begin)
+            ),
             begin,
             lambda theta: np.concatenate([-projected(at(theta).columns), pull]),  # pyright: ignore[reportArgumentType]
             (lower, upper),
@@ -72,7 +83,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
 
     best = minimum(np.zeros((0, len(begin))))
     if on_bound(shape, best):  # what the log does not say stays near where it began
-        square = lambda theta: float(np.sum((wanted - projected(at(theta).value[None])[:, 0]) ** 2))  # noqa: E731
+        square = lambda theta: float(np.sum((wanted - projected(at(theta).value[None])[:, 0]) ** 2))
         least = sum(use[j].sum() * score.floor[j] for j in m.joints)
         alike = max(score.effective[list(m.joints)].sum(), 1.0)
         good = max(square(best) * (1.0 + 2.0 * CLEAR / alike), least)
@@ -82,7 +93,8 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         best = next((theta for theta in pulled if square(theta) <= good), best)
     shape = at_parameters(shape, best)
     fresh = item(shape, *columns_of([shape], rows, predicted))
-    if not fresh.joints:  # so fitted it does nothing: it stays what it was, and the search will drop it
+    # so fitted it does nothing: it stays what it was, and the search will drop it
+    if not fresh.joints:
         return m
     return pushed([fresh], rows, predicted)[0]
 

@@ -1,8 +1,11 @@
-"""The effects of a set with all of their parameters, as they are handed out: physical, and with standard errors.
+"""The effects of a set with all of their parameters, as they are handed out: physical, and with
+standard errors.
 
-A standard error has two parts: the jackknife's over blocks, of all parameters of all effects together, and that of least squares
-with the effective number of samples (:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself repeats what the
-model gets wrong, and its blocks scatter less than they are wrong. No time is known better than to a sampling interval.
+A standard error has two parts: the jackknife's over blocks, of all parameters of all effects
+together, and that of least squares with the effective number of samples
+(:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself repeats what the model
+gets wrong, and its blocks scatter less than they are wrong. No time is known better than to a
+sampling interval.
 """
 
 from collections.abc import Sequence
@@ -28,10 +31,17 @@ class Value(NamedTuple):
     key: Key
     items: tuple[Item, ...]
     effect: Effect  # ready for a plant
-    parameters: dict[str, tuple[np.ndarray, np.ndarray]]  # value and standard error of those that were fitted
+    # value and standard error of those that were fitted
+    parameters: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
-def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: Score, predicted: np.ndarray) -> list[Value]:
+def values(
+    members: Sequence[Item],
+    x: Sequence[np.ndarray],
+    rows: Rows,
+    score: Score,
+    predicted: np.ndarray,
+) -> list[Value]:
     """Return the effects of a set, fitted to all rows of training.
 
     Args:
@@ -72,7 +82,9 @@ def values(members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, score: 
         if key in parts:
             continue
         whole = [(members[n], fit.places[n]) for n in numbers]
-        taken = [(k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key]
+        taken = [
+            (k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key
+        ]
         out.append(_value(key, whole, taken, fit, rows.signals.dt))
     return out
 
@@ -85,11 +97,14 @@ def _plain(m: Item) -> bool:
 def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
     """Parts of effects with a shape, named as their whole: its key by theirs."""
     found: dict[Key, Key] = {}
-    own = [m for m in members if not m.always]  # what two logs have in common is no finding, nor a part of one
+    # what two logs have in common is no finding, nor a part of one
+    own = [m for m in members if not m.always]
     keys = {m.key for m in own}
     for m in own:
         if m.shape is not None and not m.shape.cls.linear:
-            found |= {(name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys}
+            found |= {
+                (name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys
+            }
     return found
 
 
@@ -110,8 +125,12 @@ def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> _Fit:
     return _Fit([best.of(m) for m in members], x[0], x[1:], fresh.covariance(best))
 
 
-def _value(key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, slice]], fit: _Fit, dt: float) -> Value:
-    """An effect of one or several items (a rotor and a body, say), with its parts' share put into its own parameters."""
+def _value(
+    key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, slice]], fit: _Fit, dt: float
+) -> Value:
+    """An effect of one or several items (a rotor and a body, say), with its parts' share put into
+    its own parameters.
+    """
     items = tuple(i for i, _ in whole)
     shape: Shape = items[0].shape
 
@@ -129,11 +148,15 @@ def _value(key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, sli
                 total[n] = total[n] + part.reshape(total[n].shape)
         return build(shape.cls, shape.joint, shape.joints, total, shape.options).settled()
 
-    effect, others, moved = at(fit.x), [at(x) for x in fit.folds], [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])]
+    effect, others, moved = (
+        at(fit.x),
+        [at(x) for x in fit.folds],
+        [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])],
+    )
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
     hidden = shape.cls.internal  # settled into others, all of which are then shown
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
-    read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))  # noqa: E731
+    read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
     parameters = {}
     for n in names:
         value = read(effect, n)
@@ -141,12 +164,16 @@ def _value(key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, sli
         alike = np.sqrt(np.sum([(read(e, n) - value) ** 2 for e in moved], 0))
         least = dt / np.sqrt(12.0) if shape.cls.parameters[n].unit == "s" else 0.0
         parameters[n] = (value, np.sqrt(scatter**2 + alike**2 + least**2))
-    parameters = {n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)} or parameters
+    parameters = {
+        n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)
+    } or parameters
     return Value(key, items, effect, parameters)
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
-    """The coefficients (A, P), moved by a standard error in each of the A directions of some of them."""
+    """The coefficients (A, P), moved by a standard error in each of the A directions of some of
+    them.
+    """
     own = np.concatenate([np.arange(p.start, p.stop) for p in places])
     size, u = np.linalg.eigh(fit.covariance[np.ix_(own, own)])
     out = np.repeat(fit.x[None], len(own), 0)

@@ -30,27 +30,47 @@ def summarise(
         reference: the log was compared with an earlier one, so findings are what has changed.
     """
     sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
-    out = [headline(verdict, len(sure), len(rest), [model.names[j] for j in unexplained], reference)]
+    out = [
+        headline(verdict, len(sure), len(rest), [model.names[j] for j in unexplained], reference)
+    ]
     if sure:
-        first = f", those that explain most first{f' ({FEW} of {len(sure)})' if len(sure) > FEW else ''}"
+        first = (
+            ", those that explain most"
+            f" first{f' ({FEW} of {len(sure)})' if len(sure) > FEW else ''}"
+        )
         listed = "; ".join(f"{f.sentence}, {_numbers(f)}" for f in sure[:FEW])
-        out.append(f"{'Changed' if reference else 'Missing'}{first if len(sure) > 1 else ''}: {listed}.")
+        out.append(
+            f"{'Changed' if reference else 'Missing'}{first if len(sure) > 1 else ''}: {listed}."
+        )
     if rest:
         more = f", and {len(rest) - FEW} more" if len(rest) > FEW else ""
-        out.append("Possible, but not certain: " + "; ".join(f.sentence for f in rest[:FEW]) + f"{more}.")
+        out.append(
+            "Possible, but not certain: " + "; ".join(f.sentence for f in rest[:FEW]) + f"{more}."
+        )
     known = [j for j, relative in enumerate(gap.before.torque_relative) if judged(relative)]
     if findings and known:
         changes = [
-            f"{model.names[j]} {percent(gap.before.torque_relative[j])} → {percent(gap.after.torque_relative[j])}" for j in known
+            f"{model.names[j]} {percent(gap.before.torque_relative[j])} →"
+            f" {percent(gap.after.torque_relative[j])}"
+            for j in known
         ]
-        out.append("Torque error on the data kept aside, relative to the command, before → after: " + "; ".join(changes) + ".")
+        out.append(
+            "Torque error on the data kept aside, relative to the command, before → after: "
+            + "; ".join(changes)
+            + "."
+        )
     for a in ambiguous:
-        names = " or ".join(readable(name) + (f" on {model.names[j]}" if j is not None else "") for name, j in a.candidates)
+        names = " or ".join(
+            readable(name) + (f" on {model.names[j]}" if j is not None else "")
+            for name, j in a.candidates
+        )
         out.append(f"This log cannot tell between {names}. To separate them, {a.experiment}.")
     return " ".join(out)
 
 
-def headline(verdict: str, sure: int, suspected: int, unexplained: Sequence[str], reference: bool = False) -> str:
+def headline(
+    verdict: str, sure: int, suspected: int, unexplained: Sequence[str], reference: bool = False
+) -> str:
     """Return the verdict in one or two sentences.
 
     Args:
@@ -68,26 +88,40 @@ def headline(verdict: str, sure: int, suspected: int, unexplained: Sequence[str]
         else f"The simulation lacks {count}"
     )
     if verdict == "unexplained":
-        left = f"Something is left on {listed(unexplained)} that no effect of the catalogue explains."
+        left = (
+            f"Something is left on {listed(unexplained)} that no effect of the catalogue explains."
+        )
         return f"{left} {lacks} for certain all the same." if sure else left
     if verdict == "nothing_missing":
-        nothing = "Nothing has changed since the reference log" if reference else "Nothing is missing"
+        nothing = (
+            "Nothing has changed since the reference log" if reference else "Nothing is missing"
+        )
         return f"{nothing}: no effect of the catalogue makes the model clearly better."
     if verdict == "ambiguous":
         other = (
-            f"{suspected} effect{'s are' if suspected != 1 else ' is'} possible, but this log does not determine which of them"
+            f"{suspected} effect{'s are' if suspected != 1 else ' is'} possible, but this log does"
+            " not determine which of them"
         )
         if not suspected:
             return f"{lacks}, but this log does not fully determine which."
-        return f"{lacks}; {other}." if sure else f"{other[0].upper()}{other[1:]} {'has changed' if reference else 'is missing'}."
+        return (
+            f"{lacks}; {other}."
+            if sure
+            else f"{other[0].upper()}{other[1:]} {'has changed' if reference else 'is missing'}."
+        )
     return f"{lacks}." + (
-        f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain." if suspected else ""
+        f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
+        if suspected
+        else ""
     )
 
 
 def listed(names: Sequence[str]) -> str:
     """Return names as a sentence has them."""
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or "some joint"
+    return (
+        " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+        or "some joint"
+    )
 
 
 def judged(relative: float) -> bool:
@@ -101,18 +135,29 @@ def readable(name: str) -> str:
 
 
 def number(estimate: Estimate) -> str:
-    """Return a parameter with unit and standard error: each of up to three numbers, of a table its range and mean error."""
+    """Return a parameter with unit and standard error: each of up to three numbers, of a table its
+    range and mean error.
+    """
     unit = "" if estimate.unit == "1" else f" {squared(estimate.unit)}"
     if not isinstance(estimate.value, list):
         return f"{plus_minus(estimate.value, float(np.mean(estimate.stderr)))}{unit}"
     errors = np.broadcast_to(np.array(estimate.stderr, float), len(estimate.value)).tolist()
     if len(estimate.value) <= 3:
-        return "(" + ", ".join(plus_minus(v, e) for v, e in zip(estimate.value, errors, strict=True)) + f"){unit}"
-    return f"{_digits(min(estimate.value))} to {_digits(max(estimate.value))}{unit}, each ± {np.mean(errors):.2g}"
+        return (
+            "("
+            + ", ".join(plus_minus(v, e) for v, e in zip(estimate.value, errors, strict=True))
+            + f"){unit}"
+        )
+    return (
+        f"{_digits(min(estimate.value))} to {_digits(max(estimate.value))}{unit}, each ±"
+        f" {np.mean(errors):.2g}"
+    )
 
 
 def plus_minus(value: float, stderr: float) -> str:
-    """Return a value and its standard error, of which two digits are written, and of the value as many decimals."""
+    """Return a value and its standard error, of which two digits are written, and of the value as
+    many decimals.
+    """
     if not np.isfinite(value):
         return "-"
     if not (np.isfinite(stderr) and stderr > 0.0):
@@ -124,10 +169,16 @@ def plus_minus(value: float, stderr: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as a percentage with two digits, or all it has before the point; a dash for one that means nothing."""
+    """Return a share as a percentage with two digits, or all it has before the point; a dash for
+    one that means nothing.
+    """
     if not judged(share):
         return "-"
-    return f"{100.0 * share:.0f} %" if abs(share) >= 0.0995 else f"{round(100.0 * share, 4):.2g} %".replace("-0 ", "0 ")
+    return (
+        f"{100.0 * share:.0f} %"
+        if abs(share) >= 0.0995
+        else f"{round(100.0 * share, 4):.2g} %".replace("-0 ", "0 ")
+    )
 
 
 def squared(unit: str) -> str:
@@ -143,4 +194,15 @@ def _numbers(finding: Finding) -> str:
     return ", ".join(f"{readable(name)} {number(p)}" for name, p in finding.parameters.items())
 
 
-__all__ = ["experiment", "headline", "judged", "listed", "number", "percent", "plus_minus", "readable", "squared", "summarise"]
+__all__ = [
+    "experiment",
+    "headline",
+    "judged",
+    "listed",
+    "number",
+    "percent",
+    "plus_minus",
+    "readable",
+    "squared",
+    "summarise",
+]

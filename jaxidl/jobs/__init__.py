@@ -1,7 +1,9 @@
-"""Many runs of anything: a sweep over labelled axes that continues where it stopped, and what long work needs besides.
+"""Many runs of anything: a sweep over labelled axes that continues where it stopped, and what long
+work needs besides.
 
-Knows no study: a run is a function of its point on the axes, and everything else (programs, devices, clusters, files that are
-whole or not there, resumption, provenance, progress, intervals over seeds) is here once.
+Knows no study: a run is a function of its point on the axes, and everything else (programs,
+devices, clusters, files that are whole or not there, resumption, provenance, progress, intervals
+over seeds) is here once.
 """
 
 import lazy_loader as _lazy

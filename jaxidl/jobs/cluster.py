@@ -1,7 +1,9 @@
-"""Chunks as tasks of a Ray cluster: each is computed by one core or one GPU and writes its own part of the store.
+"""Chunks as tasks of a Ray cluster: each is computed by one core or one GPU and writes its own part
+of the store.
 
-Ray is an optional extra, ``jaxidl[cluster]``. The folder of the results must be shared by all machines, and all must have the
-same versions. A task that is lost with its worker or machine is tried again elsewhere; writing a part twice does no harm.
+Ray is an optional extra, ``jaxidl[cluster]``. The folder of the results must be shared by all
+machines, and all must have the same versions. A task that is lost with its worker or machine is
+tried again elsewhere; writing a part twice does no harm.
 """
 
 import logging
@@ -27,7 +29,9 @@ RETRIES = 10  # of a task whose worker or machine was lost
 
 def versions() -> dict[str, str]:
     """What must be the same on all machines for results to be the same."""
-    return {name: version(name) for name in ("jaxidl", "jax", "jaxlib", "numpy")} | {"revision": revision()}
+    return {name: version(name) for name in ("jaxidl", "jax", "jaxlib", "numpy")} | {
+        "revision": revision()
+    }
 
 
 def compute(job: Job, chunk: Chunk, width: int, parts: str, identity: str, wanted: dict) -> Path:
@@ -41,8 +45,16 @@ def compute(job: Job, chunk: Chunk, width: int, parts: str, identity: str, wante
     keep_programs()
     here = versions()
     if here != wanted:
-        unlike = ", ".join(f"{name} {value} ({here[name]} there)" for name, value in wanted.items() if here[name] != value)
-        raise ConfigurationError("the same versions on all machines of the cluster", unlike, "install the same ones everywhere")
+        unlike = ", ".join(
+            f"{name} {value} ({here[name]} there)"
+            for name, value in wanted.items()
+            if here[name] != value
+        )
+        raise ConfigurationError(
+            "the same versions on all machines of the cluster",
+            unlike,
+            "install the same ones everywhere",
+        )
     began = time.monotonic()
     with jax.enable_x64(True):
         found = without_padding(dispatch(job, chunk, 1, width), chunk)
@@ -51,7 +63,9 @@ def compute(job: Job, chunk: Chunk, width: int, parts: str, identity: str, wante
 
 
 def _knock(address: str) -> None:
-    """Raise OSError or ValueError unless somebody listens at HOST:PORT; Ray itself would try, and tell, for ten minutes."""
+    """Raise OSError or ValueError unless somebody listens at HOST:PORT; Ray itself would try, and
+    tell, for ten minutes.
+    """
     if address not in ("local", "auto"):
         host, _, port = address.removeprefix("ray://").rpartition(":")
         if not host or not port.isdigit():
@@ -63,7 +77,8 @@ class Cluster:
     """A connection to a Ray cluster; use as a context manager.
 
     Args:
-        address: of a running cluster, or "local" for one on this machine that lives as long as the sweep.
+        address: of a running cluster, or "local" for one on this machine that lives as long as the
+            sweep.
 
     Raises:
         ConfigurationError: if Ray is not installed or no cluster answers.
@@ -77,15 +92,21 @@ class Cluster:
             import ray
         except ImportError:
             remedy = "pip install 'jaxidl[cluster]'"
-            raise ConfigurationError("Ray for --cluster", "an installation without it", remedy) from None
+            raise ConfigurationError(
+                "Ray for --cluster", "an installation without it", remedy
+            ) from None
         self.ray: Any = ray
-        where: dict[str, Any] = {"include_dashboard": False} if self.address == "local" else {"address": self.address}
+        where: dict[str, Any] = (
+            {"include_dashboard": False} if self.address == "local" else {"address": self.address}
+        )
         try:
             _knock(self.address)
             ray.init(**where, log_to_driver=False, logging_level=logging.ERROR)
         except Exception as error:  # Ray has many, and words them in paragraphs
             reason = (str(error).strip() or type(error).__name__).splitlines()[0]
-            remedy = "start one with `ray start --head`, correct the address, or use --cluster local"
+            remedy = (
+                "start one with `ray start --head`, correct the address, or use --cluster local"
+            )
             raise ConfigurationError(f"a Ray cluster at {self.address!r}", reason, remedy) from None
         return self
 
@@ -99,10 +120,12 @@ class Cluster:
     def run(
         self, job: Job, missing: list[Point], plan: Layout, parts: Path, identity: str
     ) -> Iterator[tuple[Chunk, Path] | None]:
-        """Compute chunks; yield each with its part as it is finished, and None now and then while waiting.
+        """Compute chunks; yield each with its part as it is finished, and None now and then while
+        waiting.
 
         Raises:
-            ConfigurationError, StoreError: what a task raised, or that its workers were lost too often.
+            ConfigurationError, StoreError: what a task raised, or that its workers were lost too
+                often.
         """
         wants = {"num_gpus": 1} if self.kind() == "gpu" else {"num_cpus": 1}
         # max_calls=0: a worker keeps its compiled programs; Ray would end a GPU's after every task
@@ -123,7 +146,9 @@ class Cluster:
                 yield running.pop(reference), self._result(reference)
 
     def _ahead(self) -> int:
-        """Tasks kept submitted: enough for every device there is now, and for some that may join."""
+        """Tasks kept submitted: enough for every device there is now, and for some that may
+        join.
+        """
         resources = self.ray.cluster_resources()
         return 8 + 2 * int(resources.get("GPU", 0) or resources.get("CPU", 1))
 
@@ -135,8 +160,12 @@ class Cluster:
                 raise error.cause from None
             reason = str(error.cause or error).strip().splitlines()[-1]
             raise StoreError(
-                "every task to succeed", reason, "remove the cause, then run it again; what is done is saved"
+                "every task to succeed",
+                reason,
+                "remove the cause, then run it again; what is done is saved",
             ) from None
         except self.ray.exceptions.RayError as error:
             remedy = "look after the cluster, then run it again; what is done is saved"
-            raise StoreError(f"a task to survive {RETRIES} lost workers", type(error).__name__, remedy) from None
+            raise StoreError(
+                f"a task to survive {RETRIES} lost workers", type(error).__name__, remedy
+            ) from None

@@ -1,4 +1,6 @@
-"""Finished pieces of a long job, each a file of named arrays: what is there need not be computed again."""
+"""Finished pieces of a long job, each a file of named arrays: what is there need not be computed
+again.
+"""
 
 import contextlib
 import hashlib
@@ -20,7 +22,8 @@ Arrays = dict[str, np.ndarray]
 
 @contextlib.contextmanager
 def alone(folder: Path, where: Path | None = None) -> Iterator[None]:
-    """Hold the lock of a folder, which is made if need be; ``where`` is what a complaint names instead.
+    """Hold the lock of a folder, which is made if need be; ``where`` is what a complaint names
+    instead.
 
     A folder with nothing but the lock in it is removed at the end.
 
@@ -32,13 +35,18 @@ def alone(folder: Path, where: Path | None = None) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout:
-        raise StoreError(f"to be alone on {where}", "another process at work", "wait or take another --out") from None
+        raise StoreError(
+            f"to be alone on {where}", "another process at work", "wait or take another --out"
+        ) from None
     except OSError as error:
-        raise StoreError(f"to write beside {folder}", str(error.strerror).lower(), "choose another --out") from None
+        raise StoreError(
+            f"to write beside {folder}", str(error.strerror).lower(), "choose another --out"
+        ) from None
     try:
         yield
     finally:
-        # emptied and removed while the lock is held, so that nobody can lock a file that is about to vanish
+        # emptied and removed while the lock is held, so that nobody can lock a file that is about
+        # to vanish
         if {entry.name for entry in folder.iterdir()} <= {"lock"}:
             (folder / "lock").unlink(missing_ok=True)
             folder.rmdir()
@@ -57,7 +65,11 @@ def read_piece(path: Path) -> tuple[str, Arrays] | None:
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
             arrays = {key: file[key] for key in file.files}
-        return None if str(arrays.pop("digest")) != digest(arrays) else (str(arrays.pop("identity")), arrays)
+        return (
+            None
+            if str(arrays.pop("digest")) != digest(arrays)
+            else (str(arrays.pop("identity")), arrays)
+        )
     except Exception:  # whatever a broken file makes of NumPy, zip and zlib
         return None
 
@@ -65,8 +77,9 @@ def read_piece(path: Path) -> tuple[str, Arrays] | None:
 class Pieces:
     """A folder of pieces, by name. Use as a context manager: it holds the folder's lock.
 
-    Every piece carries the ``identity`` of what made it (all that determines a result, ready for JSON) and a checksum; one that
-    is damaged is as good as none. Pieces of one name made otherwise lie beside each other: their files' names tell them apart.
+    Every piece carries the ``identity`` of what made it (all that determines a result, ready for
+    JSON) and a checksum; one that is damaged is as good as none. Pieces of one name made otherwise
+    lie beside each other: their files' names tell them apart.
 
     Raises:
         StoreError: when another process is at work in the folder, or it cannot be written.

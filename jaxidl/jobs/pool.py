@@ -1,4 +1,6 @@
-"""One process a core, for work that is not a JAX program: items one after the other, each done or not done."""
+"""One process a core, for work that is not a JAX program: items one after the other, each done or
+not done.
+"""
 
 import multiprocessing
 import os
@@ -11,7 +13,13 @@ from jaxidl.jobs.progress import Bar
 T = TypeVar("T")
 
 
-def each(work: Callable[[T], object], items: Sequence[T], processes: int, what: str, total: int | None = None) -> None:
+def each(
+    work: Callable[[T], object],
+    items: Sequence[T],
+    processes: int,
+    what: str,
+    total: int | None = None,
+) -> None:
     """Do ``work`` for every item in ``processes``, with a bar that says how long it will take.
 
     ``total`` counts what was done before, too. An exception in one ends all.
@@ -38,4 +46,6 @@ def each(work: Callable[[T], object], items: Sequence[T], processes: int, what: 
 def _one_core() -> None:
     """Processes share the cores already: threads within them only get into each other's way."""
     os.environ["JAX_PLATFORMS"] = "cpu"
-    os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
+    os.environ["XLA_FLAGS"] = (
+        os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
+    )

@@ -1,4 +1,5 @@
-"""Many runs in one program: ``lax.map`` over runs, ``vmap`` inside it, shards over devices outside; and runs in chunks.
+"""Many runs in one program: ``lax.map`` over runs, ``vmap`` inside it, shards over devices outside;
+and runs in chunks.
 
 A chunk is the unit of computing, of saving, and of what an interruption can lose.
 """
@@ -19,7 +20,8 @@ from jaxidl.jobs.points import Point, Value
 from jaxidl.stop import STOP
 
 RUNS_PER_DEVICE = {"cpu": 4, "gpu": 320}  # of one chunk
-Kind = tuple[tuple[str, Value], ...]  # what one program is compiled for: the values on the static axes
+# what one program is compiled for: the values on the static axes
+Kind = tuple[tuple[str, Value], ...]
 Arrays = dict[str, np.ndarray]
 T = TypeVar("T")
 
@@ -27,9 +29,10 @@ T = TypeVar("T")
 class Job(NamedTuple):
     """What is computed at each point.
 
-    ``run`` is a pure JAX function of one keyword argument for each axis, and of what ``inputs`` makes on the host of a point's
-    values; it returns a mapping of names to arrays, of the same shapes at all points. It must be hashable; runs that are equal
-    share programs. A program is compiled for each combination of values on the axes ``static``, which arrive as they are; all
+    ``run`` is a pure JAX function of one keyword argument for each axis, and of what ``inputs``
+    makes on the host of a point's values; it returns a mapping of names to arrays, of the same
+    shapes at all points. It must be hashable; runs that are equal share programs. A program is
+    compiled for each combination of values on the axes ``static``, which arrive as they are; all
     others arrive as arrays.
     """
 
@@ -42,17 +45,25 @@ class Job(NamedTuple):
         return tuple((name, value) for name, value in point if name in self.static)
 
     def traced(self, points: Sequence[Point]) -> Arrays:
-        """Return the traced half of R points, leaves (R, ...); what ``inputs`` returns counts, and hides an axis of its name."""
+        """Return the traced half of R points, leaves (R, ...); what ``inputs`` returns counts, and
+        hides an axis of its name.
+        """
         rows = [
             {name: np.asarray(value) for name, value in at if name not in self.static}
-            | ({} if self.inputs is None else {name: np.asarray(value) for name, value in self.inputs(dict(at)).items()})
+            | (
+                {}
+                if self.inputs is None
+                else {name: np.asarray(value) for name, value in self.inputs(dict(at)).items()}
+            )
             for at in points
         ]
         return {name: np.stack([row[name] for row in rows]) for name in rows[0]}
 
 
 class Layout(NamedTuple):
-    """How a chunk is spread: over devices, runs on each, and runs side by side in each one's program."""
+    """How a chunk is spread: over devices, runs on each, and runs side by side in each one's
+    program.
+    """
 
     devices: int
     per_device: int
@@ -72,11 +83,17 @@ class Chunk(NamedTuple):
 
 
 def layout(
-    devices: int | None, per_device: int | None, width: int | None, kind: str | None = None, present: int | None = None
+    devices: int | None,
+    per_device: int | None,
+    width: int | None,
+    kind: str | None = None,
+    present: int | None = None,
 ) -> Layout:
-    """Return the layout as asked, else what suits devices of this ``kind`` ("cpu", "gpu", …), of which ``present`` are there.
+    """Return the layout as asked, else what suits devices of this ``kind`` ("cpu", "gpu", …), of
+    which ``present`` are there.
 
-    A CPU core works on one run at a time, whose weights then stay in its cache; a GPU on as many as a chunk has.
+    A CPU core works on one run at a time, whose weights then stay in its cache; a GPU on as many as
+    a chunk has.
 
     Args:
         devices: how many to use.
@@ -97,14 +114,20 @@ def layout(
         ("width", width, per_device),
     ):
         if not 1 <= value <= most:
-            raise ConfigurationError(f"--{name} between 1 and {most}", str(value), "correct it or leave it out")
+            raise ConfigurationError(
+                f"--{name} between 1 and {most}", str(value), "correct it or leave it out"
+            )
     return Layout(devices, per_device, width)
 
 
 def chunks(points: Sequence[Point], job: Job, devices: int, per_device: int) -> Iterator[Chunk]:
-    """Yield runs of one kind together, in the order given; every chunk of a kind has the same size, so it compiles once."""
+    """Yield runs of one kind together, in the order given; every chunk of a kind has the same size,
+    so it compiles once.
+    """
     totals = Counter(map(job.kind, points))
-    sizes = {kind: devices * min(per_device, -(-count // devices)) for kind, count in totals.items()}
+    sizes = {
+        kind: devices * min(per_device, -(-count // devices)) for kind, count in totals.items()
+    }
     waiting: dict[Kind, list[Point]] = defaultdict(list)
     for at in points:
         kind = job.kind(at)
@@ -115,18 +138,24 @@ def chunks(points: Sequence[Point], job: Job, devices: int, per_device: int) -> 
 
 
 @cache
-def program(run: Callable[..., Mapping[str, Any]], kind: Kind, devices: int = 1, width: int = 1) -> Any:
-    """Return the compiled-on-first-use program of one kind: traced halves of R points -> arrays with leaves (R, ...).
+def program(
+    run: Callable[..., Mapping[str, Any]], kind: Kind, devices: int = 1, width: int = 1
+) -> Any:
+    """Return the compiled-on-first-use program of one kind: traced halves of R points -> arrays
+    with leaves (R, ...).
 
-    R is a multiple of ``devices``. Each device maps over its share, ``width`` runs at a time side by side: 1 keeps a run's
-    numbers in a core's cache, a GPU wants as many as fit. With the same ``width`` results are the same bit for bit on one
-    kind of device whatever the share, since the compiled loop body is the same.
+    R is a multiple of ``devices``. Each device maps over its share, ``width`` runs at a time side
+    by side: 1 keeps a run's numbers in a core's cache, a GPU wants as many as fit. With the same
+    ``width`` results are the same bit for bit on one kind of device whatever the share, since the
+    compiled loop body is the same.
     """
     return mapped(lambda one: dict(run(**dict(kind), **one)), devices, width)
 
 
 def mapped(one: Callable[[Any], Any], devices: int, width: int = 1) -> Any:
-    """Return the compiled-on-first-use program that maps ``one`` over R rows, a multiple of ``devices``, each a share."""
+    """Return the compiled-on-first-use program that maps ``one`` over R rows, a multiple of
+    ``devices``, each a share.
+    """
     mesh = Mesh(np.array(jax.devices()[:devices]), ("runs",))
     split = PartitionSpec("runs")
 
@@ -138,7 +167,9 @@ def mapped(one: Callable[[Any], Any], devices: int, width: int = 1) -> Any:
 
 
 def dispatch(job: Job, chunk: Chunk, devices: int, width: int) -> dict[str, Any]:
-    """Start computing a chunk on this process's devices: arrays with leaves (size, ...), perhaps not ready yet."""
+    """Start computing a chunk on this process's devices: arrays with leaves (size, ...), perhaps
+    not ready yet.
+    """
     return program(job.run, chunk.kind, devices, width)(job.traced(chunk.padded()))
 
 

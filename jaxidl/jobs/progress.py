@@ -20,14 +20,36 @@ class Bar:
     """
 
     def __init__(
-        self, what: str, total: float | int = 1.0, done: float | int = 0.0, *, quiet: bool = False, transient: bool = False
+        self,
+        what: str,
+        total: float | int = 1.0,
+        done: float | int = 0.0,
+        *,
+        quiet: bool = False,
+        transient: bool = False,
     ):
-        columns = [TextColumn("{task.description} {task.fields[count]}"), BarColumn(), TextColumn("{task.percentage:>3.0f}%")]
-        times = [TimeElapsedColumn(), TextColumn("elapsed,"), TimeRemainingColumn(), TextColumn("left")]
+        columns = [
+            TextColumn("{task.description} {task.fields[count]}"),
+            BarColumn(),
+            TextColumn("{task.percentage:>3.0f}%"),
+        ]
+        times = [
+            TimeElapsedColumn(),
+            TextColumn("elapsed,"),
+            TimeRemainingColumn(),
+            TextColumn("left"),
+        ]
         console = Console(stderr=True)
         quiet |= transient and not console.is_terminal
         self._lines = not (console.is_terminal or quiet)
-        self._bar = Progress(*columns, *times, console=console, disable=quiet, transient=transient, speed_estimate_period=600)
+        self._bar = Progress(
+            *columns,
+            *times,
+            console=console,
+            disable=quiet,
+            transient=transient,
+            speed_estimate_period=600,
+        )
         self._task = self._bar.add_task(what, total=total, count="")
         self._bar.update(self._task, completed=done)
         self._said = time.monotonic()
@@ -39,8 +61,12 @@ class Bar:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def advance(self, by: float | int = 1.0, count: str | None = None, what: str | None = None) -> None:
-        """Move on by so much; ``count`` says in words what is done, ``what`` what is being done now."""
+    def advance(
+        self, by: float | int = 1.0, count: str | None = None, what: str | None = None
+    ) -> None:
+        """Move on by so much; ``count`` says in words what is done, ``what`` what is being done
+        now.
+        """
         self._show(count, what, advance=by)
 
     def at(self, completed: float | int, what: str | None = None) -> None:
@@ -53,4 +79,8 @@ class Bar:
         self._bar.update(self._task, **moved)
         if self._lines and time.monotonic() > self._said + 60.0:
             self._said, now = time.monotonic(), self._bar.tasks[0]
-            print(f"{now.description} {now.fields['count']} {now.percentage:.0f}%", file=sys.stderr, flush=True)
+            print(
+                f"{now.description} {now.fields['count']} {now.percentage:.0f}%",
+                file=sys.stderr,
+                flush=True,
+            )

@@ -16,14 +16,17 @@ def provenance() -> dict[str, str]:
     """Return versions, command and time, as attributes of a results file."""
     packages = ("jaxidl", "jax", "jaxlib", "flax", "optax", "numpy", "xarray")
     return {
-        "versions": ", ".join(f"{name} {version(name)}" for name in packages) + f", Python {platform.python_version()}",
+        "versions": ", ".join(f"{name} {version(name)}" for name in packages)
+        + f", Python {platform.python_version()}",
         "command": command(),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
     }
 
 
 def command() -> str:
-    """Return the command line, with folders left out: a result should not tell whose machine it was made on."""
+    """Return the command line, with folders left out: a result should not tell whose machine it was
+    made on.
+    """
     return " ".join(re.sub(r"[^=]*/", "", word) for word in sys.argv)
 
 
@@ -34,13 +37,19 @@ def device(width: int) -> str:
 
 @lru_cache
 def revision() -> str:
-    """Return the git revision of the code that runs, "+changes" if it differs from it, "unknown" outside a checkout."""
+    """Return the git revision of the code that runs, "+changes" if it differs from it, "unknown"
+    outside a checkout.
+    """
     folder = Path(__file__).resolve().parent
 
     def git(*words: str) -> str:
-        return subprocess.run(["git", "-C", str(folder), *words], capture_output=True, text=True, check=True).stdout.strip()
+        return subprocess.run(
+            ["git", "-C", str(folder), *words], capture_output=True, text=True, check=True
+        ).stdout.strip()
 
     try:
-        return git("rev-parse", "HEAD") + ("+changes" if git("status", "--porcelain", "--", "..") else "")
+        return git("rev-parse", "HEAD") + (
+            "+changes" if git("status", "--porcelain", "--", "..") else ""
+        )
     except (OSError, subprocess.CalledProcessError):
         return "unknown"

@@ -1,4 +1,6 @@
-"""The results file: labelled numbers of every run, where they came from, and a checksum over all of it."""
+"""The results file: labelled numbers of every run, where they came from, and a checksum over all of
+it.
+"""
 
 import hashlib
 import io
@@ -47,7 +49,8 @@ def assemble(
     runs: Runs,
     alike: Callable[[Point], Point] = lambda at: at,
 ) -> xr.Dataset:
-    """Return the runs as one dataset: dims are the axes in their order, then those of each variable.
+    """Return the runs as one dataset: dims are the axes in their order, then those of each
+    variable.
 
     Args:
         axes: values by name.
@@ -65,7 +68,11 @@ def assemble(
                 blocks[name] = np.zeros((*shape, *np.shape(run[name])), np.asarray(run[name]).dtype)
             blocks[name][index] = run[name]
     columns = {
-        name: ((*axes, *about.dims), blocks[name], {"units": about.units, "long_name": about.long_name})
+        name: (
+            (*axes, *about.dims),
+            blocks[name],
+            {"units": about.units, "long_name": about.long_name},
+        )
         for name, about in variables.items()
     }
     return xr.Dataset(columns, {name: list(values) for name, values in axes.items()})
@@ -75,16 +82,24 @@ def runs_of(data: xr.Dataset, variables: Mapping[str, Variable]) -> Runs:
     """Return the runs in a results file, by point."""
     inner = {name: about.dims for name, about in variables.items()}
     first = next(iter(variables))
-    axes = {str(dim): tuple(data[dim].values.tolist()) for dim in data[first].dims if dim not in inner[first]}
+    axes = {
+        str(dim): tuple(data[dim].values.tolist())
+        for dim in data[first].dims
+        if dim not in inner[first]
+    }
     columns = {name: data[name].transpose(*axes, *inner[name]).values for name in variables}
     table: Runs = {}
     for at in points(axes):
         index = tuple(values.index(dict(at)[name]) for name, values in axes.items())
-        table[point(dict(at))] = {name: np.asarray(column[index]) for name, column in columns.items()}
+        table[point(dict(at))] = {
+            name: np.asarray(column[index]) for name, column in columns.items()
+        }
     return table
 
 
-def read(path: Path, lacking: Callable[[xr.Dataset], Sequence[str]] = lambda data: ()) -> xr.Dataset:
+def read(
+    path: Path, lacking: Callable[[xr.Dataset], Sequence[str]] = lambda data: ()
+) -> xr.Dataset:
     """Return a finished results file.
 
     Args:
@@ -103,31 +118,50 @@ def read(path: Path, lacking: Callable[[xr.Dataset], Sequence[str]] = lambda dat
         raise StoreError(f"a results file at {path}", "no such file", remedy) from None
     except Exception as error:  # whatever h5py makes of a broken file
         got = f"something unreadable ({type(error).__name__})"
-        raise StoreError(f"{path} to be a NetCDF results file", got, "remove it or name another") from None
-    absent = [*lacking(data), *(name for name in ("identity", "origins") if not _is_json(data.attrs.get(name)))]
+        raise StoreError(
+            f"{path} to be a NetCDF results file", got, "remove it or name another"
+        ) from None
+    absent = [
+        *lacking(data),
+        *(name for name in ("identity", "origins") if not _is_json(data.attrs.get(name))),
+    ]
     if absent:
         got = f"a file without {', '.join(absent)}"
-        raise StoreError(f"{path} to be written by `jaxidl sweep`", got, "name a results file of jaxidl")
+        raise StoreError(
+            f"{path} to be written by `jaxidl sweep`", got, "name a results file of jaxidl"
+        )
     if data.attrs.get("digest") != digest_of(data):
         got = "numbers that do not fit their checksum"
-        raise StoreError(f"{path} as `jaxidl sweep` wrote it", got, "take a sound copy, or run the sweep again with --overwrite")
+        raise StoreError(
+            f"{path} as `jaxidl sweep` wrote it",
+            got,
+            "take a sound copy, or run the sweep again with --overwrite",
+        )
     return data
 
 
 def digest(content: Mapping[str, object]) -> str:
-    """Return the SHA-256 of named texts and arrays: a bit that flips on disk must not end up in an average."""
+    """Return the SHA-256 of named texts and arrays: a bit that flips on disk must not end up in an
+    average.
+    """
     checksum = hashlib.sha256()
     for name, value in sorted(content.items()):
         array = np.asarray(value)
         plain = array.dtype.kind in "biuf"
         checksum.update(f"{name} {array.dtype.str if plain else 'text'} {array.shape}:".encode())
-        checksum.update(np.ascontiguousarray(array).tobytes() if plain else json.dumps(array.tolist()).encode())
+        checksum.update(
+            np.ascontiguousarray(array).tobytes() if plain else json.dumps(array.tolist()).encode()
+        )
     return checksum.hexdigest()
 
 
 def digest_of(data: xr.Dataset) -> str:
-    """:func:`digest` of all variables, coordinates and attributes of a results file, but the digest itself."""
-    attrs = {f"attribute {name}": str(value) for name, value in data.attrs.items() if name != "digest"}
+    """:func:`digest` of all variables, coordinates and attributes of a results file, but the digest
+    itself.
+    """
+    attrs = {
+        f"attribute {name}": str(value) for name, value in data.attrs.items() if name != "digest"
+    }
     return digest(attrs | {str(name): column.values for name, column in data.variables.items()})
 
 

@@ -1,8 +1,10 @@
-"""Results on disk: every finished chunk is safe at once, and what is finished is never mixed with anything else.
+"""Results on disk: every finished chunk is safe at once, and what is finished is never mixed with
+anything else.
 
-Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per finished chunk. Runs are
-known by their points, not by their place in a grid, so a sweep continues whatever its chunk size, device count or order, and
-a finished file can be extended by more values on an axis. Files are written under another name and then renamed.
+Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per
+finished chunk. Runs are known by their points, not by their place in a grid, so a sweep continues
+whatever its chunk size, device count or order, and a finished file can be extended by more values
+on an axis. Files are written under another name and then renamed.
 """
 
 import contextlib
@@ -36,7 +38,8 @@ class Store:
         alike: the point whose run stands for another one's, which is not kept.
 
     Raises:
-        StoreError: when another process is at work on the file, or what lies there is unreadable or of other settings.
+        StoreError: when another process is at work on the file, or what lies there is unreadable or
+            of other settings.
     """
 
     def __init__(
@@ -69,17 +72,28 @@ class Store:
 
     def _load(self) -> None:
         results = self.path.parent.glob(f".{glob.escape(self.path.name)}.*.tmp")
-        for torn in [*self.parts.glob(".*.tmp"), *results]:  # of a process that was killed while writing
+        # of a process that was killed while writing
+        for torn in [*self.parts.glob(".*.tmp"), *results]:
             torn.unlink()
         if self.overwrite:
             self._set_aside()
         if self.path.exists():
             data = read(self.path)
-            self._check_identity(self.path, data.attrs["identity"], "choose another --out, or --overwrite it")
-            self.runs.update({at: run for at, run in runs_of(data, self.variables).items() if self.alike(at) == at})
+            self._check_identity(
+                self.path, data.attrs["identity"], "choose another --out, or --overwrite it"
+            )
+            self.runs.update(
+                {
+                    at: run
+                    for at, run in runs_of(data, self.variables).items()
+                    if self.alike(at) == at
+                }
+            )
             self.finished.update(self.runs)
             self._origins += [Origin(*row) for row in json.loads(data.attrs["origins"])]
-        self.damaged += [part for part in sorted(self.parts.glob("*.npz")) if not self._load_part(part)]
+        self.damaged += [
+            part for part in sorted(self.parts.glob("*.npz")) if not self._load_part(part)
+        ]
 
     def _set_aside(self) -> None:
         if self.path.is_dir():
@@ -92,7 +106,9 @@ class Store:
     def _check_identity(self, where: Path, identity: str, remedy: str) -> None:
         if identity != self.identity:
             what = difference(json.loads(identity), json.loads(self.identity))
-            raise StoreError(f"{where} to hold these settings", f"some that differ in {what}", remedy)
+            raise StoreError(
+                f"{where} to hold these settings", f"some that differ in {what}", remedy
+            )
 
     def _load_part(self, part: Path) -> bool:
         """Take in a part; False, and the part is gone, if it is damaged."""
@@ -101,23 +117,34 @@ class Store:
             part.unlink(missing_ok=True)
             return False
         identity, arrays = found
-        self._check_identity(self.parts, identity, "continue with the old settings, choose another --out, or --overwrite")
-        held: list[Point] = [tuple((name, value) for name, value in row) for row in json.loads(str(arrays.pop("points")))]
+        self._check_identity(
+            self.parts,
+            identity,
+            "continue with the old settings, choose another --out, or --overwrite",
+        )
+        held: list[Point] = [
+            tuple((name, value) for name, value in row)
+            for row in json.loads(str(arrays.pop("points")))
+        ]
         origin = Origin(*json.loads(str(arrays.pop("origin"))))
         if self.finished.issuperset(held):
-            part.unlink()  # of a process that was killed between writing the file and removing its parts
+            # of a process that was killed between writing the file and removing its parts
+            part.unlink()
             return True
         self._parts[part] = held, origin
         for row, at in enumerate(held):
             self.runs[at] = {name: np.asarray(column[row]) for name, column in arrays.items()}
         return True
 
-    def add(self, points: Sequence[Point], arrays: Mapping[str, np.ndarray], origin: Origin) -> None:
+    def add(
+        self, points: Sequence[Point], arrays: Mapping[str, np.ndarray], origin: Origin
+    ) -> None:
         """Save finished runs; ``arrays`` have leaves (R, ...)."""
         self.adopt(write_part(self.parts, self.identity, points, arrays, origin))
 
     def adopt(self, part: Path) -> None:
-        """Take in a part that :func:`write_part` has put into the folder, here or on another machine.
+        """Take in a part that :func:`write_part` has put into the folder, here or on another
+        machine.
 
         Raises:
             StoreError: if it is not there or damaged.
@@ -135,21 +162,37 @@ class Store:
         wanted = set(wanted)
         dropped = sorted(self.finished - wanted, key=str)
         if dropped:
-            got = f"{len(dropped)} finished runs there that these leave out, e.g. {dict(dropped[0])}"
-            raise StoreError(f"axes that cover {self.path}", got, "choose another --out, or --overwrite it")
+            got = (
+                f"{len(dropped)} finished runs there that these leave out, e.g. {dict(dropped[0])}"
+            )
+            raise StoreError(
+                f"axes that cover {self.path}", got, "choose another --out, or --overwrite it"
+            )
         return self.finished == wanted
 
-    def finish(self, data: xr.Dataset, wanted: Iterable[Point], attrs: Mapping[str, str]) -> xr.Dataset:
-        """Write the results ``data`` of the ``wanted`` runs as one file, and remove the parts that it contains."""
+    def finish(
+        self, data: xr.Dataset, wanted: Iterable[Point], attrs: Mapping[str, str]
+    ) -> xr.Dataset:
+        """Write the results ``data`` of the ``wanted`` runs as one file, and remove the parts that
+        it contains.
+        """
         wanted = set(wanted)
-        used = {part: origin for part, (held, origin) in self._parts.items() if wanted.intersection(held)}
+        used = {
+            part: origin
+            for part, (held, origin) in self._parts.items()
+            if wanted.intersection(held)
+        }
         origins = merge_origins([*self._origins, *used.values()])
         data.attrs |= {**attrs, "identity": self.identity, "origins": json.dumps(origins)}
         data.attrs["git_revision"] = ", ".join(sorted({origin.revision for origin in origins}))
         data.attrs["device"] = ", ".join(sorted({origin.device for origin in origins}))
         data.attrs["seconds"] = round(sum(origin.seconds for origin in origins), 1)
         data.attrs["digest"] = digest_of(data)
-        encoding = {str(name): {"zlib": True, "shuffle": True} for name, column in data.data_vars.items() if column.ndim}
+        encoding = {
+            str(name): {"zlib": True, "shuffle": True}
+            for name, column in data.data_vars.items()
+            if column.ndim
+        }
         write_bytes(self.path, bytes(data.to_netcdf(engine="h5netcdf", encoding=encoding)))
         for part in used:
             if wanted.issuperset(self._parts[part][0]):
@@ -158,10 +201,13 @@ class Store:
         return data
 
 
-def write_part(folder: Path, identity: str, points: Sequence[Point], arrays: Mapping[str, Any], origin: Origin) -> Path:
+def write_part(
+    folder: Path, identity: str, points: Sequence[Point], arrays: Mapping[str, Any], origin: Origin
+) -> Path:
     """Write finished runs as one part file and return its path.
 
-    The name is made of the points and the content follows from them, so writing a chunk twice does no harm.
+    The name is made of the points and the content follows from them, so writing a chunk twice does
+    no harm.
     """
     text = json.dumps(points)
     part = folder / f"{zlib.crc32(text.encode()):08x}.npz"

@@ -1,15 +1,19 @@
-"""A trained feedforward as one file for a robot's control computer, which needs JAX and flatbuffers but not this package.
+"""A trained feedforward as one file for a robot's control computer, which needs JAX and flatbuffers
+but not this package.
 
-The paper's control loop runs at 1 kHz in hard real time, and all networks' predictions take less than 1 ms of it. There, ::
+The paper's control loop runs at 1 kHz in hard real time, and all networks' predictions take less
+than 1 ms of it. There, ::
 
     feedforward = jax.export.deserialize(bytearray(Path("feedforward.jaxexport").read_bytes()))
-    torque = jax.jit(feedforward.call).lower(*feedforward.in_avals).compile()  # seconds, once, before the loop
+    torque = jax.jit(feedforward.call).lower(*feedforward.in_avals).compile()  # seconds, once,
+    before the loop
 
-and in the loop ``np.asarray(torque(q, qd, qdd_desired))`` on float32 arrays. ``feedforward.call`` by itself is dispatched anew at
-every call, which takes most of a millisecond. ``experiments/bench/real_time.py`` has the habits that keep a loop on time.
+and in the loop ``np.asarray(torque(q, qd, qdd_desired))`` on float32 arrays. ``feedforward.call``
+by itself is dispatched anew at every call, which takes most of a millisecond.
+``experiments/bench/real_time.py`` has the habits that keep a loop on time.
 
-Single precision, because a file in double precision can only be called in a process that has set ``jax_enable_x64``, and is no
-faster. Rounding changes the arm's torques by up to 4e-5 Nm.
+Single precision, because a file in double precision can only be called in a process that has set
+``jax_enable_x64``, and is no faster. Rounding changes the arm's torques by up to 4e-5 Nm.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,33 +36,44 @@ DTYPE = jnp.float32
 def feedforward(
     task: Task, model: RigidBody, error_model: ErrorModel, params: Params
 ) -> Callable[[Joints, Joints, Joints, *tuple[Circumstances, ...]], Joints]:
-    """All of the command but feedback: what :func:`jaxidl.learning.execute.execute` computes from a sensed state.
+    """All of the command but feedback: what :func:`jaxidl.learning.execute.execute` computes from a
+    sensed state.
 
     Returns:
-        A function of position ``q`` (J,) [rad], velocity ``qd`` (J,) [rad/s], desired acceleration (J,) [rad/s^2] and, if the
-        error model knows any, circumstances (C,), to torque (J,) [Nm]: ``model``'s inverse dynamics within ``task.torque_limit``
-        plus the error model's torque within ``task.feedforward_limit`` and ``task.torque_limit``.
+        A function of position ``q`` (J,) [rad], velocity ``qd`` (J,) [rad/s], desired acceleration
+        (J,) [rad/s^2] and, if the error model knows any, circumstances (C,), to torque (J,) [Nm]:
+        ``model``'s inverse dynamics within ``task.torque_limit`` plus the error model's torque
+        within ``task.feedforward_limit`` and ``task.torque_limit``.
     """
 
     def torque(q: Joints, qd: Joints, qdd_desired: Joints, *circumstances: Circumstances) -> Joints:
         tau_rbd = task.clip(model.inverse_dynamics(q, qd, qdd_desired))
         learned = error_model.torque(params, State(q, qd), qdd_desired, *circumstances)
-        return tau_rbd + task.clip(jnp.clip(learned, -task.feedforward_limit, task.feedforward_limit))
+        return tau_rbd + task.clip(
+            jnp.clip(learned, -task.feedforward_limit, task.feedforward_limit)
+        )
 
     return torque
 
 
 def export_feedforward(
-    task: Task, model: RigidBody, error_model: ErrorModel, params: Params, platforms: Sequence[str] = PLATFORMS
+    task: Task,
+    model: RigidBody,
+    error_model: ErrorModel,
+    params: Params,
+    platforms: Sequence[str] = PLATFORMS,
 ) -> bytes:
-    """:func:`feedforward` in float32 as a file's content, weights and limits baked in; write it with ``files.write_bytes``.
+    """:func:`feedforward` in float32 as a file's content, weights and limits baked in; write it
+    with ``files.write_bytes``.
 
-    JAX reads it back for half a year of its releases, and an older JAX than the one that wrote it may not.
+    JAX reads it back for half a year of its releases, and an older JAX than the one that wrote it
+    may not.
 
     Args:
         task: its limits bound the torques [Nm].
         model: the rigid body one believes in.
-        error_model: J networks; those that know C circumstances give the function a fourth argument (C,).
+        error_model: J networks; those that know C circumstances give the function a fourth argument
+            (C,).
         params: their weights, as trained.
         platforms: what the file is to run on, in JAX's words.
     """
@@ -67,10 +82,13 @@ def export_feedforward(
     shapes = [(error_model.joints,)] * 3
     if error_model.circumstance_scales:
         shapes.append((len(error_model.circumstance_scales),))
-    # as the process that loads it will be: without float64. A GPU would round the inputs of products to 10 bits (TF32)
+    # as the process that loads it will be: without float64. A GPU would round the inputs of
+    # products to 10 bits (TF32)
     with jax.enable_x64(False), jax.default_matmul_precision("float32"):
         program = jax.jit(feedforward(task.replace(**bounds), model, error_model, params))
-        exported = export.export(program, platforms=platforms)(*(jax.ShapeDtypeStruct(shape, DTYPE) for shape in shapes))
+        exported = export.export(program, platforms=platforms)(
+            *(jax.ShapeDtypeStruct(shape, DTYPE) for shape in shapes)
+        )
     return bytes(exported.serialize())
 
 

@@ -15,7 +15,8 @@ from jaxidl.systems import Plant, RigidBody, integrate
 from jaxidl.types import Circumstances, History, Joints, Scalar, State, Trajectory
 
 Policy = Callable[[Joints, Joints, Any], Joints]
-Feedforward = Callable[[State, Joints, Circumstances | None], Joints]  # sensed, desired acceleration, … -> torque (J,)
+# sensed, desired acceleration, … -> torque (J,)
+Feedforward = Callable[[State, Joints, Circumstances | None], Joints]
 
 
 class Task(struct.PyTreeNode):
@@ -23,24 +24,35 @@ class Task(struct.PyTreeNode):
 
     start: State  # initial state as sensed; the true one, too, unless an execution is told another
     policy: Policy  # desired acceleration in a state
-    torque_limit: Joints | Scalar  # bound of each of feedback, feedforward and rigid-body torque [N or Nm]
+    # bound of each of feedback, feedforward and rigid-body torque [N or Nm]
+    torque_limit: Joints | Scalar
     feedforward_limit: Joints | Scalar = jnp.inf  # bound of the error model's torque [N or Nm]
     estimator: Estimator = FiniteDifference()
-    circumstances: Circumstances | None = None  # (T, C) what changes from outside: the load that is carried, for one
+    # (T, C) what changes from outside: the load that is carried, for one
+    circumstances: Circumstances | None = None
     dt: float = struct.field(pytree_node=False, default=0.001)  # control step [s]
     steps: int = struct.field(pytree_node=False, default=1000)  # T, control steps of one execution
-    world: Callable[[Plant, Circumstances], Plant] | None = struct.field(pytree_node=False, default=None)  # the plant under them
+    # the plant under them
+    world: Callable[[Plant, Circumstances], Plant] | None = struct.field(
+        pytree_node=False, default=None
+    )
 
     def clip(self, tau: Joints) -> Joints:
         return jnp.clip(tau, -self.torque_limit, self.torque_limit)
 
     def plant(self, plant: Plant, circumstances: Circumstances | None) -> Plant:
         """The plant as it is under ``circumstances`` (C,)."""
-        return plant if self.world is None or circumstances is None else self.world(plant, circumstances)
+        return (
+            plant
+            if self.world is None or circumstances is None
+            else self.world(plant, circumstances)
+        )
 
 
 def desired_trajectory(task: Task) -> State:
-    """The policy integrated from the start without any dynamics: (T, J) states, each before its step."""
+    """The policy integrated from the start without any dynamics: (T, J) states, each before its
+    step.
+    """
 
     def instant(state: State, t: Any) -> tuple[State, State]:
         return integrate(state, task.policy(state.q, state.qd, t), task.dt), state
@@ -51,9 +63,14 @@ def desired_trajectory(task: Task) -> State:
 
 @cache
 def _warn_of_single_precision() -> None:
-    """Say it once: accelerations from two differences of positions at 1 ms lose most of their digits in single precision."""
+    """Say it once: accelerations from two differences of positions at 1 ms lose most of their
+    digits in single precision.
+    """
     remedy = 'call jax.config.update("jax_enable_x64", True) before anything else'
-    warnings.warn(f"jaxidl executes in single precision, where accelerations are mostly rounding; {remedy}", stacklevel=3)
+    warnings.warn(
+        f"jaxidl executes in single precision, where accelerations are mostly rounding; {remedy}",
+        stacklevel=3,
+    )
 
 
 def execute(
@@ -71,17 +88,21 @@ def execute(
 
     Args:
         plant: the true system.
-        model: the rigid body one believes in; its inverse dynamics is the first part of the command.
+        model: the rigid body one believes in; its inverse dynamics is the first part of the
+            command.
         law: feedback, applied and for learning.
         task: start, policy, time step, bounds.
         noise: (T, J) standard-normal draws; row t makes the sensed state after step t.
-        feedforward: the error model's torque at the sensed state and desired acceleration; None before any learning.
+        feedforward: the error model's torque at the sensed state and desired acceleration; None
+            before any learning.
         start: (J,) where the mechanism truly is at first, if not just where the task says.
-        checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode needs no memory to speak of.
+        checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode
+            needs no memory to speak of.
 
-    The trajectory can be differentiated, forward and in reverse, by every number in ``plant``, ``model``, ``law``, ``task`` and
-    in what ``feedforward`` closes over. The derivative is that of the branches taken: see the effects' docstrings for what that
-    means where they jump or stick. A torque at its bound passes no derivative.
+    The trajectory can be differentiated, forward and in reverse, by every number in ``plant``,
+    ``model``, ``law``, ``task`` and in what ``feedforward`` closes over. The derivative is that of
+    the branches taken: see the effects' docstrings for what that means where they jump or stick. A
+    torque at its bound passes no derivative.
 
     Warns once if 64-bit mode is off.
     """
@@ -98,7 +119,13 @@ def execute(
         applied = task.clip(feedback.applied)
         tau_ff = jnp.zeros_like(tau_rbd)
         if feedforward:
-            tau_ff = task.clip(jnp.clip(feedforward(sensed, qdd_desired, now), -task.feedforward_limit, task.feedforward_limit))
+            tau_ff = task.clip(
+                jnp.clip(
+                    feedforward(sensed, qdd_desired, now),
+                    -task.feedforward_limit,
+                    task.feedforward_limit,
+                )
+            )
         tau = tau_rbd + applied + tau_ff
 
         present = task.plant(plant, now)

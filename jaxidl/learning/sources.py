@@ -12,7 +12,9 @@ TRAIN_ON = ("true_state", "sensed_state")
 
 
 def _inputs(run: Trajectory, qdd: History, train_on: str) -> Float[Array, "T F"]:
-    """(T, 3J + C) network inputs; the reference program trains on the true state, a robot has the sensed one."""
+    """(T, 3J + C) network inputs; the reference program trains on the true state, a robot has the
+    sensed one.
+    """
     if train_on not in TRAIN_ON:
         raise one_of("train_on", train_on, TRAIN_ON)
     state = (run.q, run.qd) if train_on == "true_state" else (run.q_sensing, run.qd_sensing)
@@ -26,7 +28,9 @@ def indirect(run: Trajectory, train_on: str = "true_state") -> Dataset:
 
 
 def direct(run: Trajectory, train_on: str = "true_state") -> Dataset:
-    """T − 1 rows at the *desired* acceleration: learning feedback one step later + feedforward (eq. data_direct)."""
+    """T − 1 rows at the *desired* acceleration: learning feedback one step later + feedforward (eq.
+    data_direct).
+    """
     x = _inputs(run, run.qdd_desired, train_on)[:-1]
     return Dataset(x, run.tau_feedback[1:] + run.tau_feedforward[:-1])
 
@@ -37,4 +41,8 @@ def joint(run: Trajectory, train_on: str = "true_state") -> Dataset:
     return Dataset(*(jnp.concatenate(parts) for parts in pair))
 
 
-SOURCES: dict[str, Callable[..., Dataset]] = {"indirect": indirect, "direct": direct, "joint": joint}
+SOURCES: dict[str, Callable[..., Dataset]] = {
+    "indirect": indirect,
+    "direct": direct,
+    "joint": joint,
+}

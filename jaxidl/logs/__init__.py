@@ -1,4 +1,6 @@
-"""Measured logs as robots give them: read from files, columns recognised, checked, brought onto one grid of instants."""
+"""Measured logs as robots give them: read from files, columns recognised, checked, brought onto one
+grid of instants.
+"""
 
 from jaxidl.logs.log import Log, read
 

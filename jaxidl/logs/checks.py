@@ -1,7 +1,9 @@
-"""What must be true of a measured log before anything is concluded from it, and what is worth telling about it.
+"""What must be true of a measured log before anything is concluded from it, and what is worth
+telling about it.
 
-From a file's columns to numbers of the same joints in order of time, and what a whole log shows of motion. What a user has to
-correct is a `LogError` that names column and row; what only looks odd is a note.
+From a file's columns to numbers of the same joints in order of time, and what a whole log shows of
+motion. What a user has to correct is a `LogError` that names column and row; what only looks odd is
+a note.
 """
 
 import re
@@ -22,7 +24,8 @@ MOVES = 0.02  # [m or rad] of a joint that is taken to stand still: worth tellin
 STILL = 1e-9  # [m or rad]; less is no motion
 CLIPPED = 20  # samples in a row at the very same extreme
 LARGEST = 1e9  # no position, speed or torque in SI units is larger
-UNIX = {"ns": (1e17, 1e-9), "us": (1e14, 1e-6), "ms": (1.2e12, 1e-3)}  # no clock that counts in larger units reads as much
+# no clock that counts in larger units reads as much
+UNIX = {"ns": (1e17, 1e-9), "us": (1e14, 1e-6), "ms": (1.2e12, 1e-3)}
 
 
 class Samples(NamedTuple):
@@ -32,7 +35,8 @@ class Samples(NamedTuple):
     time: np.ndarray  # (T,) [s], strictly increasing within a run
     signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
     run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
-    still: dict[str, float]  # [m or rad] mean positions of the robot's joints that are not taken, by name
+    # [m or rad] mean positions of the robot's joints that are not taken, by name
+    still: dict[str, float]
     notes: list[str]
 
 
@@ -40,7 +44,8 @@ def numbers(table: Table, key: str) -> np.ndarray:
     """A column (T,) as finite float64.
 
     Raises:
-        LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on sizes that no SI unit gives.
+        LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on sizes
+            that no SI unit gives.
     """
     column, where = table.columns[key], f"column {table.called(key)} of {table.name}"
     if isinstance(column, list):
@@ -53,14 +58,20 @@ def numbers(table: Table, key: str) -> np.ndarray:
             values = column.astype(np.float64)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        got = f"{values[bad[0]]} in {table.row(int(bad[0]))}" + (f" and in {bad.size - 1} more" if bad.size > 1 else "")
+        got = f"{values[bad[0]]} in {table.row(int(bad[0]))}" + (
+            f" and in {bad.size - 1} more" if bad.size > 1 else ""
+        )
         remedy = "interpolate them, or cut those rows out and start a new `run` after them"
         raise LogError(f"finite numbers in {where}", got, remedy)
     values = values * table.factors.get(key, 1.0)
     big = np.flatnonzero(np.abs(values) > LARGEST) if key not in INSTANTS else bad
     if big.size:
         got = f"{values[big[0]]:g} in {table.row(int(big[0]))}"
-        raise LogError(f"SI units (m or rad, N or N m) in {where}", got, "convert the column, or remove that row")
+        raise LogError(
+            f"SI units (m or rad, N or N m) in {where}",
+            got,
+            "convert the column, or remove that row",
+        )
     return values
 
 
@@ -101,13 +112,24 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
     for key, length in lengths.items():
         if length != lengths["time"]:
             got = f"{length} in {key} and {lengths['time']} in time"
-            raise LogError(f"as many rows in every column of {table.name}", got, "store all columns at the same instants")
+            raise LogError(
+                f"as many rows in every column of {table.name}",
+                got,
+                "store all columns at the same instants",
+            )
     if not lengths["time"]:
-        raise LogError(f"rows of data in {table.name}", "none below the header", "record the motion again, or export it whole")
+        raise LogError(
+            f"rows of data in {table.name}",
+            "none below the header",
+            "record the motion again, or export it whole",
+        )
     notes = list(table.notes)
     time = instants(table, notes)
     kinds = [kind for kind in (*KINDS, *[CURRENT] * current) if f"{kind}0" in table.columns]
-    signals = {kind: np.stack([numbers(table, f"{kind}{j}") for j in range(count)], axis=1) for kind in kinds}
+    signals = {
+        kind: np.stack([numbers(table, f"{kind}{j}") for j in range(count)], axis=1)
+        for kind in kinds
+    }
     run = labels(table) if "run" in table.columns else np.zeros(len(time), int)
     found = distinct(Samples(table, time, signals, run, {}, notes))
     if motor is not None:
@@ -119,20 +141,26 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
 
 
 def instants(table: Table, notes: list[str]) -> np.ndarray:
-    """Time (T,) [s] of a table; one in seconds and nanoseconds, or with a clock's large numbers, begins at zero.
+    """Time (T,) [s] of a table; one in seconds and nanoseconds, or with a clock's large numbers,
+    begins at zero.
 
     Raises:
         LogError: as :func:`numbers`.
     """
     time = numbers(table, "time")
     if "nanosec" in table.columns:
-        notes.append(f"time of {table.name} from its seconds and nanoseconds, counted from the first row")
+        notes.append(
+            f"time of {table.name} from its seconds and nanoseconds, counted from the first row"
+        )
         part = numbers(table, "nanosec")
         return (time - time[0]) + 1e-9 * (part - part[0])
     for unit, (least, scale) in UNIX.items():
         middle = float(np.median(time))
         if "time" not in table.factors and least < middle < 1e3 * least:
-            notes.append(f"time of {table.name} is a clock's in {unit}: converted, and counted from the first row")
+            notes.append(
+                f"time of {table.name} is a clock's in {unit}: converted, and counted from the"
+                " first row"
+            )
             return (time - time[0]) * scale
     return time
 
@@ -145,14 +173,18 @@ def distinct(found: Samples) -> Samples:
         return found
     keep = np.flatnonzero(~same)
     count = int(same.sum())
-    found.notes.append(f"{count} row{'s' * (count > 1)} of {table.name} repeated the one before: left out")
+    found.notes.append(
+        f"{count} row{'s' * (count > 1)} of {table.name} repeated the one before: left out"
+    )
     table = replace(table, rows=keep)
     signals = {kind: signal[keep] for kind, signal in found.signals.items()}
     return found._replace(table=table, time=found.time[keep], run=found.run[keep], signals=signals)
 
 
 def others(table: Table, notes: list[str]) -> dict[str, float]:
-    """Mean positions [m or rad] of joints that are not taken, by name; what cannot be read of them is left out."""
+    """Mean positions [m or rad] of joints that are not taken, by name; what cannot be read of them
+    is left out.
+    """
     means = {}
     for key in [key for key in table.columns if key.startswith("q@")]:
         try:
@@ -161,13 +193,17 @@ def others(table: Table, notes: list[str]) -> dict[str, float]:
             continue
         means[key[2:]] = float(values.mean())
         if np.ptp(values) > MOVES:
-            what = f"{key[2:]} is locked in the model, but moves by {np.ptp(values):.3g} in {table.name}"
+            what = (
+                f"{key[2:]} is locked in the model, but moves by {np.ptp(values):.3g} in"
+                f" {table.name}"
+            )
             notes.append(f"{what}: what that does to the others looks like something missing")
     return means
 
 
 def labels(table: Table) -> np.ndarray:
-    """The column ``run`` (T,), whose labels may be anything, as 0, 1, 2, ... in order of appearance.
+    """The column ``run`` (T,), whose labels may be anything, as 0, 1, 2, ... in order of
+    appearance.
 
     Raises:
         LogError: on an empty label, and on a run whose rows are not all together.
@@ -175,18 +211,28 @@ def labels(table: Table) -> np.ndarray:
     column, codes, run = table.columns["run"], {}, []
     for i, label in enumerate(column if isinstance(column, list) else column.tolist()):
         key = label.strip() if isinstance(label, str) else label
-        if not ((isinstance(key, str | bytes) and key) or (isinstance(key, int | float) and key == key)):
+        if not (
+            (isinstance(key, str | bytes) and key) or (isinstance(key, int | float) and key == key)
+        ):
             got = f"{shown(key)} in {table.row(i)}"
-            raise LogError(f"a label in column run of {table.name}", got, "number the runs 0, 1, 2, ...")
+            raise LogError(
+                f"a label in column run of {table.name}", got, "number the runs 0, 1, 2, ..."
+            )
         if codes.setdefault(key, len(codes)) != len(codes) - 1:
             got = f"{shown(key)} again in {table.row(i)}, after other runs"
-            raise LogError(f"the rows of each run together in {table.name}", got, "sort by run, or give that part its own label")
+            raise LogError(
+                f"the rows of each run together in {table.name}",
+                got,
+                "sort by run, or give that part its own label",
+            )
         run.append(codes[key])
     return np.array(run, int)
 
 
 def in_order(found: Samples) -> None:
-    """Complain where time stands still or goes back within a run, and where a position jumps by a whole turn."""
+    """Complain where time stands still or goes back within a run, and where a position jumps by a
+    whole turn.
+    """
     table, time = found.table, found.time
     with np.errstate(over="ignore"):
         step = np.diff(time)
@@ -197,24 +243,40 @@ def in_order(found: Samples) -> None:
         before = float(time[i - 1])
         expected = f"time in {table.name} to increase from row to row"
         if before == time[i]:
-            got, remedy = f"{time[i]:.9g} again in {table.row(i)}", "remove the repeated row, or write time with more digits"
+            got, remedy = (
+                f"{time[i]:.9g} again in {table.row(i)}",
+                "remove the repeated row, or write time with more digits",
+            )
         else:
             got = f"{time[i]:.9g} after {before:.9g} in {table.row(i)}"
-            remedy = "sort the rows by time, or give the rows from there on another label in column run"
+            remedy = (
+                "sort the rows by time, or give the rows from there on another label in column run"
+            )
             if i > 1 and time[i] > time[i - 2]:
                 remedy = "correct the time of one of the two rows, or sort by time"
             elif "run" not in table.columns and time[i] <= time[0] + 0.1 * (before - time[0]):
-                got, remedy = got + ", as if it started again", "add a column run that numbers the runs 0, 1, 2, ..."
+                got, remedy = (
+                    got + ", as if it started again",
+                    "add a column run that numbers the runs 0, 1, 2, ...",
+                )
         raise LogError(expected, got, remedy)
     for j, q in enumerate(found.signals["q"].T):
-        if np.ptp(q) <= 2.01 * np.pi:  # an angle that wraps stays within a turn, and jumps from one end of it to the other
+        # an angle that wraps stays within a turn, and jumps from one end of it to the other
+        if np.ptp(q) <= 2.01 * np.pi:
             jump = np.flatnonzero(within & (np.abs(np.diff(q)) > 1.8 * np.pi)) + 1
             if jump.size:
-                got = f"a jump from {q[jump[0] - 1]:.4g} to {q[jump[0]]:.4g} in {table.row(int(jump[0]))}"
-                raise LogError(f"q{j} in {table.name} to be continuous", got, "unwrap the angle (numpy.unwrap)")
+                got = (
+                    f"a jump from {q[jump[0] - 1]:.4g} to {q[jump[0]]:.4g} in"
+                    f" {table.row(int(jump[0]))}"
+                )
+                raise LogError(
+                    f"q{j} in {table.name} to be continuous", got, "unwrap the angle (numpy.unwrap)"
+                )
 
 
-def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]) -> list[str]:
+def motion(
+    q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]
+) -> list[str]:
     """What is odd about a whole log: channels that stand still, sit at a limit, or jump.
 
     Args:
@@ -227,18 +289,30 @@ def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments
     if len(time) < LEAST_SAMPLES or round(len(time) * dt, 6) < LEAST_DURATION:
         got = f"{len(time)} samples over {len(time) * dt:.3g} s"
         remedy = "record longer, and give time in seconds"
-        raise LogError(f"at least {LEAST_SAMPLES} samples and {LEAST_DURATION:g} s of motion", got, remedy)
+        raise LogError(
+            f"at least {LEAST_SAMPLES} samples and {LEAST_DURATION:g} s of motion", got, remedy
+        )
     still = [j for j, s in enumerate(q.T) if all(np.ptp(s[run]) <= STILL for run in segments)]
     if len(still) == q.shape[1]:
         remedy = "record a motion, or check that the q columns are the measured positions"
-        raise LogError("a joint that moves", f"nothing moved: {listed([f'q{j}' for j in still])} constant", remedy)
+        raise LogError(
+            "a joint that moves",
+            f"nothing moved: {listed([f'q{j}' for j in still])} constant",
+            remedy,
+        )
     idle = [j for j, s in enumerate(tau.T) if not s.any()]
     if len(idle) == tau.shape[1]:
         remedy = "check that the tau columns are the measured or commanded torques"
-        raise LogError("a torque", f"nothing drove it: {listed([f'tau{j}' for j in idle])} zero throughout", remedy)
+        raise LogError(
+            "a torque",
+            f"nothing drove it: {listed([f'tau{j}' for j in idle])} zero throughout",
+            remedy,
+        )
     notes = [f"q{j} is constant: nothing can be said about that joint" for j in still]
     notes += [f"tau{j} is zero throughout: taken for a joint without a drive" for j in idle]
-    notes += [f"tau{j} is constant at {s[0]:g}" for j, s in enumerate(tau.T) if s[0] and not np.ptp(s)]
+    notes += [
+        f"tau{j} is constant at {s[0]:g}" for j, s in enumerate(tau.T) if s[0] and not np.ptp(s)
+    ]
     for j, s in enumerate(tau.T):
         for limit in (s.max(), s.min()):
             at = s == limit
@@ -259,8 +333,11 @@ def _longest(flags: np.ndarray) -> int:
 
 
 def _jumps(q: np.ndarray) -> list[int]:
-    """Samples of one run (n,) at which the position jumps: its second difference is far above nearly all others."""
+    """Samples of one run (n,) at which the position jumps: its second difference is far above
+    nearly all others.
+    """
     bend = np.abs(np.diff(q, 2))
-    usual = max(float(np.quantile(bend, 0.98)), float(bend[bend > STILL].min(initial=np.inf)))  # or one count of the encoder
+    # or one count of the encoder
+    usual = max(float(np.quantile(bend, 0.98)), float(bend[bend > STILL].min(initial=np.inf)))
     far = np.flatnonzero(bend > 50 * usual) + 1
     return far[np.diff(far, prepend=-9) > 3].tolist()  # one jump bends up to three samples

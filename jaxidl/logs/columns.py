@@ -1,7 +1,9 @@
-"""From a file's header to the columns of a log: by their own names, by the joints', or by what the user writes.
+"""From a file's header to the columns of a log: by their own names, by the joints', or by what the
+user writes.
 
-A quantity's columns are a *family*: titles that differ in nothing but the joint. One that is complete is taken, the most literal
-one first; two that are equally literal are for the user to choose between.
+A quantity's columns are a *family*: titles that differ in nothing but the joint. One that is
+complete is taken, the most literal one first; two that are equally literal are for the user to
+choose between.
 """
 
 import re
@@ -25,19 +27,28 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
         bare: a title without a number may be of all joints (arrays hold them in one).
 
     Raises:
-        LogError: if a column is there twice, several may be meant, or ``wanted.columns`` names none.
+        LogError: if a column is there twice, several may be meant, or ``wanted.columns`` names
+            none.
     """
     if len(headers) > MOST:
-        raise LogError(f"at most {MOST} columns in {name}", f"{len(headers)}", "keep time, q*, tau* and run")
+        raise LogError(
+            f"at most {MOST} columns in {name}", f"{len(headers)}", "keep time, q*, tau* and run"
+        )
     _once(name, headers, bare)
     chosen = Chosen({}, {}, {}, ())
     notes: list[str] = []
     given = mapped(name, headers, wanted, bare)
     used = {member.place for family in given for member in family.members}
-    titles = [(i, header, read_title(header, wanted.names)) for i, header in enumerate(headers) if i not in used]
+    titles = [
+        (i, header, read_title(header, wanted.names))
+        for i, header in enumerate(headers)
+        if i not in used
+    ]
     for kind in (*INSTANTS, *KINDS, *[CURRENT] * wanted.current):
         family = next((f for f in given if f.kind == kind), None)
-        members = [Member(i, header, title) for i, header, title in titles if title and title.kind == kind]
+        members = [
+            Member(i, header, title) for i, header, title in titles if title and title.kind == kind
+        ]
         if family is None and not (kind == "time" and _split(members, titles, given)):
             family = _likeliest(name, kind, members, wanted, notes, bare)
         if family is not None:
@@ -46,15 +57,23 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
                 wanted = replace(wanted, joints=len(family.joints))
     pair = [chosen.places.pop(key, None) for key in ("sec", "nanosec")]
     if "time" not in chosen.places and pair[0] is not None:
-        chosen.places.update({"time": pair[0]} if pair[1] is None else {"sec": pair[0], "nanosec": pair[1]})
+        chosen.places.update(
+            {"time": pair[0]} if pair[1] is None else {"sec": pair[0], "nanosec": pair[1]}
+        )
     places = set(chosen.places.values())
-    ignored = tuple(header.strip() or "(no name)" for i, header in enumerate(headers) if i not in places)
+    ignored = tuple(
+        header.strip() or "(no name)" for i, header in enumerate(headers) if i not in places
+    )
     return Chosen(chosen.places, chosen.factors, chosen.titles, ignored, tuple(notes))
 
 
-def _split(times: list[Member], titles: Sequence[tuple[int, str, Title | None]], given: Sequence[Family]) -> bool:
+def _split(
+    times: list[Member], titles: Sequence[tuple[int, str, Title | None]], given: Sequence[Family]
+) -> bool:
     """Is time in two columns, of seconds and nanoseconds?"""
-    if any(f.kind == "time" for f in given) or any(m.title.strip().lower() == "time" for m in times):
+    if any(f.kind == "time" for f in given) or any(
+        m.title.strip().lower() == "time" for m in times
+    ):
         return False
     kinds = {f.kind for f in given} | {title.kind for _, _, title in titles if title}
     return {"sec", "nanosec"} <= kinds
@@ -68,7 +87,9 @@ def _once(name: str, headers: Sequence[str], bare: bool) -> None:
             key = header.strip().lower()
             if key in found:
                 places = f"twice, as columns {found[key] + 1} and {place + 1}"
-                raise LogError(f"one column {key} in {name}", places, "remove or rename one of them")
+                raise LogError(
+                    f"one column {key} in {name}", places, "remove or rename one of them"
+                )
             found[key] = place
 
 
@@ -78,14 +99,24 @@ def _literal(title: str, bare: bool) -> bool:
     return bool(KNOWN.fullmatch(key)) or (bare and key in KINDS)
 
 
-def _likeliest(name: str, kind: str, members: list[Member], wanted: Wanted, notes: list[str], bare: bool) -> Family | None:
+def _likeliest(
+    name: str, kind: str, members: list[Member], wanted: Wanted, notes: list[str], bare: bool
+) -> Family | None:
     """The family of a quantity to take, None if there is none.
 
-    Columns of the log's own names are taken even if some are missing, so that the complaint is about them.
+    Columns of the log's own names are taken even if some are missing, so that the complaint is
+    about them.
     """
     literal = [m for m in members if _literal(m.title, bare)]
-    literal += [m for m in members if literal and m not in literal and m.read.words == (kind,) and m.read.joint is None
-                and m.read.number not in [other.read.number for other in literal]]  # q_1 beside q0  # fmt: skip
+    literal += [
+        m
+        for m in members
+        if literal
+        and m not in literal
+        and m.read.words == (kind,)
+        and m.read.joint is None
+        and m.read.number not in [other.read.number for other in literal]
+    ]  # q_1 beside q0
     families: dict[object, Family] = {}
     for m in members:
         if m.read.wish or (kind in INSTANTS and m.read.number is not None):
@@ -94,7 +125,9 @@ def _likeliest(name: str, kind: str, members: list[Member], wanted: Wanted, note
         families.setdefault(key, Family(kind, m.read.rank + 1, [])).members.append(m)
     if literal:
         own = Family(kind, 0, literal)
-        families = {"own": own} | {k: f for k, f in families.items() if not set(f.members) & set(literal)}
+        families = {"own": own} | {
+            k: f for k, f in families.items() if not set(f.members) & set(literal)
+        }
     whole = [f for f in families.values() if kind in INSTANTS or f.complete(wanted, bare)]
     if not whole:
         return families.get("own")
@@ -102,12 +135,21 @@ def _likeliest(name: str, kind: str, members: list[Member], wanted: Wanted, note
     best = [f for f in whole if f.rank == first]
     if len(best) == 1 and (len(best[0].members) == 1 or kind not in INSTANTS):
         return best[0]
-    options = [str(f) for f in best] if len(best) > 1 else [shortened(m.title.strip()) for m in best[0].members]
+    options = (
+        [str(f) for f in best]
+        if len(best) > 1
+        else [shortened(m.title.strip()) for m in best[0].members]
+    )
     if kind in ("q", "tau", "time", CURRENT):
         got = f"{', '.join(options[:4])}"
-        raise LogError(f"one set of columns for {kind} in {name}", got, f"choose with --columns {_advice(kind, best[0], bare)}")
+        raise LogError(
+            f"one set of columns for {kind} in {name}",
+            got,
+            f"choose with --columns {_advice(kind, best[0], bare)}",
+        )
     notes.append(
-        f"{kind} is left out: it may be {' or '.join(options[:4])}; choose with --columns {_advice(kind, best[0], bare)}"
+        f"{kind} is left out: it may be {' or '.join(options[:4])}; choose with --columns"
+        f" {_advice(kind, best[0], bare)}"
     )
     return None
 
@@ -116,7 +158,11 @@ def _advice(kind: str, family: Family, bare: bool) -> str:
     """How to name a family with ``--columns``."""
     first = family.members[0].title.strip()
     if len(family.members) == 1:
-        return f"{kind}={shortened(first)}" if kind in INSTANTS or (bare and family.plain) else f"{kind}0={shortened(first)}"
+        return (
+            f"{kind}={shortened(first)}"
+            if kind in INSTANTS or (bare and family.plain)
+            else f"{kind}0={shortened(first)}"
+        )
     number = family.members[0].read.number
     if number is None:
         return f"{kind}0={shortened(first)} ..."
@@ -124,14 +170,23 @@ def _advice(kind: str, family: Family, bare: bool) -> str:
     return f"'{kind}={shortened(first[:at])}*{shortened(first[at + len(str(number)) :])}'"
 
 
-def _take(name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list[str], bare: bool) -> None:
-    """Write a family's columns into ``chosen``, and into ``notes`` what was not to be expected of them."""
+def _take(
+    name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list[str], bare: bool
+) -> None:
+    """Write a family's columns into ``chosen``, and into ``notes`` what was not to be expected of
+    them.
+    """
     kind, single = family.kind, family.kind in INSTANTS
     entries: dict[str, Member] = {}
     if single or (bare and family.plain):
         entries[kind] = family.members[0]
-    elif not family.joints:  # columns of the log's own names, some of them missing: they are complained of by name
-        entries = {m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}": m for m in family.members}
+    elif (
+        not family.joints
+    ):  # columns of the log's own names, some of them missing: they are complained of by name
+        entries = {
+            m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}": m
+            for m in family.members
+        }
     else:
         for joint, member in family.joints.items():
             place = wanted.place(joint)
@@ -143,7 +198,11 @@ def _take(name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list
         scale = factor(kind, member.read.unit)
         if scale is None:
             got, known = shortened(member.title.strip()), "rad, deg, m, rad/s, Nm, N, A, s or ms"
-            raise LogError(f"a unit such as {known} in {name}", got, "convert the column to SI units and drop the unit")
+            raise LogError(
+                f"a unit such as {known} in {name}",
+                got,
+                "convert the column to SI units and drop the unit",
+            )
         chosen.places[key], chosen.titles[key] = member.place, member.title.strip()
         if scale != 1.0:
             chosen.factors[key] = scale
@@ -152,6 +211,11 @@ def _take(name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list
     literal = all(m.title.strip().lower() == key for key, m in entries.items())
     if not literal or converted:
         order = sorted((key for key in entries if "@" not in key), key=lambda key: (len(key), key))
-        read = ", ".join(shortened(entries[key].title.strip()) for key in order[:8]) + (", ..." if len(order) > 8 else "")
+        read = ", ".join(shortened(entries[key].title.strip()) for key in order[:8]) + (
+            ", ..." if len(order) > 8 else ""
+        )
         counted = " (numbered from 1)" if family.base == 1 and not single else ""
-        notes.append(f"{order[0] + (' .. ' + order[-1] if len(order) > 1 else '')} of {name}: {read}{counted}{converted}")
+        notes.append(
+            f"{order[0] + (' .. ' + order[-1] if len(order) > 1 else '')} of {name}:"
+            f" {read}{counted}{converted}"
+        )

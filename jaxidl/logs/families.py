@@ -10,7 +10,9 @@ INSTANTS = ("time", "sec", "nanosec", "run")  # one column of each
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is looked for in every log of a call. J joints are taken of a robot that may have more."""
+    """What is looked for in every log of a call. J joints are taken of a robot that may have
+    more.
+    """
 
     joints: int | None = None  # J; None: as many as the log has
     names: tuple[str, ...] = ()  # of all joints of the robot, if they are known
@@ -34,7 +36,9 @@ class Wanted:
 class Chosen:
     """Which columns a log is made of."""
 
-    places: dict[str, int]  # in the header, of time, run, q0, tau0, ...; q@NAME is the position of a joint that is not taken
+    # in the header, of time, run, q0, tau0, ...; q@NAME is the position of a joint that is not
+    # taken
+    places: dict[str, int]
     factors: dict[str, float]  # into SI units; what is not there is in SI units
     titles: dict[str, str]  # as they stand in the header
     ignored: tuple[str, ...]  # titles of columns that no one asked for
@@ -51,7 +55,9 @@ class Member(NamedTuple):
 
 @dataclass
 class Family:
-    """Columns of one quantity; ``joints`` are places in the robot, from ``base`` on where titles are numbered."""
+    """Columns of one quantity; ``joints`` are places in the robot, from ``base`` on where titles
+    are numbered.
+    """
 
     kind: str
     rank: int
@@ -62,22 +68,36 @@ class Family:
     @property
     def plain(self) -> bool:
         """Is it one column that names no joint?"""
-        return len(self.members) == 1 and self.members[0].read.number is None and self.members[0].read.joint is None
+        return (
+            len(self.members) == 1
+            and self.members[0].read.number is None
+            and self.members[0].read.joint is None
+        )
 
     def complete(self, wanted: Wanted, bare: bool = False) -> bool:
-        """Is there one column for each joint that is taken? Notes which is whose. If ``bare``, one may be of all joints."""
+        """Is there one column for each joint that is taken? Notes which is whose. If ``bare``, one
+        may be of all joints.
+        """
         if bare and self.plain:
             return True
         by_name = {m.read.joint: m for m in self.members if m.read.joint is not None}
         if by_name:
-            found, base, whole = by_name, 0, len(by_name) == len(self.members) and set(wanted.taken) <= set(by_name)
+            found, base, whole = (
+                by_name,
+                0,
+                len(by_name) == len(self.members) and set(wanted.taken) <= set(by_name),
+            )
         else:
             numbers = {m.read.number or 0: m for m in self.members}
             count, base = len(numbers), min(numbers)
             order = range(count)
             if wanted.names:
                 order = wanted.taken if count == len(wanted.taken) else range(len(wanted.names))
-            whole = count == len(order) == len(self.members) and base <= 1 and max(numbers) == base + count - 1
+            whole = (
+                count == len(order) == len(self.members)
+                and base <= 1
+                and max(numbers) == base + count - 1
+            )
             whole = whole and (bool(wanted.names) or wanted.joints in (None, count))
             found = {j: numbers[base + i] for i, j in enumerate(order)} if whole else {}
         if whole:
@@ -86,10 +106,16 @@ class Family:
 
     def __str__(self) -> str:
         first, last = self.members[0].title.strip(), self.members[-1].title.strip()
-        return shortened(first) if len(self.members) == 1 else f"{shortened(first)} .. {shortened(last)}"
+        return (
+            shortened(first)
+            if len(self.members) == 1
+            else f"{shortened(first)} .. {shortened(last)}"
+        )
 
 
 def shortened(text: str, most: int = 40) -> str:
     """Return a text that fits a line, and that any terminal prints."""
-    plain = "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[: 2 * most])
+    plain = "".join(
+        letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[: 2 * most]
+    )
     return plain if len(plain) <= most else plain[: most - 3] + "..."

@@ -1,4 +1,6 @@
-"""What a column's title says: which quantity, of which joint, in which unit. One title at a time, nothing is decided here."""
+"""What a column's title says: which quantity, of which joint, in which unit. One title at a time,
+nothing is decided here.
+"""
 
 import re
 from collections.abc import Sequence
@@ -21,13 +23,46 @@ WORDS = {
     "nanosec": "nanosec nanosecs nsec nsecs",
 }
 KIND_OF = {word: kind for kind, words in WORDS.items() for word in words.split()}
-SMALL_TALK = {"actual", "act", "measured", "meas", "msr", "sensed", "feedback", "fb", "present", "joint", "joints", "j", "jnt"}
+SMALL_TALK = {
+    "actual",
+    "act",
+    "measured",
+    "meas",
+    "msr",
+    "sensed",
+    "feedback",
+    "fb",
+    "present",
+    "joint",
+    "joints",
+    "j",
+    "jnt",
+}
 SMALL_TALK |= {"state", "states", "robot", "header", "ros", "field", "data", "elapsed"}
 COMMANDS = {"command", "commanded", "cmd"}
-WISHES = COMMANDS | {"target", "targets", "desired", "des", "d", "reference", "ref", "setpoint", "goal"}
+WISHES = COMMANDS | {
+    "target",
+    "targets",
+    "desired",
+    "des",
+    "d",
+    "reference",
+    "ref",
+    "setpoint",
+    "goal",
+}
 OTHERS = {"error", "err", "limit", "max", "min", "std", "temperature", "temp", "external", "ext"}
 UNITS: dict[str, dict[str, float]] = {
-    "q": {"rad": 1, "m": 1, "mrad": 1e-3, "deg": pi / 180, "°": pi / 180, "degree": pi / 180, "degrees": pi / 180, "mm": 1e-3}
+    "q": {
+        "rad": 1,
+        "m": 1,
+        "mrad": 1e-3,
+        "deg": pi / 180,
+        "°": pi / 180,
+        "degree": pi / 180,
+        "degrees": pi / 180,
+        "mm": 1e-3,
+    }
     | {"rev": 2 * pi, "turn": 2 * pi, "turns": 2 * pi, "radian": 1, "radians": 1, "cm": 1e-2},
     "qd": {
         "rad/s": 1,
@@ -40,7 +75,16 @@ UNITS: dict[str, dict[str, float]] = {
         "rev/s": 2 * pi,
     }
     | {"1/min": pi / 30, "rad s^-1": 1, "mrad/s": 1e-3},
-    "qdd": {"rad/s^2": 1, "m/s^2": 1, "deg/s^2": pi / 180, "rad/s2": 1, "m/s2": 1, "deg/s2": pi / 180, "rad/s²": 1, "m/s²": 1},
+    "qdd": {
+        "rad/s^2": 1,
+        "m/s^2": 1,
+        "deg/s^2": pi / 180,
+        "rad/s2": 1,
+        "m/s2": 1,
+        "deg/s2": pi / 180,
+        "rad/s²": 1,
+        "m/s²": 1,
+    },
     "tau": {"nm": 1, "n": 1, "mnm": 1e-3, "ncm": 1e-2, "knm": 1e3, "kn": 1e3, "nmm": 1e-3},
     CURRENT: {"a": 1, "ma": 1e-3, "amp": 1, "amps": 1, "ampere": 1},
     "time": {
@@ -61,12 +105,32 @@ UNITS: dict[str, dict[str, float]] = {
     "run": {},
 }  # of a slide or a hinge, into SI units
 SUFFIXES = {
-    *["rad", "deg", "mrad", "m", "mm", "rpm", "dps", "nm", "mnm", "n", "a", "ma", "s", "sec", "ms", "us", "ns"]
+    *[
+        "rad",
+        "deg",
+        "mrad",
+        "m",
+        "mm",
+        "rpm",
+        "dps",
+        "nm",
+        "mnm",
+        "n",
+        "a",
+        "ma",
+        "s",
+        "sec",
+        "ms",
+        "us",
+        "ns",
+    ]
 }  # units after an underscore
 
 
 class Title(NamedTuple):
-    """What a title may say. ``joint`` is the place of a name in the robot's, ``number`` one that stands in the title."""
+    """What a title may say. ``joint`` is the place of a name in the robot's, ``number`` one that
+    stands in the title.
+    """
 
     kind: str
     words: tuple[str, ...]  # what tells it from titles of other quantities; the same for all joints
@@ -76,12 +140,16 @@ class Title(NamedTuple):
 
     @property
     def wish(self) -> bool:
-        """Is it what was asked for, not what was measured? A torque command will do, a position command will not."""
+        """Is it what was asked for, not what was measured? A torque command will do, a position
+        command will not.
+        """
         return bool((WISHES - COMMANDS if self.kind == "tau" else WISHES).intersection(self.words))
 
     @property
     def rank(self) -> int:
-        """How much of a guess it is: 0 is the quantity's own word, 1 has small talk, 2 wishes and other words."""
+        """How much of a guess it is: 0 is the quantity's own word, 1 has small talk, 2 wishes and
+        other words.
+        """
         left = [word for word in self.words if KIND_OF.get(word) != self.kind]
         return 0 if not left else 1 if SMALL_TALK.issuperset(left) else 2
 
@@ -101,7 +169,13 @@ def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -
     joint, words = _joint(words, tuple(robot))
     numbers = [word for word in words if word.isdecimal()]
     rest = [word for word in words if not word.isdecimal()]
-    if unit is None and len(rest) > 1 and rest[-1] in SUFFIXES and words[-1] == rest[-1] and "_" in text:
+    if (
+        unit is None
+        and len(rest) > 1
+        and rest[-1] in SUFFIXES
+        and words[-1] == rest[-1]
+        and "_" in text
+    ):
         plain = kind or _kind(rest[:-1])
         if plain and rest[-1] in UNITS[plain]:
             unit, rest = rest[-1], rest[:-1]
@@ -127,11 +201,18 @@ def tokens(text: str) -> list[str]:
 
 
 def _kind(words: Sequence[str]) -> str | None:
-    """The quantity that words name; None if they name none or several, or one that no one looks for."""
+    """The quantity that words name; None if they name none or several, or one that no one looks
+    for.
+    """
     if OTHERS.intersection(words):
         return None
-    plain = all(word in KIND_OF or word in SMALL_TALK or word in WISHES for word in words)  # a letter alone may be anything
-    kinds = {KIND_OF[word] for word in words if word in KIND_OF and (plain or len(word) > 1 or word == "q")}
+    # a letter alone may be anything
+    plain = all(word in KIND_OF or word in SMALL_TALK or word in WISHES for word in words)
+    kinds = {
+        KIND_OF[word]
+        for word in words
+        if word in KIND_OF and (plain or len(word) > 1 or word == "q")
+    }
     if "stamp" in words and kinds & {"sec", "nanosec"}:
         kinds.discard("time")
     if len(kinds) > 1:
@@ -152,12 +233,16 @@ def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[s
                 if best is not None and best[1] != joint:
                     return None, words  # two joints: say nothing
                 best = length, joint, at
-    return (None, words) if best is None else (best[1], words[: best[2]] + words[best[2] + best[0] :])
+    return (
+        (None, words) if best is None else (best[1], words[: best[2]] + words[best[2] + best[0] :])
+    )
 
 
 @lru_cache(16)
 def _spellings(robot: tuple[str, ...]) -> list[tuple[int, int, tuple[str, ...]]]:
-    """Ways to write each joint's name, longest first: whole, and without "joint", unless another has that too."""
+    """Ways to write each joint's name, longest first: whole, and without "joint", unless another
+    has that too.
+    """
     ways: dict[tuple[str, ...], set[int]] = {}
     for j, name in enumerate(robot):
         whole = tuple(tokens(name))
@@ -165,18 +250,24 @@ def _spellings(robot: tuple[str, ...]) -> list[tuple[int, int, tuple[str, ...]]]
         for way in {whole, short}:
             if way and not all(word.isdecimal() or word in KIND_OF for word in way):
                 ways.setdefault(way, set()).add(j)
-    return sorted(((len(way), min(js), way) for way, js in ways.items() if len(js) == 1), reverse=True)
+    return sorted(
+        ((len(way), min(js), way) for way, js in ways.items() if len(js) == 1), reverse=True
+    )
 
 
 def joint_called(text: str, robot: Sequence[str]) -> int | None:
-    """Return the place of the joint that a text names, with or without "joint" in it; None if there is none."""
+    """Return the place of the joint that a text names, with or without "joint" in it; None if there
+    is none.
+    """
     if text in robot:
         return list(robot).index(text)
     return {way: j for _, j, way in _spellings(tuple(robot))}.get(tuple(tokens(text)))
 
 
 def factor(kind: str, unit: str | None) -> float | None:
-    """Return by what to multiply a column into SI units, 1 if it has no unit, None if the unit is not known."""
+    """Return by what to multiply a column into SI units, 1 if it has no unit, None if the unit is
+    not known.
+    """
     if unit is None:
         return 1.0
     known, plain = UNITS[kind], " ".join(unit.strip().lower().replace("**", "^").split())

@@ -1,7 +1,8 @@
 """Measured logs: read from CSV, NPZ or Parquet, checked, and brought onto one sampling interval.
 
-A log is what a mechanism did: time, positions and torques of its joints, perhaps velocities and accelerations, in SI units,
-in one run or several. What cannot be used is refused with one line that names column and row; what was changed is a note.
+A log is what a mechanism did: time, positions and torques of its joints, perhaps velocities and
+accelerations, in SI units, in one run or several. What cannot be used is refused with one line that
+names column and row; what was changed is a note.
 """
 
 import os
@@ -36,7 +37,8 @@ class Log:
     run: Int[np.ndarray, " T"]  # 0, 1, 2, ... in order of appearance
     dt: float  # [s] nominal sampling interval
     notes: tuple[str, ...]  # what is worth telling and was no error
-    still: tuple[tuple[str, float], ...] = ()  # mean positions [m or rad] of the robot's joints that were not taken, by name
+    # mean positions [m or rad] of the robot's joints that were not taken, by name
+    still: tuple[tuple[str, float], ...] = ()
 
     @property
     def joints(self) -> int:
@@ -71,13 +73,17 @@ def read(
     """Return the log in files; each file after the first adds its runs.
 
     Args:
-        paths: CSV (comma, semicolon or tab; ``#`` comments), NPZ or Parquet, with columns ``time``, ``q0...``, ``tau0...`` and,
-            where there are such, ``qd0...``, ``qdd0...`` and ``run`` (any labels). NPZ may hold ``q`` and ``tau`` as (T, J).
-            Other titles are understood where they can mean one thing only (``actual_q_0``, ``elbow/effort``); a note says how.
+        paths: CSV (comma, semicolon or tab; ``#`` comments), NPZ or Parquet, with columns ``time``,
+            ``q0...``, ``tau0...`` and, where there are such, ``qd0...``, ``qdd0...`` and ``run``
+            (any labels). NPZ may hold ``q`` and ``tau`` as (T, J). Other titles are understood
+            where they can mean one thing only (``actual_q_0``, ``elbow/effort``); a note says how.
             ROS bags with ``sensor_msgs/JointState`` are read if ``rosbags`` is installed.
-        joints: how many the model has, or their names in its order; None takes the log's word for it.
-        robot: names of all joints of the robot, in order; columns of those not in ``joints`` are left out. Default: ``joints``.
-        columns: which column is which, as ``"q0=actual_q_0"`` or, for all joints, ``"q=actual_q_*"``.
+        joints: how many the model has, or their names in its order; None takes the log's word for
+            it.
+        robot: names of all joints of the robot, in order; columns of those not in ``joints`` are
+            left out. Default: ``joints``.
+        columns: which column is which, as ``"q0=actual_q_0"`` or, for all joints,
+            ``"q=actual_q_*"``.
         motor: how joints follow from motors, where the log has motors' data.
         topic: of a ROS bag, if it has several with joint states.
 
@@ -91,11 +97,19 @@ def read(
     names = () if isinstance(joints, int) or joints is None else tuple(joints)
     whole = tuple(robot) or names
     taken = tuple(whole.index(name) for name in names) if names else tuple(range(len(whole)))
-    wanted = Wanted(count, whole, taken, tuple(columns), motor is not None and motor.torque_constant is not None)
-    tables = [load_bag(path, wanted, topic) if is_bag(path) else load(path, wanted) for path in files]
+    wanted = Wanted(
+        count, whole, taken, tuple(columns), motor is not None and motor.torque_constant is not None
+    )
+    tables = [
+        load_bag(path, wanted, topic) if is_bag(path) else load(path, wanted) for path in files
+    ]
     for i, path in enumerate(files):
         if any(os.path.samefile(path, other) for other in files[:i]):
-            raise LogError("each log once", f"{name_of(path)} twice", "leave one of them out, or data kept aside would be known")
+            raise LogError(
+                "each log once",
+                f"{name_of(path)} twice",
+                "leave one of them out, or data kept aside would be known",
+            )
     return _assemble(tables, count, motor)
 
 
@@ -123,12 +137,18 @@ def from_arrays(
     arrays = {}
     for key, value in given.items():
         if np.ma.is_masked(value):  # an array would bring back what was masked
-            raise LogError(f"every value of {key}", "masked values", "interpolate them, or cut them out and start a new run")
+            raise LogError(
+                f"every value of {key}",
+                "masked values",
+                "interpolate them, or cut them out and start a new run",
+            )
         try:
             if value is not None:
                 arrays[key] = np.asarray(value)
         except Exception as error:  # whatever a foreign array type raises
-            raise LogError(f"an array for {key}", reason(error), "give lists of numbers of one length") from None
+            raise LogError(
+                f"an array for {key}", reason(error), "give lists of numbers of one length"
+            ) from None
     return _assemble([expanded("the arrays", arrays, Wanted(joints))], joints)
 
 
@@ -144,7 +164,10 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
             raise LogError("as many joints in every log", got, "give logs of one mechanism")
         notes += found[-1].notes
         if table.ignored:
-            notes.append(f"column{'s' * (len(table.ignored) > 1)} {listed(table.ignored)} of {table.name} ignored")
+            notes.append(
+                f"column{'s' * (len(table.ignored) > 1)} {listed(table.ignored)} of {table.name}"
+                " ignored"
+            )
     kinds = [kind for kind in KINDS if all(kind in samples.signals for samples in found)]
     for kind in KINDS:
         if kind not in kinds and any(kind in samples.signals for samples in found):
@@ -153,19 +176,43 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         notes.append(motor.note())
     cut = [piece for samples in found for piece in pieces(samples, notes)]
     if not cut:
-        raise LogError(f"a run of at least {LEAST_RUN} samples", "only shorter ones", "record longer")
+        raise LogError(
+            f"a run of at least {LEAST_RUN} samples", "only shorter ones", "record longer"
+        )
     dt = interval(cut)
     even = [resample(piece, dt) for piece in cut]
     if missing := sum(part.missing for part in even):
         notes.append(f"{missing} missing sample{'s were' if missing > 1 else ' was'} interpolated")
     if uneven := max(part.uneven for part in even):
-        notes.append(f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by linear interpolation")
+        notes.append(
+            f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by"
+            " linear interpolation"
+        )
     if slowed := sum(part.slowed for part in even):
         rates = sorted({f"{1 / piece.step:.4g}" for piece in cut}, key=float)
-        notes.append(f"rates of {', '.join(rates[:6])} Hz: {slowed} run{'s' * (slowed > 1)} resampled to {1 / dt:.4g} Hz")
+        notes.append(
+            f"rates of {', '.join(rates[:6])} Hz: {slowed} run{'s' * (slowed > 1)} resampled to"
+            f" {1 / dt:.4g} Hz"
+        )
     time = np.concatenate([part.time for part in even])
     run = np.repeat(np.arange(len(even)), [len(part.time) for part in even])
     signals = {kind: np.concatenate([part.signals[kind] for part in even]) for kind in kinds}
-    still = {name: float(np.mean([s.still[name] for s in found if name in s.still])) for s in found for name in s.still}
-    log = Log(time, signals["q"], signals["tau"], signals.get("qd"), signals.get("qdd"), run, dt, (), tuple(still.items()))
-    return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments())))
+    still = {
+        name: float(np.mean([s.still[name] for s in found if name in s.still]))
+        for s in found
+        for name in s.still
+    }
+    log = Log(
+        time,
+        signals["q"],
+        signals["tau"],
+        signals.get("qd"),
+        signals.get("qdd"),
+        run,
+        dt,
+        (),
+        tuple(still.items()),
+    )
+    return replace(
+        log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments()))
+    )

@@ -8,11 +8,14 @@ from jaxidl.errors import LogError
 from jaxidl.logs.families import Family, Member, Wanted, shortened
 from jaxidl.logs.header import CURRENT, KINDS, Title, joint_called, read_title
 
-KEY = re.compile(r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII)
+KEY = re.compile(
+    r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII
+)
 
 
 def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False) -> list[Family]:
-    """Return the families that ``wanted.columns`` name as ``KEY=TITLE`` in the header of the file ``name``.
+    """Return the families that ``wanted.columns`` name as ``KEY=TITLE`` in the header of the file
+    ``name``.
 
     Raises:
         LogError: if one cannot be read, or there is no such column.
@@ -22,39 +25,64 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
         key, equals, title = text.partition("=")
         parts = KEY.fullmatch(key.strip())
         if not equals or not parts or not title.strip():
-            remedy = "write q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, tau, qd, qdd or i"
+            remedy = (
+                "write q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is time, run, q, tau,"
+                " qd, qdd or i"
+            )
             raise LogError("--columns KEY=TITLE", repr(shortened(text)), remedy)
         kind, title = parts[1] or parts[2], title.strip()
         family, several = found.setdefault(kind, {}), "*" in title
         if parts[1] or parts[3] or parts[4]:
             label: int | str = int(parts[3]) if parts[3] else parts[4] or "all"
             if parts[4] and joint_called(parts[4], wanted.names) is None:
-                listed = ", ".join(wanted.names[:8]) or "numbers, as the model's names are not known"
-                raise LogError(f"a joint of the model in --columns {shortened(text)}", parts[4], f"use one of {listed}")
+                listed = (
+                    ", ".join(wanted.names[:8]) or "numbers, as the model's names are not known"
+                )
+                raise LogError(
+                    f"a joint of the model in --columns {shortened(text)}",
+                    parts[4],
+                    f"use one of {listed}",
+                )
             places = _matching(name, headers, title)
             if several and len(places) != 1:
                 raise LogError(
-                    f"one column for {key} in {name}", f"{len(places)} that fit {shortened(title)}", "write its whole title"
+                    f"one column for {key} in {name}",
+                    f"{len(places)} that fit {shortened(title)}",
+                    "write its whole title",
                 )
             entries = {label: places[0]}
         elif several:
-            entries = {_label(text, part, wanted): place for place, part in _starred(name, headers, title)}
+            entries = {
+                _label(text, part, wanted): place for place, part in _starred(name, headers, title)
+            }
         else:
             entries = {"all": _matching(name, headers, title)[0]}
         for label, place in entries.items():
             if label in family:
-                raise LogError(f"{kind} of each joint once in --columns", f"{shortened(text)} again", "leave one of them out")
+                raise LogError(
+                    f"{kind} of each joint once in --columns",
+                    f"{shortened(text)} again",
+                    "leave one of them out",
+                )
             read = read_title(headers[place], (), kind) or Title(kind, (), None, None, None)
             joint = joint_called(label, wanted.names) if isinstance(label, str) else None
             family[label] = Member(
-                place, headers[place], read._replace(joint=joint, number=label if isinstance(label, int) else None)
+                place,
+                headers[place],
+                read._replace(joint=joint, number=label if isinstance(label, int) else None),
             )
     families = [Family(kind, 0, list(members.values())) for kind, members in found.items()]
     for family in families:
         if family.kind in (*KINDS, CURRENT) and not family.complete(wanted, bare):
             count = wanted.joints if wanted.joints is not None else "all"
-            got = f"{len(family.members)}: {', '.join(shortened(m.title) for m in family.members[:8])}"
-            remedy = f"give {family.kind}0, {family.kind}1, ... without gaps, or a pattern such as '{family.kind}=title_*'"
+            got = (
+                f"{len(family.members)}:"
+                f" {', '.join(shortened(m.title) for m in family.members[:8])}"
+            )
+            remedy = (
+                f"give {family.kind}0, {family.kind}1, ... without gaps, or a pattern such as"
+                f" '{family.kind}=title_*'"
+            )
             raise LogError(f"--columns for {family.kind} of {count} joints in {name}", got, remedy)
     return families
 
@@ -70,15 +98,25 @@ def _matching(name: str, headers: Sequence[str], title: str) -> list[int]:
     if title.lower() in lower:
         return [lower.index(title.lower())]
     near = difflib.get_close_matches(title[:100], [header[:100] for header in plain[:500]], 1, 0.5)
-    listed = ", ".join(shortened(header) for header in plain[:8]) + (", ..." if len(plain) > 8 else "")
+    listed = ", ".join(shortened(header) for header in plain[:8]) + (
+        ", ..." if len(plain) > 8 else ""
+    )
     remedy = f"did you mean {shortened(near[0])}?" if near else "correct the title"
-    raise LogError(f"a column {shortened(title)} in {name} (--columns)", f"columns {listed}", remedy)
+    raise LogError(
+        f"a column {shortened(title)} in {name} (--columns)", f"columns {listed}", remedy
+    )
 
 
 def _starred(name: str, headers: Sequence[str], title: str) -> list[tuple[int, str]]:
-    """Places of the columns that fit a title with one star, and what stands for the star in each."""
+    """Places of the columns that fit a title with one star, and what stands for the star in
+    each.
+    """
     if title.count("*") > 1:
-        raise LogError("one * in a title (--columns)", shortened(title), "write * for the joint's number or name only")
+        raise LogError(
+            "one * in a title (--columns)",
+            shortened(title),
+            "write * for the joint's number or name only",
+        )
     before, after = title.lower().split("*")
     found = []
     for place, header in enumerate(headers):
@@ -86,8 +124,14 @@ def _starred(name: str, headers: Sequence[str], title: str) -> list[tuple[int, s
         if len(text) > len(title) - 1 and text.startswith(before) and text.endswith(after):
             found.append((place, header.strip()[len(before) : len(text) - len(after)]))
     if not found:
-        listed = ", ".join(shortened(header.strip()) for header in headers[:8]) + (", ..." if len(headers) > 8 else "")
-        raise LogError(f"columns {shortened(title)} in {name} (--columns)", f"columns {listed}", "correct the pattern")
+        listed = ", ".join(shortened(header.strip()) for header in headers[:8]) + (
+            ", ..." if len(headers) > 8 else ""
+        )
+        raise LogError(
+            f"columns {shortened(title)} in {name} (--columns)",
+            f"columns {listed}",
+            "correct the pattern",
+        )
     return found
 
 
@@ -98,6 +142,8 @@ def _label(text: str, part: str, wanted: Wanted) -> int | str:
     if joint_called(part, wanted.names) is None:
         listed = ", ".join(wanted.names[:8]) if wanted.names else "numbers"
         raise LogError(
-            f"numbers or joints of the model for * in --columns {shortened(text)}", shortened(part), f"expected {listed}"
+            f"numbers or joints of the model for * in --columns {shortened(text)}",
+            shortened(part),
+            f"expected {listed}",
         )
     return part

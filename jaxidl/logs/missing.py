@@ -25,18 +25,25 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
         current: are motor currents there instead of torques?
 
     Raises:
-        LogError: if a column is missing, with the one that may be it; if the joints are not the model's.
+        LogError: if a column is missing, with the one that may be it; if the joints are not the
+            model's.
     """
     drive = CURRENT if current else "tau"
     kinds = (*KINDS, CURRENT) if current else KINDS
-    has = {kind: sorted(int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)) for kind in kinds}
+    has = {
+        kind: sorted(
+            int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)
+        )
+        for kind in kinds
+    }
     count = max([0, *has["q"], *has[drive]]) + 1 if joints is None else joints
     if "time" not in table.columns:
         got = f"columns {listed([*table.columns, *table.ignored])}"
         raise LogError(
             f"a column time in {table.name}",
             got,
-            (_near(table, "time") or "add a column time, or name it: --columns time=TITLE") + ", in seconds",
+            (_near(table, "time") or "add a column time, or name it: --columns time=TITLE")
+            + ", in seconds",
         )
     if has["q"] == list(range(count)) and not has[drive]:
         _without_drive(table, count, current)
@@ -53,17 +60,30 @@ def _without_drive(table: Table, count: int, current: bool) -> None:
     got = f"columns {listed([*table.columns, *table.ignored])}"
     if current:
         torques = "tau0" in table.columns
-        remedy = "leave --torque-constant out: the log has torques" if torques else f"name them: --columns '{key}=title_*'"
+        remedy = (
+            "leave --torque-constant out: the log has torques"
+            if torques
+            else f"name them: --columns '{key}=title_*'"
+        )
         raise LogError(expected, got, remedy)
     titles = {name: read_title(name) for name in table.ignored[:200]}
-    if currents := [name for name, title in titles.items() if title and title.kind == CURRENT and not title.wish]:
+    if currents := [
+        name for name, title in titles.items() if title and title.kind == CURRENT and not title.wish
+    ]:
         remedy = "give --torque-constant [Nm/A of the motor] and --gear-ratio, or --motor FILE.yaml"
         raise LogError(expected, f"currents ({shown(currents[0])[1:-1]} ...)", remedy)
     if _near(table, "tau0"):
         return
-    remedy = "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply voltage * kt / R as tau"
-    if wishes := [name for name, title in titles.items() if title and title.kind == "q" and title.wish]:
-        raise LogError(expected, f"positions and their targets only ({shown(wishes[0])[1:-1]} ...)", remedy)
+    remedy = (
+        "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply"
+        " voltage * kt / R as tau"
+    )
+    if wishes := [
+        name for name, title in titles.items() if title and title.kind == "q" and title.wish
+    ]:
+        raise LogError(
+            expected, f"positions and their targets only ({shown(wishes[0])[1:-1]} ...)", remedy
+        )
     raise LogError(expected, got, f"add a column tau0, or name it: --columns tau0=TITLE; {remedy}")
 
 
@@ -78,12 +98,16 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
             _near(table, f"{kind}{missing[0]}")
             or f"add a column {kind}{missing[0]}, or name it: --columns {kind}{missing[0]}=TITLE"
         )
-    from_one = has == list(range(1, len(has) + 1)) and not any(f"{other}0" in table.columns for other in KINDS)
+    from_one = has == list(range(1, len(has) + 1)) and not any(
+        f"{other}0" in table.columns for other in KINDS
+    )
     if has and from_one and "rename" not in remedy:
         count -= joints is None
         remedy = f"number joints from 0: rename {kind}1 to {kind}0, and so on"
     span = f"column {kind}0" if count == 1 else f"columns {kind}0..{kind}{count - 1}"
-    why = "without gaps" if joints is None else f"for the model's {joints} joint{'s' * (joints > 1)}"
+    why = (
+        "without gaps" if joints is None else f"for the model's {joints} joint{'s' * (joints > 1)}"
+    )
     got = [f"{kind}{n}" for n in has] or [*table.columns, *table.ignored]
     raise LogError(f"{span} {why} in {table.name}", listed(got), remedy)
 
@@ -91,5 +115,11 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
 def _near(table: Table, key: str) -> str | None:
     """What to do about a missing column if it seems to go by another name."""
     candidates = [name for name in table.ignored[:200] if len(name) <= 40]
-    near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(key, candidates, 1, 0.7)
-    return f"rename column {shown(near[0])} to {key}, or give --columns {key}={shown(near[0])[1:-1]}" if near else None
+    near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(
+        key, candidates, 1, 0.7
+    )
+    return (
+        f"rename column {shown(near[0])} to {key}, or give --columns {key}={shown(near[0])[1:-1]}"
+        if near
+        else None
+    )

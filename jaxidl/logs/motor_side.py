@@ -1,7 +1,8 @@
-"""Data of motors instead of joints: currents, positions before the gear, and joints that two motors turn together.
+"""Data of motors instead of joints: currents, positions before the gear, and joints that two motors
+turn together.
 
-With the coupling C (J, J), joints follow motors as q = C (q_motor / ratio) + offset; equal power on both sides makes the joints'
-torques C^-T (ratio · torque_constant · current).
+With the coupling C (J, J), joints follow motors as q = C (q_motor / ratio) + offset; equal power on
+both sides makes the joints' torques C^-T (ratio · torque_constant · current).
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,14 +26,17 @@ WORST = 1e6  # condition of a coupling
 class MotorSide:
     """How joints follow from motors; J joints in the order of the log."""
 
-    torque_constant: Float64[np.ndarray, " J"] | None  # [Nm/A] of the motor, before the gear; None: torques were logged
+    # [Nm/A] of the motor, before the gear; None: torques were logged
+    torque_constant: Float64[np.ndarray, " J"] | None
     gear_ratio: Float64[np.ndarray, " J"]  # motor's motion per joint's; for a slide in rad/m
     coupling: Float64[np.ndarray, "J J"] | None = None
     offset: Float64[np.ndarray, " J"] | None = None  # [rad or m] of joints where motors are at zero
     positions: bool = False  # are positions, speeds and accelerations those of the motors?
 
     def joint_side(self, signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return signals (T, J) of the joints from those of the motors: ``q``, ``tau`` and so on, ``i`` [A] becomes ``tau``."""
+        """Return signals (T, J) of the joints from those of the motors: ``q``, ``tau`` and so on,
+        ``i`` [A] becomes ``tau``.
+        """
         found = dict(signals)
         if self.torque_constant is not None:
             found["tau"] = found.pop(CURRENT) * self.torque_constant
@@ -49,7 +53,10 @@ class MotorSide:
         """Say what was computed."""
         what = "motor torque" if self.torque_constant is None else "current * torque constant"
         moved = ", positions from the motors'" if self.positions else ""
-        return f"joint torque computed as {what} * gear ratio{' through the coupling' * (self.coupling is not None)}{moved}"
+        return (
+            f"joint torque computed as {what} * gear"
+            f" ratio{' through the coupling' * (self.coupling is not None)}{moved}"
+        )
 
 
 def motor_side(
@@ -58,14 +65,16 @@ def motor_side(
     torque_constant: Sequence[float] = (),
     gear_ratio: Sequence[float] = (),
 ) -> MotorSide | None:
-    """Return what is said of the motors of the joints ``names`` (J,), in a YAML file or in numbers; None if nothing is.
+    """Return what is said of the motors of the joints ``names`` (J,), in a YAML file or in numbers;
+    None if nothing is.
 
-    The file has ``torque_constant`` [Nm/A], ``gear_ratio``, ``offset`` [rad or m]: each one number for all joints, a list (J,),
-    or numbers by joint; or all of a joint's under ``joints``, by its name. Besides ``coupling`` (J, J) and
-    ``motor_positions: true``.
+    The file has ``torque_constant`` [Nm/A], ``gear_ratio``, ``offset`` [rad or m]: each one number
+    for all joints, a list (J,), or numbers by joint; or all of a joint's under ``joints``, by its
+    name. Besides ``coupling`` (J, J) and ``motor_positions: true``.
 
     Args:
-        torque_constant: one for all, or one for each joint; so is ``gear_ratio``. Not both these and the file.
+        torque_constant: one for all, or one for each joint; so is ``gear_ratio``. Not both these
+            and the file.
 
     Raises:
         LogError: if the file cannot be read, or its numbers do not fit.
@@ -75,12 +84,17 @@ def motor_side(
     where = "the command"
     if path is not None:
         if said:
-            raise LogError("--motor FILE, or --torque-constant and --gear-ratio", "both", "put all of it into the file")
+            raise LogError(
+                "--motor FILE, or --torque-constant and --gear-ratio",
+                "both",
+                "put all of it into the file",
+            )
         said, where = _read(path), str(path)
     if not said:
         return None
     said = {
-        key: value[0] if key in numbers and isinstance(value, list) and len(value) == 1 else value for key, value in said.items()
+        key: value[0] if key in numbers and isinstance(value, list) and len(value) == 1 else value
+        for key, value in said.items()
     }
     said = _by_joint(said, names, where)
     constant = _per_joint(said, "torque_constant", names, where)
@@ -88,18 +102,38 @@ def motor_side(
     offset = _per_joint(said, "offset", names, where)
     positions = said.get("motor_positions", False)
     if not isinstance(positions, bool):
-        raise LogError(f"motor_positions in {where} to be true or false", repr(positions)[:40], "write motor_positions: true")
+        raise LogError(
+            f"motor_positions in {where} to be true or false",
+            repr(positions)[:40],
+            "write motor_positions: true",
+        )
     if constant is None and ratio is None and "coupling" not in said:
         raise LogError(
-            f"torque_constant or gear_ratio in {where}", "neither", "give Nm/A, and the motor's turns per joint's turn"
+            f"torque_constant or gear_ratio in {where}",
+            "neither",
+            "give Nm/A, and the motor's turns per joint's turn",
         )
     if offset is not None and not positions:
-        raise LogError(f"offset in {where} beside motor_positions: true", "positions of joints", "remove offset, or say so")
+        raise LogError(
+            f"offset in {where} beside motor_positions: true",
+            "positions of joints",
+            "remove offset, or say so",
+        )
     for key, value in (("torque_constant", constant), ("gear_ratio", ratio)):
         if value is not None and not value.all():
-            raise LogError(f"{key} in {where} other than zero", f"0 for {names[int(np.argmin(np.abs(value)))]}", "correct it")
+            raise LogError(
+                f"{key} in {where} other than zero",
+                f"0 for {names[int(np.argmin(np.abs(value)))]}",
+                "correct it",
+            )
     ones = np.ones(len(names))
-    return MotorSide(constant, ones if ratio is None else ratio, _coupling(said, len(names), where), offset, positions)
+    return MotorSide(
+        constant,
+        ones if ratio is None else ratio,
+        _coupling(said, len(names), where),
+        offset,
+        positions,
+    )
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -107,19 +141,32 @@ def _read(path: Path) -> dict[str, Any]:
 
     try:
         if path.stat().st_size > LARGEST_FILE:
-            raise LogError(f"a description of motors in {path}", "a file of more than 1 MiB", "name the YAML file")
+            raise LogError(
+                f"a description of motors in {path}",
+                "a file of more than 1 MiB",
+                "name the YAML file",
+            )
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise LogError(f"a YAML file at {path}", "no such file", "correct the path") from None
     except (OSError, UnicodeError, yaml.YAMLError, ValueError, RecursionError) as error:
         got = shortened(" ".join(str(error).split()), 200)
-        raise LogError(f"readable YAML in {path}", got, "write torque_constant: [0.1, ...] and gear_ratio: [100, ...]") from None
+        raise LogError(
+            f"readable YAML in {path}",
+            got,
+            "write torque_constant: [0.1, ...] and gear_ratio: [100, ...]",
+        ) from None
     if not isinstance(content, dict):
-        got, remedy = f"a {type(content).__name__}", "write torque_constant: [0.1, ...] and gear_ratio: [100, ...]"
+        got, remedy = (
+            f"a {type(content).__name__}",
+            "write torque_constant: [0.1, ...] and gear_ratio: [100, ...]",
+        )
         raise LogError(f"names and values in {path}", got, remedy)
     for key in content:
         if key not in KEYS:
-            raise LogError(f"{', '.join(KEYS)} in {path}", shortened(repr(key)), "correct or remove it")
+            raise LogError(
+                f"{', '.join(KEYS)} in {path}", shortened(repr(key)), "correct or remove it"
+            )
     return content
 
 
@@ -129,8 +176,14 @@ def _by_joint(said: dict[str, Any], names: Sequence[str], where: str) -> dict[st
     if joints is None:
         return said
     rest: dict[str, Any] = {key: value for key, value in said.items() if key != "joints"}
-    if not isinstance(joints, dict) or not all(isinstance(entry, dict) for entry in joints.values()):
-        raise LogError(f"joints in {where} by name", shortened(repr(joints)), "write joints: {elbow: {gear_ratio: 100}}")
+    if not isinstance(joints, dict) or not all(
+        isinstance(entry, dict) for entry in joints.values()
+    ):
+        raise LogError(
+            f"joints in {where} by name",
+            shortened(repr(joints)),
+            "write joints: {elbow: {gear_ratio: 100}}",
+        )
     for name, entry in joints.items():
         for key, value in entry.items():
             if key not in ("torque_constant", "gear_ratio", "offset") or key in said:
@@ -140,7 +193,9 @@ def _by_joint(said: dict[str, Any], names: Sequence[str], where: str) -> dict[st
     return rest
 
 
-def _per_joint(said: Mapping[str, Any], key: str, names: Sequence[str], where: str) -> np.ndarray | None:
+def _per_joint(
+    said: Mapping[str, Any], key: str, names: Sequence[str], where: str
+) -> np.ndarray | None:
     """Numbers (J,) that are given as one, as a list or by joint."""
     if key not in said:
         return None
@@ -150,12 +205,18 @@ def _per_joint(said: Mapping[str, Any], key: str, names: Sequence[str], where: s
         missing = [name for j, name in enumerate(names) if j not in by_place]
         if missing:
             got = ", ".join(shortened(str(name)) for name in list(value)[:8]) or "none"
-            raise LogError(f"{key} of joint {missing[0]} in {where}", got, "give one for each joint that is looked at")
+            raise LogError(
+                f"{key} of joint {missing[0]} in {where}",
+                got,
+                "give one for each joint that is looked at",
+            )
         value = [by_place[j] for j in range(count)]
     entries = value if isinstance(value, list) else [value] * count
     if not all(_is_number(entry) for entry in entries) or len(entries) != count:
         remedy = "give one number for all joints, or one for each in the model's order"
-        raise LogError(f"{count} finite numbers as {key} in {where}", shortened(repr(value), 60), remedy)
+        raise LogError(
+            f"{count} finite numbers as {key} in {where}", shortened(repr(value), 60), remedy
+        )
     return np.array(entries, float)
 
 
@@ -163,13 +224,26 @@ def _coupling(said: Mapping[str, Any], count: int, where: str) -> np.ndarray | N
     rows = said.get("coupling")
     if rows is None:
         return None
-    square = isinstance(rows, list) and len(rows) == count and all(isinstance(r, list) and len(r) == count for r in rows)
+    square = (
+        isinstance(rows, list)
+        and len(rows) == count
+        and all(isinstance(r, list) and len(r) == count for r in rows)
+    )
     if not square or not all(_is_number(entry) for row in rows for entry in row):
-        remedy = f"write {count} lists of {count}: row j says how joint j moves with each motor behind its gear"
-        raise LogError(f"a coupling of {count} x {count} finite numbers in {where}", shortened(repr(rows), 60), remedy)
+        remedy = (
+            f"write {count} lists of {count}: row j says how joint j moves with each motor behind"
+            " its gear"
+        )
+        raise LogError(
+            f"a coupling of {count} x {count} finite numbers in {where}",
+            shortened(repr(rows), 60),
+            remedy,
+        )
     matrix = np.array(rows, float)
     if np.linalg.cond(matrix) > WORST:
-        raise LogError(f"a coupling in {where} that can be inverted", shortened(repr(rows), 60), "correct it")
+        raise LogError(
+            f"a coupling in {where} that can be inverted", shortened(repr(rows), 60), "correct it"
+        )
     return matrix
 
 

@@ -1,4 +1,6 @@
-"""ROS bags with joint states: MCAP, SQLite, or bags of ROS 1, through the optional package ``rosbags``; no ROS is needed."""
+"""ROS bags with joint states: MCAP, SQLite, or bags of ROS 1, through the optional package
+``rosbags``; no ROS is needed.
+"""
 
 import warnings
 from collections import Counter
@@ -21,13 +23,16 @@ MOST = 10_000_000  # messages
 def is_bag(path: Path) -> bool:
     """Is a path that of a ROS bag: a file of such a name, or a folder with a ``metadata.yaml``?"""
     try:
-        return path.suffix.lower() in ENDINGS or (path.is_dir() and (path / "metadata.yaml").is_file())
+        return path.suffix.lower() in ENDINGS or (
+            path.is_dir() and (path / "metadata.yaml").is_file()
+        )
     except (OSError, ValueError):
         return False
 
 
 def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
-    """Return the joint states of a bag as a table; columns are called ``NAME/position``, ``NAME/velocity`` and ``NAME/effort``.
+    """Return the joint states of a bag as a table; columns are called ``NAME/position``,
+    ``NAME/velocity`` and ``NAME/effort``.
 
     Args:
         topic: the one to read. Default: the only one with joint states.
@@ -40,19 +45,27 @@ def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise LogError(f"rosbags to read {name}", "none installed", "pip install 'jaxidl[ros]', or export it as CSV") from None
+        raise LogError(
+            f"rosbags to read {name}",
+            "none installed",
+            "pip install 'jaxidl[ros]', or export it as CSV",
+        ) from None
     if not path.exists():
         raise LogError(f"a bag at {name}", "no such file", "correct the path")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            store = get_typestore(Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.ROS2_HUMBLE)
+            store = get_typestore(
+                Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.ROS2_HUMBLE
+            )
             with AnyReader([_bag_of(path)], default_typestore=store) as reader:
                 return _table(name, reader, wanted, topic)
     except LogError:
         raise
     except PermissionError:
-        raise LogError(f"to read {name}", "no permission", "change its mode or owner, or copy it") from None
+        raise LogError(
+            f"to read {name}", "no permission", "change its mode or owner, or copy it"
+        ) from None
     except Exception as error:  # parsers raise nearly anything on a damaged file
         remedy = "give the folder that ros2 bag wrote, with its metadata.yaml, or record it again"
         raise LogError(f"a readable ROS bag at {name}", reason(error), remedy) from None
@@ -60,7 +73,11 @@ def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
 
 def _bag_of(path: Path) -> Path:
     """A SQLite file is read through the folder that it is in."""
-    return path.parent if path.suffix.lower() == ".db3" and (path.parent / "metadata.yaml").is_file() else path
+    return (
+        path.parent
+        if path.suffix.lower() == ".db3" and (path.parent / "metadata.yaml").is_file()
+        else path
+    )
 
 
 def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
@@ -68,10 +85,18 @@ def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
     if topic is None and len(topics) != 1:
         other = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
         if not topics:
-            raise LogError(f"a topic of {TYPE} in {name}", listed(other), "record joint states, or export the log as CSV")
-        raise LogError(f"one topic of {TYPE} in {name}", listed(topics), f"choose with --topic {topics[0]}")
+            raise LogError(
+                f"a topic of {TYPE} in {name}",
+                listed(other),
+                "record joint states, or export the log as CSV",
+            )
+        raise LogError(
+            f"one topic of {TYPE} in {name}", listed(topics), f"choose with --topic {topics[0]}"
+        )
     if topic is not None and topic not in topics:
-        raise LogError(f"a topic {shortened(topic)} of {TYPE} in {name}", listed(topics), "choose one of these")
+        raise LogError(
+            f"a topic {shortened(topic)} of {TYPE} in {name}", listed(topics), "choose one of these"
+        )
     connections = [c for c in reader.connections if c.topic == (topic or topics[0])]
     rows: list[tuple[int, int, Any]] = []
     for connection, received, raw in reader.messages(connections=connections):
@@ -94,7 +119,9 @@ def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Tab
     if len(fitting) > 1:
         got = " and ".join(f"({listed(names, 4)})" for names in fitting[:3])
         raise LogError(
-            f"joint states of the same joints in {name}", got, "record one publisher's topic, or name the joints (--joints)"
+            f"joint states of the same joints in {name}",
+            got,
+            "record one publisher's topic, or name the joints (--joints)",
         )
     names, left = fitting[0], sum(groups.values()) - groups[fitting[0]]
     if left:
@@ -112,14 +139,25 @@ def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Tab
             continue
         if lengths != {count}:
             got = f"{listed([str(n) for n in sorted(lengths)])} of {count}"
-            raise LogError(f"{field} of every joint in {name}", got, "record again, or export the good part as CSV")
+            raise LogError(
+                f"{field} of every joint in {name}",
+                got,
+                "record again, or export the good part as CSV",
+            )
         values = np.array([getattr(m, field) for _, _, m in mine], float)
         for j in range(count):
             if not np.isnan(values[:, j]).all():  # as drivers fill in what they do not know
                 headers.append(f"{names[j]}/{field}" if names else f"{field}_{j}")
                 columns.append(values[:, j])
     if not wanted.names and names:  # no names to look for: joints in the order of the messages
-        headers = [headers[0], *(f"{h.rpartition('/')[2]}_{names.index(h.rpartition('/')[0])}" for h in headers[1:])]
+        headers = [
+            headers[0],
+            *(f"{h.rpartition('/')[2]}_{names.index(h.rpartition('/')[0])}" for h in headers[1:]),
+        ]
     chosen = choose(name, headers, wanted)
-    picked: dict[str, np.ndarray | list[str]] = {key: columns[place] for key, place in chosen.places.items()}
-    return Table(name, picked, chosen.ignored, None, chosen.factors, chosen.titles, (*notes, *chosen.notes))
+    picked: dict[str, np.ndarray | list[str]] = {
+        key: columns[place] for key, place in chosen.places.items()
+    }
+    return Table(
+        name, picked, chosen.ignored, None, chosen.factors, chosen.titles, (*notes, *chosen.notes)
+    )

@@ -16,7 +16,8 @@ BRIDGED = 5  # as many missing samples in a row are interpolated, more split the
 UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left as they are
 IRREGULAR = 0.1  # share of intervals off by half; more is jitter
 SAME_RATE = 0.01  # relative; further apart is another rate
-AVERAGED = 1.25  # times slower: from here on samples are averaged, or what is faster would fold over
+# times slower: from here on samples are averaged, or what is faster would fold over
+AVERAGED = 1.25
 MOST_APART = 5.0  # times; rates further apart are not brought together
 MOST_GAPS = 0.5  # share of the time in intervals half as long again as most
 
@@ -26,7 +27,8 @@ class Piece(NamedTuple):
 
     samples: Samples
     where: slice  # rows of it
-    number: np.ndarray  # (n,) of each sample on a uniform grid that starts with the first; misses the missing ones
+    # (n,) of each sample on a uniform grid that starts with the first; misses the missing ones
+    number: np.ndarray
     step: float  # [s] interval of that grid
 
 
@@ -36,12 +38,15 @@ class Even(NamedTuple):
     time: np.ndarray  # (n,) [s]
     signals: dict[str, np.ndarray]  # each (n, J)
     missing: int  # samples that were not measured
-    uneven: float  # largest deviation of an interval from the nominal one, relative to it; 0 if no sample was moved
+    # largest deviation of an interval from the nominal one, relative to it; 0 if no sample was
+    # moved
+    uneven: float
     slowed: bool  # brought to the rate of another run
 
 
 def pieces(found: Samples, notes: list[str]) -> list[Piece]:
-    """A file's runs, cut where many samples are missing; what is too short is left out. What was done goes to the notes.
+    """A file's runs, cut where many samples are missing; what is too short is left out. What was
+    done goes to the notes.
 
     Raises:
         LogError: if time is too irregular to call it sampled.
@@ -53,7 +58,10 @@ def pieces(found: Samples, notes: list[str]) -> list[Piece]:
         gaps = (np.flatnonzero(counts > BRIDGED + 1) + start + 1).tolist()
         for gap in gaps[:3]:
             length = found.time[gap] - found.time[gap - 1]
-            notes.append(f"a gap of {length:.3g} s after {table.row(gap - 1)} of {table.name}: the run is split there")
+            notes.append(
+                f"a gap of {length:.3g} s after {table.row(gap - 1)} of {table.name}: the run is"
+                " split there"
+            )
         if len(gaps) > 3:
             notes.append(f"{len(gaps) - 3} more such gaps in that run of {table.name}")
         for a, b in pairwise([start, *gaps, stop]):
@@ -63,14 +71,19 @@ def pieces(found: Samples, notes: list[str]) -> list[Piece]:
                 number = np.concatenate([[0], np.cumsum(counts[a - start : b - start - 1])])
                 result.append(Piece(found, slice(a, b), number, _slope(number, found.time[a:b])))
     if short:
-        notes.append(f"{short} run{'s' * (short > 1)} of fewer than {LEAST_RUN} samples left out of {table.name}")
+        notes.append(
+            f"{short} run{'s' * (short > 1)} of fewer than {LEAST_RUN} samples left out of"
+            f" {table.name}"
+        )
     return result
 
 
 def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
-    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no sample is missing.
+    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no
+    sample is missing.
 
-    A clock that jitters misses none, but for gaps; more time in gaps than between samples is no sampling.
+    A clock that jitters misses none, but for gaps; more time in gaps than between samples is no
+    sampling.
     """
     if stop - start < LEAST_RUN:
         return np.ones(stop - start - 1, int)
@@ -85,7 +98,10 @@ def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
     share = float(step[long].sum() / step.sum())
     if not share <= MOST_GAPS:
         first = int(np.flatnonzero(long)[0]) if long.any() else int(off[0])
-        where = f"{found.table.row(start + first)} with {step[first]:.3g} s instead of {np.median(step):.3g} s"
+        where = (
+            f"{found.table.row(start + first)} with {step[first]:.3g} s instead of"
+            f" {np.median(step):.3g} s"
+        )
         got = f"{share:.0%} of the time in longer intervals, first after {where}"
         remedy = "record at a constant rate, or write time with more digits"
         raise LogError(f"a constant sampling interval in {found.table.name}", got, remedy)
@@ -93,7 +109,9 @@ def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
 
 
 def _slope(number: np.ndarray, time: np.ndarray) -> float:
-    """The interval [s] that fits all samples best: the median alone would drift where time is written with few digits."""
+    """The interval [s] that fits all samples best: the median alone would drift where time is
+    written with few digits.
+    """
     centred = number - number.mean()
     return float(centred @ (time - time[0]) / (centred @ centred))
 
@@ -107,7 +125,8 @@ def interval(cut: Iterable[Piece]) -> float:
     cut = list(cut)
     steps = np.array([piece.step for piece in cut])
     same = steps.max() <= (1 + SAME_RATE) * steps.min()
-    dt = float(np.quantile(steps, 0.5, method="nearest") if same else steps.max())  # what is slower has no more to tell
+    # what is slower has no more to tell
+    dt = float(np.quantile(steps, 0.5, method="nearest") if same else steps.max())
     name, time = cut[0].samples.table.name, cut[0].samples.time
     if dt > 1 / LEAST_RATE:
         got = f"one sample every {dt:g} s"
@@ -120,21 +139,40 @@ def interval(cut: Iterable[Piece]) -> float:
         table = piece.samples.table
         if abs(piece.samples.time[piece.where][[0, -1]]).max() > LATEST:
             got = f"{piece.samples.time[piece.where.start]:g} in {table.row(piece.where.start)}"
-            raise LogError(f"time in seconds in {table.name}", got, "convert it, or subtract the first instant")
+            raise LogError(
+                f"time in seconds in {table.name}", got, "convert it, or subtract the first instant"
+            )
         if piece.step > MOST_APART * min(p.step for p in cut):
             where = f"{table.row(piece.where.start)} of {table.name}"
-            got = f"{1 / piece.step:.6g} Hz from {where} on, and {1 / min(p.step for p in cut):.6g} Hz elsewhere"
-            raise LogError(f"sampling rates within a factor of {MOST_APART:g}", got, "give the logs one at a time")
+            got = (
+                f"{1 / piece.step:.6g} Hz from {where} on, and {1 / min(p.step for p in cut):.6g}"
+                " Hz elsewhere"
+            )
+            raise LogError(
+                f"sampling rates within a factor of {MOST_APART:g}",
+                got,
+                "give the logs one at a time",
+            )
     return dt
 
 
 def resample(piece: Piece, dt: float) -> Even:
     """A piece on a uniform grid; the samples stay as they are where they are on it already."""
-    time, signals = piece.samples.time[piece.where], {kind: s[piece.where] for kind, s in piece.samples.signals.items()}
-    step = piece.step if abs(piece.step / dt - 1) < 1e-4 else dt  # clocks of two recordings differ by parts in a million
+    time, signals = (
+        piece.samples.time[piece.where],
+        {kind: s[piece.where] for kind, s in piece.samples.signals.items()},
+    )
+    # clocks of two recordings differ by parts in a million
+    step = piece.step if abs(piece.step / dt - 1) < 1e-4 else dt
     grid = (time - time[0]) / step
     if abs(piece.step / dt - 1) > SAME_RATE:
-        return Even(time[0] + step * np.arange(int(grid[-1] + 1e-6) + 1), _slower(grid, signals, piece.step / dt), 0, 0.0, True)
+        return Even(
+            time[0] + step * np.arange(int(grid[-1] + 1e-6) + 1),
+            _slower(grid, signals, piece.step / dt),
+            0,
+            0.0,
+            True,
+        )
     offset = grid - piece.number
     missing = int(piece.number[-1]) + 1 - len(time)
     uneven = float(np.abs(np.diff(offset)).max()) if np.ptp(offset) > 2 * UNIFORM else 0.0
@@ -142,29 +180,45 @@ def resample(piece: Piece, dt: float) -> Even:
         return Even(time, signals, 0, 0.0, False)
     places = np.arange(int(grid[-1] + 1e-6) + 1) if uneven else np.arange(piece.number[-1] + 1)
     at = grid if uneven else piece.number
-    filled = {kind: np.stack([np.interp(places, at, s) for s in signal.T], axis=1) for kind, signal in signals.items()}
+    filled = {
+        kind: np.stack([np.interp(places, at, s) for s in signal.T], axis=1)
+        for kind, signal in signals.items()
+    }
     return Even(time[0] + step * places, filled, missing, uneven, False)
 
 
 def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> dict[str, np.ndarray]:
     """Signals (n, J) at ``grid`` (n,), whose samples are ``step`` < 1 apart, at 0, 1, 2, ...
 
-    Much slower, each sample is the mean over one new interval around it, torques as well as positions: a filter without phase.
+    Much slower, each sample is the mean over one new interval around it, torques as well as
+    positions: a filter without phase.
     """
     places = np.arange(int(grid[-1] + 1e-6) + 1)
     if step * AVERAGED > 1.0:
-        return {kind: np.stack([np.interp(places, grid, s) for s in signal.T], axis=1) for kind, signal in signals.items()}
-    half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))  # narrower at the ends: still centred
+        return {
+            kind: np.stack([np.interp(places, grid, s) for s in signal.T], axis=1)
+            for kind, signal in signals.items()
+        }
+    # narrower at the ends: still centred
+    half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))
     half = np.maximum(half, 1e-3)
     found = {}
     for kind, signal in signals.items():
         padded = np.concatenate([grid[:1] - 1, grid, grid[-1:] + 1])
         held = np.concatenate([signal[:1], signal, signal[-1:]])
         area = np.concatenate(
-            [np.zeros((1, signal.shape[1])), np.cumsum(0.5 * np.diff(padded)[:, None] * (held[1:] + held[:-1]), 0)]
+            [
+                np.zeros((1, signal.shape[1])),
+                np.cumsum(0.5 * np.diff(padded)[:, None] * (held[1:] + held[:-1]), 0),
+            ]
         )
 
-        def integral(x: np.ndarray, padded: np.ndarray = padded, held: np.ndarray = held, area: np.ndarray = area) -> np.ndarray:
+        def integral(
+            x: np.ndarray,
+            padded: np.ndarray = padded,
+            held: np.ndarray = held,
+            area: np.ndarray = area,
+        ) -> np.ndarray:
             i = np.clip(np.searchsorted(padded, x, side="right") - 1, 0, len(padded) - 2)
             share = ((x - padded[i]) / (padded[i + 1] - padded[i]))[:, None]
             width = (padded[i + 1] - padded[i])[:, None]

@@ -1,8 +1,10 @@
-"""A log made ready for comparison: smoothed, differentiated, compared with the rigid body, thinned out.
+"""A log made ready for comparison: smoothed, differentiated, compared with the rigid body, thinned
+out.
 
-One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout. Positions pass it before they
-are differentiated (five-point stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of
-the comparison lose the same frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
+One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout.
+Positions pass it before they are differentiated (five-point stencils), commands and every torque
+that an effect predicts pass it afterwards, so both sides of the comparison lose the same
+frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
 reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
@@ -24,8 +26,10 @@ NOISE_SHARE = 0.02  # of the command's spread: where the band ends
 BAND = (4.0, 100.0)  # least and largest [Hz]
 HIGHEST_BAND = 0.2  # of the sampling rate
 ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band,
-MOST_ROWS = 8000  # and of a long log altogether: time, for which neighbours, much alike, give little in return
-REST_EDGE = 0.6  # on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
+# and of a long log altogether: time, for which neighbours, much alike, give little in return
+MOST_ROWS = 8000
+# on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
+REST_EDGE = 0.6
 REST_SPEED = 0.01  # of a joint's highest: below it dry friction may be anything within its level
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
 TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
@@ -43,46 +47,64 @@ class Signals(NamedTuple):
     tau: Float[np.ndarray, "T J"]  # commands as logged
     tables: Tables  # of the modelled rigid body, T rows
     sigma: Float[np.ndarray, " J"]  # encoder noise, standard deviation [m or rad]
-    noise_floor: Float[np.ndarray, " J"]  # what it alone puts into the residual, root mean square [N or Nm]
+    # what it alone puts into the residual, root mean square [N or Nm]
+    noise_floor: Float[np.ndarray, " J"]
     rest_speed: Float[np.ndarray, " J"]  # below it a joint counts as resting [m/s or rad/s]
     rows: np.ndarray  # (N,) instants kept
-    balance: Float[np.ndarray, "N J"]  # command − inverse dynamics there: what the rigid body does not explain [N or Nm]
+    # command − inverse dynamics there: what the rigid body does not explain [N or Nm]
+    balance: Float[np.ndarray, "N J"]
     moving: Bool[np.ndarray, "T J"]
-    resting: Bool[np.ndarray, "T J"]  # neither: just before or after a rest, where the filter blurs both
-    peaks: tuple[Float[np.ndarray, "E 2"], ...]  # of each joint: last instant and largest torque withstood of each rest [N or Nm]
+    # neither: just before or after a rest, where the filter blurs both
+    resting: Bool[np.ndarray, "T J"]
+    # of each joint: last instant and largest torque withstood of each rest [N or Nm]
+    peaks: tuple[Float[np.ndarray, "E 2"], ...]
 
     body: Any  # the modelled rigid body
     notes: tuple[str, ...] = ()  # what of the log was not used, and why
-    late: int = 0  # instants at the end of each run whose true positions only later readings would have told
+    # instants at the end of each run whose true positions only later readings would have told
+    late: int = 0
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """H applied to each run of ``x`` (T, ...)."""
         return _by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """H applied to delivered torques (T, ...); a command is held, so that it acts half an interval later on average."""
-        return self.smooth(_by_run(x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0))
+        """H applied to delivered torques (T, ...); a command is held, so that it acts half an
+        interval later on average.
+        """
+        return self.smooth(
+            _by_run(
+                x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0
+            )
+        )
 
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """First derivative by time of each run of ``x`` (T, ...)."""
         return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
 
     def behind(self, effects: Sequence[Effect]) -> "Signals":
-        """The signals with the true motion that ``effects`` on the encoders leave: what a rollout begins at and is held against.
+        """The signals with the true motion that ``effects`` on the encoders leave: what a rollout
+        begins at and is held against.
 
-        Only ``q``, ``qd``, ``qdd`` and ``late`` change; what was computed along the measured motion stays as it is.
+        Only ``q``, ``qd``, ``qdd`` and ``late`` change; what was computed along the measured motion
+        stays as it is.
         """
         q, qd, qdd = true_motion(effects, self.q, self.qd, self.qdd, self.slices, self.dt)
-        return self._replace(q=q, qd=qd, qdd=qdd, late=self.late + lateness(effects, self.q, self.dt))
+        return self._replace(
+            q=q, qd=qd, qdd=qdd, late=self.late + lateness(effects, self.q, self.dt)
+        )
 
 
-def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: float = 1.0) -> Signals:
+def prepare(
+    log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: float = 1.0
+) -> Signals:
     """Signals of a log and its modelled rigid body.
 
     Args:
         log: what was measured.
         body: the modelled rigid body.
-        effects: the model's own, of which those on the encoders are undone; :func:`jaxidl.gap.rows.rows_of` must know them, too.
+        effects: the model's own, of which those on the encoders are undone;
+            :func:`jaxidl.gap.rows.rows_of` must know them, too.
         narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
@@ -91,10 +113,14 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: flo
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
     band = narrower * choose_band(reach, log.tau, dt)
     q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
-    smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))  # noqa: E731
-    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
-    qd, late_speed = _in_step(slope(q), None if log.qd is None else smooth(log.qd), slope, dt, "velocity")
-    qdd, late_push = _in_step(slope(qd), None if log.qdd is None else smooth(log.qdd), slope, dt, "acceleration")
+    smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))
+    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))
+    qd, late_speed = _in_step(
+        slope(q), None if log.qd is None else smooth(log.qd), slope, dt, "velocity"
+    )
+    qdd, late_push = _in_step(
+        slope(qd), None if log.qdd is None else smooth(log.qdd), slope, dt, "acceleration"
+    )
     q, qd, qdd = true_motion(effects, q, qd, qdd, slices, dt)
     stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
     table = tables(body, q, qd, qdd, stride)
@@ -104,18 +130,46 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: flo
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
     edge = round(TRIM / dt)
     rows = [
-        np.arange(s.start + min(edge, (s.stop - s.start) // 5), s.stop - min(edge, (s.stop - s.start) // 5), step) for s in slices
+        np.arange(
+            s.start + min(edge, (s.stop - s.start) // 5),
+            s.stop - min(edge, (s.stop - s.start) // 5),
+            step,
+        )
+        for s in slices
     ]
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
     peaks = tuple(
-        withstood(rests[:, j], resting[:, j], log.tau[:, j] - table.torque[:, j], log.q[:, j], 5.0 * sigma[j], edge)
+        withstood(
+            rests[:, j],
+            resting[:, j],
+            log.tau[:, j] - table.torque[:, j],
+            log.q[:, j],
+            5.0 * sigma[j],
+            edge,
+        )
         for j in range(log.joints)
     )
     kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
     none = np.zeros((len(kept), log.joints))
     found = Signals(
-        dt, band, slices, q, qd, qdd, log.tau, table, sigma, floor, rest_speed, kept, none, moving, resting, peaks, body
+        dt,
+        band,
+        slices,
+        q,
+        qd,
+        qdd,
+        log.tau,
+        table,
+        sigma,
+        floor,
+        rest_speed,
+        kept,
+        none,
+        moving,
+        resting,
+        peaks,
+        body,
     )
     return found._replace(
         balance=found.command(found.tau)[kept] - table.torque[kept],
@@ -125,11 +179,17 @@ def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: flo
 
 
 def _in_step(
-    derived: np.ndarray, logged: np.ndarray | None, slope: Callable[[np.ndarray], np.ndarray], dt: float, what: str
+    derived: np.ndarray,
+    logged: np.ndarray | None,
+    slope: Callable[[np.ndarray], np.ndarray],
+    dt: float,
+    what: str,
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The logged derivative (T, J) where it is in step with the positions, else the ``derived`` one; and a note that says so.
+    """The logged derivative (T, J) where it is in step with the positions, else the ``derived``
+    one; and a note that says so.
 
-    Robots filter the velocity that they report. Late by more than half a sample it would pass for friction and inertia.
+    Robots filter the velocity that they report. Late by more than half a sample it would pass for
+    friction and inertia.
     """
     if logged is None:
         return derived, ()
@@ -140,36 +200,51 @@ def _in_step(
         return logged, ()
     way = "late" if worst > 0.0 else "early"
     return derived, (
-        f"the logged {what} is up to {abs(worst) * 1e3:.3g} ms {way} against the position: derived from positions instead",
+        (
+            f"the logged {what} is up to {abs(worst) * 1e3:.3g} ms {way} against the position:"
+            " derived from positions instead"
+        ),
     )
 
 
-def true_positions(effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float) -> np.ndarray:
-    """Positions (T, J) behind encoder readings ``q`` (T, J): what ``effects`` do to the encoders undone, the last one first."""
+def true_positions(
+    effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float
+) -> np.ndarray:
+    """Positions (T, J) behind encoder readings ``q`` (T, J): what ``effects`` do to the encoders
+    undone, the last one first.
+    """
     for effect in filter(on_encoders, reversed(effects)):
-        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))  # noqa: E731
+        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))
         q = _by_run(q, slices, undone)
     return q
 
 
 def true_motion(
-    effects: Sequence[Effect], q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, slices: tuple[slice, ...], dt: float
+    effects: Sequence[Effect],
+    q: np.ndarray,
+    qd: np.ndarray,
+    qdd: np.ndarray,
+    slices: tuple[slice, ...],
+    dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and accelerations (T, J) behind measured ones, as :func:`true_positions` has it.
+    """Positions, velocities and accelerations (T, J) behind measured ones, as
+    :func:`true_positions` has it.
 
-    It comes after smoothing, as where an effect is fitted: a shift in time averages neighbouring samples, and on raw ones that
-    would pass for a quieter encoder.
+    It comes after smoothing, as where an effect is fitted: a shift in time averages neighbouring
+    samples, and on raw ones that would pass for a quieter encoder.
     """
     if not any(map(on_encoders, effects)):
         return q, qd, qdd
     true = true_positions(effects, q, slices, dt)
-    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))  # noqa: E731
-    speed = slope(true - q)  # a logged velocity is changed, not made anew: it is as late as the position
+    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))
+    # a logged velocity is changed, not made anew: it is as late as the position
+    speed = slope(true - q)
     return true, qd + speed, qdd + slope(speed)
 
 
 def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
-    """How many instants at the end of a run like ``q`` (T, J) have true positions that only later readings would tell.
+    """How many instants at the end of a run like ``q`` (T, J) have true positions that only later
+    readings would tell.
 
     They are those at the end of half a steady motion that change when its other half is read, too.
     """
@@ -177,7 +252,9 @@ def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
         return 0
     half = len(q) // 2
     steady = np.linspace(0.0, 1.0, len(q))[:, None] + 0.0 * q
-    whole, part = (true_positions(effects, x, (slice(None),), dt)[:half] for x in (steady, steady[:half]))
+    whole, part = (
+        true_positions(effects, x, (slice(None),), dt)[:half] for x in (steady, steady[:half])
+    )
     told = np.all(np.abs(whole - part) < 1e-3 / len(q), axis=1)
     return half - int(np.argmin(told)) if not told.all() else 0
 
@@ -218,7 +295,9 @@ def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
 
 
 def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
-    """Root mean square (J,) torque that encoder noise makes within the band: white noise differentiated twice."""
+    """Root mean square (J,) torque that encoder noise makes within the band: white noise
+    differentiated twice.
+    """
     return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
 
 
@@ -233,10 +312,14 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
     return float(np.clip(np.min((NOISE_SHARE * spread[free] / unit) ** 0.4), BAND[0], widest))
 
 
-def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs their ends.
+def classify(
+    qd: np.ndarray, rest_speed: np.ndarray, half: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs
+    their ends.
 
-    A rest shorter than the filter, which reaches ``half`` instants, is a reversal: neither motion nor rest.
+    A rest shorter than the filter, which reaches ``half`` instants, is a reversal: neither motion
+    nor rest.
     """
     slow = np.abs(qd) < rest_speed
     long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
@@ -245,11 +328,19 @@ def classify(qd: np.ndarray, rest_speed: np.ndarray, half: int) -> tuple[np.ndar
     return moving, resting, long
 
 
-def withstood(rests: np.ndarray, resting: np.ndarray, torque: np.ndarray, q: np.ndarray, seen: float, edge: int) -> np.ndarray:
-    """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered ``torque`` (T,) of it (E, 2).
+def withstood(
+    rests: np.ndarray,
+    resting: np.ndarray,
+    torque: np.ndarray,
+    q: np.ndarray,
+    seen: float,
+    edge: int,
+) -> np.ndarray:
+    """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered
+    ``torque`` (T,) of it (E, 2).
 
-    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position ``q`` (T,) has moved by more
-    than ``seen`` [m or rad]; filtered, the peak would be cut off.
+    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position
+    ``q`` (T,) has moved by more than ``seen`` [m or rad]; filtered, the peak would be cut off.
     """
     labelled: Any = ndimage.label(rests)
     found = []
@@ -269,6 +360,8 @@ def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
 
 
-def _by_run(x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def _by_run(
+    x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
     """``f`` applied to each run of ``x`` (T, ...)."""
     return np.concatenate([f(x[s]) for s in slices])

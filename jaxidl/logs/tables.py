@@ -1,4 +1,6 @@
-"""Tables in files: CSV, NPZ or Parquet into columns by name. What the columns hold is looked at elsewhere."""
+"""Tables in files: CSV, NPZ or Parquet into columns by name. What the columns hold is looked at
+elsewhere.
+"""
 
 import csv
 import warnings
@@ -33,8 +35,10 @@ class Table:
     columns: dict[str, np.ndarray | list[str]]  # each (T,); text, where the format has nothing else
     ignored: tuple[str, ...] = ()  # names of columns that no one asked for
     lines: list[int] | None = None  # (T,) line of the file in which each row stands
-    factors: Mapping[str, float] = field(default_factory=dict)  # into SI units, by column; 1 if it is not there
-    titles: Mapping[str, str] = field(default_factory=dict)  # of columns that the file calls otherwise
+    # into SI units, by column; 1 if it is not there
+    factors: Mapping[str, float] = field(default_factory=dict)
+    # of columns that the file calls otherwise
+    titles: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # on how columns were understood
     rows: np.ndarray | None = None  # (T,) number of each row in the file, where some were dropped
 
@@ -73,26 +77,41 @@ def load(path: Path, wanted: Wanted) -> Table:
     name, reader = name_of(path), READERS.get(path.suffix.lower())
     try:
         if not path.is_file():
-            got = "a folder" if path.is_dir() else "something else of that name" if path.exists() else "no such file"
+            got = (
+                "a folder"
+                if path.is_dir()
+                else "something else of that name"
+                if path.exists()
+                else "no such file"
+            )
             raise LogError(f"a log at {name}", got, "name a CSV, NPZ or Parquet file that is there")
         if reader is None:
             got = f"a name that ends in {shown(path.suffix)}"
-            raise LogError(f"{listed(list(READERS))} at the end of {name}", got, "save the log as one of these")
+            raise LogError(
+                f"{listed(list(READERS))} at the end of {name}", got, "save the log as one of these"
+            )
         size = path.stat().st_size
         if not size:
             raise LogError(f"a log in {name}", "an empty file", "record or export it again")
         if size > (LARGEST_TEXT if reader is _csv else LARGEST_FILE):
             got = f"{size / 2**20:.0f} MiB"
-            raise LogError(f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet")
+            raise LogError(
+                f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet"
+            )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a parser's guesses about a damaged file
             return reader(path, wanted)
     except LogError:
         raise
     except PermissionError:
-        raise LogError(f"to read {name}", "no permission", "change its mode or owner, or copy it") from None
+        raise LogError(
+            f"to read {name}", "no permission", "change its mode or owner, or copy it"
+        ) from None
     except Exception as error:  # parsers raise nearly anything on a damaged file
-        kind, remedy = path.suffix.lstrip(".").upper(), "export it again, it may be damaged or cut off"
+        kind, remedy = (
+            path.suffix.lstrip(".").upper(),
+            "export it again, it may be damaged or cut off",
+        )
         raise LogError(f"a readable {kind} file at {name}", reason(error), remedy) from None
 
 
@@ -100,7 +119,9 @@ def _csv(path: Path, wanted: Wanted) -> Table:
     name, content = name_of(path), path.read_bytes()
     for magic, kind in MAGIC.items():
         if content.startswith(magic):
-            raise LogError(f"text in {name}", kind, "give it the right ending, or export it as CSV in UTF-8")
+            raise LogError(
+                f"text in {name}", kind, "give it the right ending, or export it as CSV in UTF-8"
+            )
     if b"\0" in content:
         raise LogError(f"text in {name}", "binary data", "export it as CSV in UTF-8")
     try:
@@ -110,43 +131,72 @@ def _csv(path: Path, wanted: Wanted) -> Table:
         got = f"byte 0x{content[error.start]:02x} in line {line}"
         raise LogError(f"UTF-8 text in {name}", got, "save it with that encoding") from None
     rows = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    lines = [i for i, row in enumerate(rows, 1) if row and not row.isspace() and not row.startswith("#")]
+    lines = [
+        i for i, row in enumerate(rows, 1) if row and not row.isspace() and not row.startswith("#")
+    ]
     if not lines:
         raise LogError(f"a header and rows of data in {name}", "neither", "export the log again")
     first = lines.pop(0)
     header = rows[first - 1]
-    if first > 1 and _are_numbers(header) and "time" in rows[first - 2].lower():  # as numpy.savetxt writes it
+    # as numpy.savetxt writes it
+    if first > 1 and _are_numbers(header) and "time" in rows[first - 2].lower():
         lines, header = [first, *lines], rows[first - 2].lstrip("# ")
     delimiter = max(",;\t", key=header.count)
     if _are_numbers(header) or (delimiter not in header and len(header.split()) > 1):
         remedy = "begin with a line time,q0,tau0 and separate columns by commas"
         raise LogError(f"a header with the names of the columns in {name}", shown(header), remedy)
     if header.count(delimiter) > MOST:  # before it is taken apart
-        raise LogError(f"at most {MOST} columns in {name}", f"{header.count(delimiter)}", "keep time, q*, tau* and run")
+        raise LogError(
+            f"at most {MOST} columns in {name}",
+            f"{header.count(delimiter)}",
+            "keep time, q*, tau* and run",
+        )
 
     def cells(row: str) -> list[str]:
-        return next(csv.reader([row], delimiter=delimiter, skipinitialspace=True)) if '"' in row else row.split(delimiter)
+        return (
+            next(csv.reader([row], delimiter=delimiter, skipinitialspace=True))
+            if '"' in row
+            else row.split(delimiter)
+        )
 
     headers = cells(header)
     for i, line in enumerate(lines):
         row = rows[line - 1]
         width = len(cells(row)) if '"' in row else row.count(delimiter) + 1
         if width != len(headers):
-            got = f"{width} in row {i + 1} (line {line})" + (", the last: the file may be cut off" if i + 1 == len(lines) else "")
-            raise LogError(f"{len(headers)} cells in each row of {name}, as in its header", got, "complete or remove that row")
+            got = f"{width} in row {i + 1} (line {line})" + (
+                ", the last: the file may be cut off" if i + 1 == len(lines) else ""
+            )
+            raise LogError(
+                f"{len(headers)} cells in each row of {name}, as in its header",
+                got,
+                "complete or remove that row",
+            )
     chosen = choose(name, headers, wanted)
-    columns = list(zip(*[cells(rows[line - 1]) for line in lines], strict=True)) or [()] * len(headers)
-    return _table(name, {key: list(columns[place]) for key, place in chosen.places.items()}, chosen, lines)
+    columns = list(zip(*[cells(rows[line - 1]) for line in lines], strict=True)) or [()] * len(
+        headers
+    )
+    return _table(
+        name, {key: list(columns[place]) for key, place in chosen.places.items()}, chosen, lines
+    )
 
 
-def _table(name: str, columns: dict[str, np.ndarray | list[str]], chosen: Chosen, lines: list[int] | None = None) -> Table:
+def _table(
+    name: str,
+    columns: dict[str, np.ndarray | list[str]],
+    chosen: Chosen,
+    lines: list[int] | None = None,
+) -> Table:
     return Table(name, columns, chosen.ignored, lines, chosen.factors, chosen.titles, chosen.notes)
 
 
 def _are_numbers(row: str) -> bool:
     """Whether a line of text holds numbers only, whatever is between them."""
     try:
-        return len([float(cell) for cell in row[:10_000].replace(";", " ").replace(",", " ").split()]) > 0
+        return (
+            len([float(cell) for cell in row[:10_000].replace(";", " ").replace(",", " ").split()])
+            > 0
+        )
     except ValueError:
         return False
 
@@ -156,14 +206,18 @@ def _npz(path: Path, wanted: Wanted) -> Table:
     with zipfile.ZipFile(path) as archive:
         members = archive.infolist()
         _fits(name, sum(member.file_size for member in members))
-        chosen = choose(name, [member.filename.removesuffix(".npy") for member in members], wanted, bare=True)
+        chosen = choose(
+            name, [member.filename.removesuffix(".npy") for member in members], wanted, bare=True
+        )
         arrays = {}
         for key, place in chosen.places.items():
             try:
                 with archive.open(members[place]) as file:
                     arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
             except Exception as error:  # as above, but known to be this column
-                raise LogError(f"an array {key} in {name}", reason(error), "store it again, as float64") from None
+                raise LogError(
+                    f"an array {key} in {name}", reason(error), "store it again, as float64"
+                ) from None
     return expanded(name, arrays, wanted, chosen)
 
 
@@ -176,15 +230,32 @@ def _parquet(path: Path, wanted: Wanted) -> Table:
         raise LogError(f"pyarrow to read {name}", "none installed", remedy) from None
     with parquet.ParquetFile(path) as file:
         headers = file.schema_arrow.names
-        _fits(name, sum(file.metadata.row_group(i).total_byte_size for i in range(file.metadata.num_row_groups)))
+        _fits(
+            name,
+            sum(
+                file.metadata.row_group(i).total_byte_size
+                for i in range(file.metadata.num_row_groups)
+            ),
+        )
         chosen = choose(name, headers, wanted)
-        table = file.read(columns=list(dict.fromkeys(headers[place] for place in chosen.places.values())), use_threads=False)
-    return _table(name, {key: table.column(headers[place]).to_numpy() for key, place in chosen.places.items()}, chosen)
+        table = file.read(
+            columns=list(dict.fromkeys(headers[place] for place in chosen.places.values())),
+            use_threads=False,
+        )
+    return _table(
+        name,
+        {key: table.column(headers[place]).to_numpy() for key, place in chosen.places.items()},
+        chosen,
+    )
 
 
 def _fits(name: str, size: int) -> None:
     if size > LARGEST_FILE:
-        raise LogError(f"a log of a size that fits memory in {name}", f"{size / 2**20:.0f} MiB unpacked", "cut it")
+        raise LogError(
+            f"a log of a size that fits memory in {name}",
+            f"{size / 2**20:.0f} MiB unpacked",
+            "cut it",
+        )
 
 
 def name_of(path: Path) -> str:
@@ -198,8 +269,11 @@ def reason(error: Exception) -> str:
     return shown(" ".join(text.split()), 160)[1:-1].rstrip(".")
 
 
-def expanded(name: str, arrays: dict[str, np.ndarray], wanted: Wanted, chosen: Chosen | None = None) -> Table:
-    """Arrays (T, J) of all joints taken apart into columns; of a whole robot's, those of the joints that are taken.
+def expanded(
+    name: str, arrays: dict[str, np.ndarray], wanted: Wanted, chosen: Chosen | None = None
+) -> Table:
+    """Arrays (T, J) of all joints taken apart into columns; of a whole robot's, those of the joints
+    that are taken.
 
     Raises:
         LogError: if they have no such shape.
@@ -213,16 +287,32 @@ def expanded(name: str, arrays: dict[str, np.ndarray], wanted: Wanted, chosen: C
         many = key in UNITS and key not in INSTANTS
         if wide.ndim != 2 or wide.shape[1] > (MOST if many else 1) or (rows and len(wide) != rows):
             got, shape = f"shape {array.shape}", "(T, J) or (T,)" if many else "(T,)"
-            remedy = "transpose it" if rows and array.ndim == 2 and array.shape[1] == rows else "store one row for each instant"
-            raise LogError(f"shape {shape} of {key} in {name}" + f", with T = {rows} as in time" * (rows > 0), got, remedy)
+            remedy = (
+                "transpose it"
+                if rows and array.ndim == 2 and array.shape[1] == rows
+                else "store one row for each instant"
+            )
+            raise LogError(
+                f"shape {shape} of {key} in {name}" + f", with T = {rows} as in time" * (rows > 0),
+                got,
+                remedy,
+            )
         part = many and 0 < len(wanted.taken) < len(wanted.names) == wide.shape[1]
         for j, column in enumerate(wide.T):
             place = wanted.place(j) if part else j
-            title = key if not many else f"{key}{place}" if place is not None else f"{key}@{wanted.names[j]}"
+            title = (
+                key
+                if not many
+                else f"{key}{place}"
+                if place is not None
+                else f"{key}@{wanted.names[j]}"
+            )
             if place is None and key != "q":
                 continue
             if title in columns or (title != key and title in arrays):
-                raise LogError(f"one column {title} in {name}", f"both {key} and {title}", "remove one of them")
+                raise LogError(
+                    f"one column {title} in {name}", f"both {key} and {title}", "remove one of them"
+                )
             columns[title] = column
             if key in chosen.factors:
                 factors[title] = chosen.factors[key]

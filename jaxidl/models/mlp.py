@@ -1,8 +1,8 @@
 """The error model: one multi-layer perceptron per joint. The only file that imports Flax's layers.
 
-Linen's ``init`` and ``apply`` keep the networks pure: parameters are an argument, never an attribute. Activations are
-feature-major (features, rows) and weights (out, in): bias and slope gradients then reduce along the contiguous axis, and
-XLA inserts no transposes.
+Linen's ``init`` and ``apply`` keep the networks pure: parameters are an argument, never an
+attribute. Activations are feature-major (features, rows) and weights (out, in): bias and slope
+gradients then reduce along the contiguous axis, and XLA inserts no transposes.
 """
 
 from collections.abc import Callable
@@ -27,16 +27,22 @@ def prelu(z: Float[Array, "N B"], slopes: Float[Array, "N 1"]) -> Float[Array, "
     return jnp.where(z >= 0, z, slopes * z)
 
 
-def smooth_prelu(z: Float[Array, "N B"], slopes: Float[Array, "N 1"], width: float) -> Float[Array, "N B"]:
-    """:func:`prelu` with its kink rounded over ``width``: slopes · z + (1 − slopes) · width · log(1 + exp(z / width))."""
+def smooth_prelu(
+    z: Float[Array, "N B"], slopes: Float[Array, "N 1"], width: float
+) -> Float[Array, "N B"]:
+    """:func:`prelu` with its kink rounded over ``width``: slopes · z + (1 − slopes) · width · log(1
+    + exp(z / width)).
+    """
     return slopes * z + (1.0 - slopes) * width * jax.nn.softplus(z / width)
 
 
 @jax.custom_vjp
 def prelu_in_training(z: Float[Array, "N B"], slopes: Float[Array, "N 1"]) -> Float[Array, "N B"]:
-    """:func:`prelu` with its backward pass written by hand: the same numbers, reverse mode only, for training steps.
+    """:func:`prelu` with its backward pass written by hand: the same numbers, reverse mode only,
+    for training steps.
 
-    XLA's own backward pass keeps one more (N, B) array for each layer; a training step without it takes 7 % less time.
+    XLA's own backward pass keeps one more (N, B) array for each layer; a training step without it
+    takes 7 % less time.
     """
     return prelu(z, slopes)
 
@@ -66,23 +72,31 @@ class Mlp(nn.Module):
         glorot = nn.initializers.variance_scaling(1.0, "fan_avg", "uniform", in_axis=1, out_axis=0)
         for i, width in enumerate(self.layers):
             weights = self.param(f"weights_{i}", glorot, (width, x.shape[0]), jnp.float32)
-            x = weights @ x + self.param(f"biases_{i}", nn.initializers.zeros, (width, 1), jnp.float32)
+            x = weights @ x + self.param(
+                f"biases_{i}", nn.initializers.zeros, (width, 1), jnp.float32
+            )
             if i < len(self.layers) - 1:
-                slopes = self.param(f"slopes_{i}", nn.initializers.constant(self.slope), (width, 1), jnp.float32)
+                slopes = self.param(
+                    f"slopes_{i}", nn.initializers.constant(self.slope), (width, 1), jnp.float32
+                )
                 x = self.activation(x, slopes)
         return x
 
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """One network per joint on scaled (q, qd, qdd) of all joints; its output, scaled back, is a torque.
+    """One network per joint on scaled (q, qd, qdd) of all joints; its output, scaled back, is a
+    torque.
 
-    Parameters decide the precision: inputs are cast to the weights' type and torques come out in the type of ``q``.
+    Parameters decide the precision: inputs are cast to the weights' type and torques come out in
+    the type of ``q``.
 
-    A network with PReLU is continuous but its slope jumps at the kinks, and training follows slopes: where a sample crosses a
-    kink the trained weights jump. A derivative through training is exact between two jumps, and those of the paper's networks
-    are so close together that 1e-7 of a gain moves the error after three executions by some per cent. With ``activation_width``
-    > 0 the kinks are rounded; with 0.5 the derivative tells what a change by 0.1 % does, and networks learn more slowly.
+    A network with PReLU is continuous but its slope jumps at the kinks, and training follows
+    slopes: where a sample crosses a kink the trained weights jump. A derivative through training is
+    exact between two jumps, and those of the paper's networks are so close together that 1e-7 of a
+    gain moves the error after three executions by some per cent. With ``activation_width`` > 0 the
+    kinks are rounded; with 0.5 the derivative tells what a change by 0.1 % does, and networks learn
+    more slowly.
     """
 
     joints: int = 2
@@ -91,9 +105,11 @@ class ErrorModel:
     velocity_scale: float = 20.0  # [m/s]
     acceleration_scale: float = 800.0  # [m/s^2]
     torque_scale: float = 800.0  # [N]
-    circumstance_scales: tuple[float, ...] = ()  # of each circumstance (C) that is an input, too; of others nothing is told
+    # of each circumstance (C) that is an input, too; of others nothing is told
+    circumstance_scales: tuple[float, ...] = ()
     slope: float = 0.01  # initial PReLU slope [-]
-    activation_width: float = 0.0  # over which PReLU's kink is rounded [-]; 0: sharp, as in the paper
+    # over which PReLU's kink is rounded [-]; 0: sharp, as in the paper
+    activation_width: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("position_scale", "velocity_scale", "acceleration_scale", "torque_scale"):
@@ -101,7 +117,9 @@ class ErrorModel:
                 raise ConfigurationError(f"{name} > 0", str(getattr(self, name)), "correct it")
         if not (np.isfinite(self.slope) and 0.0 <= self.activation_width < np.inf):
             got = f"{self.slope}, {self.activation_width}"
-            raise ConfigurationError("a finite slope and activation_width >= 0", got, "correct them")
+            raise ConfigurationError(
+                "a finite slope and activation_width >= 0", got, "correct them"
+            )
 
     def init(self, key: Key) -> Params:
         """Fresh float32 parameters; every joint's network has its own draw."""
@@ -110,19 +128,26 @@ class ErrorModel:
         return jax.vmap(lambda k: network.init(k, inputs))(jax.random.split(key, self.joints))
 
     def _scales(self) -> np.ndarray:
-        motion = np.repeat([self.position_scale, self.velocity_scale, self.acceleration_scale], self.joints)
+        motion = np.repeat(
+            [self.position_scale, self.velocity_scale, self.acceleration_scale], self.joints
+        )
         return np.concatenate([motion, self.circumstance_scales])
 
     def scale_inputs(self, x: Float[Array, "*N X"]) -> Float[Array, "*N F"]:
-        """The inputs among ``x`` (..., X >= 3J), divided by the scales of position, velocity, acceleration and circumstances."""
+        """The inputs among ``x`` (..., X >= 3J), divided by the scales of position, velocity,
+        acceleration and circumstances.
+        """
         scales = self._scales().astype(x.dtype)
         x = x[..., : len(scales)]
         return x / jnp.broadcast_to(scales, x.shape)
 
-    def apply(self, params: Params, x: Float[Array, "F B"], *, in_training: bool = False) -> Float[Array, "J B"]:
+    def apply(
+        self, params: Params, x: Float[Array, "F B"], *, in_training: bool = False
+    ) -> Float[Array, "J B"]:
         """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B).
 
-        ``in_training`` takes the faster backward pass, which forward mode cannot differentiate; the values are the same.
+        ``in_training`` takes the faster backward pass, which forward mode cannot differentiate; the
+        values are the same.
         """
         activation = prelu_in_training if in_training else prelu
         if self.activation_width > 0.0:
@@ -131,9 +156,14 @@ class ErrorModel:
         outputs: Any = jax.vmap(network.apply, in_axes=(0, None))(params, x)
         return outputs[:, 0]
 
-    def torque(self, params: Params, state: State, qdd: Joints, circumstances: Circumstances | None = None) -> Joints:
+    def torque(
+        self, params: Params, state: State, qdd: Joints, circumstances: Circumstances | None = None
+    ) -> Joints:
         """Predicted modelling error (J,) [N] in ``state`` at acceleration ``qdd`` (J,) [m/s^2]."""
         told = () if circumstances is None else (circumstances,)
         x = self.scale_inputs(jnp.concatenate([state.q, state.qd, qdd, *told]))
         dtype = jax.tree.leaves(params)[0].dtype
-        return self.apply(params, x.astype(dtype)[:, None])[:, 0].astype(state.q.dtype) * self.torque_scale
+        return (
+            self.apply(params, x.astype(dtype)[:, None])[:, 0].astype(state.q.dtype)
+            * self.torque_scale
+        )

@@ -19,41 +19,55 @@ DERIVATIVES = (None, "forward", "reverse")  # that a training can be asked for
 
 @dataclass(frozen=True)
 class Training:
-    """How the error model is trained after an execution (reference experiment, "Error model and training")."""
+    """How the error model is trained after an execution (reference experiment, "Error model and
+    training").
+    """
 
     epochs: int = 20
     batch: int = 64
-    learning_rate: Scalar = 1e-3  # a number, or traced: an axis of an ablation, or what one differentiates by
+    # a number, or traced: an axis of an ablation, or what one differentiates by
+    learning_rate: Scalar = 1e-3
     holdout_every: int = 5  # rows 6, 11, 16, ... are held out; 0: none
     snapshot_epochs: float = 10.0  # validation is read about this often
 
     def __post_init__(self) -> None:
         rate = self.learning_rate
-        if isinstance(rate, float) and not 0.0 <= rate < np.inf:  # a traced one has been checked before
+        # a traced one has been checked before
+        if isinstance(rate, float) and not 0.0 <= rate < np.inf:
             raise ConfigurationError("learning_rate >= 0", str(rate), "correct it")
         for name, least in (("batch", 1), ("holdout_every", 0)):
             if getattr(self, name) < least:
-                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "correct it")
+                raise ConfigurationError(
+                    f"{name} >= {least}", str(getattr(self, name)), "correct it"
+                )
 
     def steps(self, rows: int, executions: int = 1) -> int:
         """Training steps of one iteration for a data set of ``rows`` rows."""
         return self.epochs * int(self.mask_of(rows, executions).sum() // self.batch)
 
     def train_mask(self, rows: int) -> Bool[np.ndarray, " N"]:
-        """Which rows are trained on: all but each next row after a positive multiple of ``holdout_every``."""
+        """Which rows are trained on: all but each next row after a positive multiple of
+        ``holdout_every``.
+        """
         index = np.arange(rows)
         if not self.holdout_every:
             return np.ones(rows, bool)
         return (index % self.holdout_every != 1) | (index <= self.holdout_every)
 
     def mask_of(self, rows: int, executions: int) -> Bool[np.ndarray, " N"]:
-        """:meth:`train_mask` of each of several executions' rows: a copy of an execution holds out the same ones."""
+        """:meth:`train_mask` of each of several executions' rows: a copy of an execution holds out
+        the same ones.
+        """
         return np.tile(self.train_mask(rows // executions), executions)
 
     def snapshots(self, rows: int, executions: int = 1) -> Bool[np.ndarray, " S"]:
-        """After which training steps the validation loss is read: the first, every so many, and the last."""
+        """After which training steps the validation loss is read: the first, every so many, and the
+        last.
+        """
         steps = self.steps(rows, executions)
-        every = max(1, int(self.snapshot_epochs * self.mask_of(rows, executions).sum() / self.batch))
+        every = max(
+            1, int(self.snapshot_epochs * self.mask_of(rows, executions).sum() / self.batch)
+        )
         flags = np.arange(steps) % every == 0
         flags[-1:] = True
         return flags
@@ -73,18 +87,23 @@ class Progress(NamedTuple):
     validation: Scalar  # the best validation loss among the snapshots, scaled units
 
 
-def adam(learning_rate: Scalar, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8) -> optax.GradientTransformation:
+def adam(
+    learning_rate: Scalar, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8
+) -> optax.GradientTransformation:
     """Adam as the reference program has it: θ ← θ − rate·√(1−β₂ᵗ)/(1−β₁ᵗ) · m/(√v + ε).
 
-    ``optax.adam`` adds ε after the bias correction instead; that alone moves losses by 2 % within 50 steps, and its two
-    divisions per weight cost more than this form's one, which :func:`reciprocal` replaces by multiplications.
+    ``optax.adam`` adds ε after the bias correction instead; that alone moves losses by 2 % within
+    50 steps, and its two divisions per weight cost more than this form's one, which
+    :func:`reciprocal` replaces by multiplications.
     """
 
     def init(params: optax.Params) -> optax.ScaleByAdamState:
         zeros = jax.tree.map(jnp.zeros_like, params)
         return optax.ScaleByAdamState(count=jnp.zeros([], jnp.int32), mu=zeros, nu=zeros)
 
-    def update(updates: optax.Updates, state: Any, params: optax.Params | None = None) -> tuple[optax.Updates, Any]:
+    def update(
+        updates: optax.Updates, state: Any, params: optax.Params | None = None
+    ) -> tuple[optax.Updates, Any]:
         count = state.count + 1
         mu = jax.tree.map(lambda m, g: beta1 * m + (1 - beta1) * g, state.mu, updates)
         nu = jax.tree.map(lambda v, g: beta2 * v + (1 - beta2) * g * g, state.nu, updates)
@@ -105,7 +124,9 @@ def adam(learning_rate: Scalar, beta1: float = 0.9, beta2: float = 0.999, eps: f
 
 @jax.custom_jvp
 def root(v: Float[Array, "..."]) -> Float[Array, "..."]:
-    """√v, with derivative 0 at v = 0: of a weight that no sample has moved yet, where √'s own is infinite and 0·∞ no number."""
+    """√v, with derivative 0 at v = 0: of a weight that no sample has moved yet, where √'s own is
+    infinite and 0·∞ no number.
+    """
     return jnp.sqrt(v)
 
 
@@ -117,14 +138,19 @@ def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Arr
 
 @jax.custom_jvp
 def reciprocal(a: Float[Array, "..."]) -> Float[Array, "..."]:
-    """1/a of positive numbers between 1e-30 and 1e30: in float32 to within 2e-7 relative, exactly rounded in float64.
+    """1/a of positive numbers between 1e-30 and 1e30: in float32 to within 2e-7 relative, exactly
+    rounded in float64.
 
-    A core divides 8 numbers in the time of 40 multiplications, and square roots wait for the same unit: with this, Newton's
-    iteration r ← r + r(1 − ar) from a guess by the exponent's bits, a training step takes 5 % less time.
+    A core divides 8 numbers in the time of 40 multiplications, and square roots wait for the same
+    unit: with this, Newton's iteration r ← r + r(1 − ar) from a guess by the exponent's bits, a
+    training step takes 5 % less time.
     """
     if a.dtype != jnp.float32:
         return 1 / a
-    r = jax.lax.bitcast_convert_type(0x7EF311C7 - jax.lax.bitcast_convert_type(a, jnp.int32), jnp.float32)  # within 13 %
+    # within 13 %
+    r = jax.lax.bitcast_convert_type(
+        0x7EF311C7 - jax.lax.bitcast_convert_type(a, jnp.int32), jnp.float32
+    )
     for _ in range(3):  # the relative error is squared each time: 2 %, 3e-4, 8e-8
         r = r * (2 - a * r)
     return r
@@ -142,16 +168,25 @@ def start(training: Training, params: Params) -> Learner:
 
 
 def loss_of(
-    model: ErrorModel, params: Params, x: Float[Array, "F B"], y: Float[Array, "J B"], *, in_training: bool = False
+    model: ErrorModel,
+    params: Params,
+    x: Float[Array, "F B"],
+    y: Float[Array, "J B"],
+    *,
+    in_training: bool = False,
 ) -> Scalar:
     """Sum over joints of the mean squared error in scaled units."""
     return jnp.sum(jnp.mean((model.apply(params, x, in_training=in_training) - y) ** 2, axis=1))
 
 
 def draw_batches(key: Key, rows: int, training: Training) -> Int[Array, "S B"]:
-    """Batches without replacement; reshuffled when fewer than a batch remains. Indices count training rows."""
+    """Batches without replacement; reshuffled when fewer than a batch remains. Indices count
+    training rows.
+    """
     per_epoch = rows // training.batch
-    orders = jax.vmap(lambda k: jax.random.permutation(k, rows))(jax.random.split(key, training.epochs))
+    orders = jax.vmap(lambda k: jax.random.permutation(k, rows))(
+        jax.random.split(key, training.epochs)
+    )
     return orders[:, : per_epoch * training.batch].reshape(-1, training.batch)
 
 
@@ -165,16 +200,19 @@ def fit(
     executions: int = 1,
     derivative: str | None = None,
 ) -> tuple[Learner, Progress]:
-    """Train on ``data`` (N rows) with the given ``batches`` (S, B) of training rows; return the best snapshot.
+    """Train on ``data`` (N rows) with the given ``batches`` (S, B) of training rows; return the
+    best snapshot.
 
-    Best is the lowest validation loss among the snapshots; weights and optimiser state are both kept. If no snapshot has a
-    finite validation loss, the learner is returned as it came and ``validation`` is infinite.
+    Best is the lowest validation loss among the snapshots; weights and optimiser state are both
+    kept. If no snapshot has a finite validation loss, the learner is returned as it came and
+    ``validation`` is infinite.
 
-    Rows are those of ``executions`` of equal length, one after the other; of each the same ones are held out.
+    Rows are those of ``executions`` of equal length, one after the other; of each the same ones are
+    held out.
 
-    With ``derivative`` "forward" or "reverse" the result can be differentiated in that mode through all steps, by the data, the
-    weights and the learning rate: of the snapshot taken, whichever else might have been best. The values are the same but for
-    rounding, as of any two programs.
+    With ``derivative`` "forward" or "reverse" the result can be differentiated in that mode through
+    all steps, by the data, the weights and the learning rate: of the snapshot taken, whichever else
+    might have been best. The values are the same but for rounding, as of any two programs.
     """
     if derivative not in DERIVATIVES:
         raise one_of("derivative", derivative, DERIVATIVES)
@@ -191,7 +229,9 @@ def fit(
         learner, best, best_loss = carry
         rows, is_snapshot = inputs
         batch = x[:, rows], y[:, rows]
-        loss, grads = jax.value_and_grad(lambda p: loss_of(model, p, *batch, in_training=fast))(learner.params)
+        loss, grads = jax.value_and_grad(lambda p: loss_of(model, p, *batch, in_training=fast))(
+            learner.params
+        )
         updates, state = optimiser.update(grads, learner.optimiser)
         learner = Learner(optax.apply_updates(learner.params, updates), state)
 

@@ -13,21 +13,38 @@ INNER = ("seed", "source", "iteration")  # dims that are within a panel
 
 
 def final(data: xr.Dataset, variable: str) -> xr.DataArray:
-    """A variable's mean over the last executions of each run, of the last half where there are few; diverged ones as NaN."""
+    """A variable's mean over the last executions of each run, of the last half where there are few;
+    diverged ones as NaN.
+    """
     last = max(1, min(LAST, (data.sizes["iteration"] - 1) // 2))
-    return data[variable].where(data["finite"]).isel(iteration=slice(-last, None)).mean("iteration", skipna=False)
+    return (
+        data[variable]
+        .where(data["finite"])
+        .isel(iteration=slice(-last, None))
+        .mean("iteration", skipna=False)
+    )
 
 
 def axes(data: xr.Dataset) -> tuple[str, list[str]]:
-    """The abscissa's axis (the first that an ablation added, else the first numeric one), and the others with several values.
+    """The abscissa's axis (the first that an ablation added, else the first numeric one), and the
+    others with several values.
 
     Raises:
         StoreError: if nothing is varied.
     """
-    base = [str(dim) for dim in data["q_error"].dims if dim not in (*INNER, *added(data)) and data.sizes[dim] > 1]
-    found = [*added(data), *sorted(base, key=lambda dim: dim in ("controller", "gain"))]  # numbers first
+    base = [
+        str(dim)
+        for dim in data["q_error"].dims
+        if dim not in (*INNER, *added(data)) and data.sizes[dim] > 1
+    ]
+    # numbers first
+    found = [*added(data), *sorted(base, key=lambda dim: dim in ("controller", "gain"))]
     if not found:
-        raise StoreError("results in which something varies", "one setting only", "run `jaxidl ablate --vary NAME VALUES …`")
+        raise StoreError(
+            "results in which something varies",
+            "one setting only",
+            "run `jaxidl ablate --vary NAME VALUES …`",
+        )
     return found[0], [dim for dim in found[1:] if data.sizes[dim] > 1]
 
 
@@ -40,11 +57,17 @@ def panels_of(data: xr.Dataset) -> list[dict[str, object]]:
 
 def chosen(data: xr.Dataset, where: dict[str, object]) -> xr.Dataset:
     """The settings of one panel: dims (abscissa, seed, source, iteration)."""
-    return data[list(META)].sel(where).squeeze([d for d in data["q_error"].dims if d not in (*INNER, axes(data)[0], *where)])
+    return (
+        data[list(META)]
+        .sel(where)
+        .squeeze([d for d in data["q_error"].dims if d not in (*INNER, axes(data)[0], *where)])
+    )
 
 
 def rows(data: xr.Dataset) -> list[dict[str, object]]:
-    """One row for each setting and source: its values, final error and feedback over seeds, and diverged executions."""
+    """One row for each setting and source: its values, final error and feedback over seeds, and
+    diverged executions.
+    """
     first, _ = axes(data)
     out = []
     for where in panels_of(data):
@@ -52,8 +75,19 @@ def rows(data: xr.Dataset) -> list[dict[str, object]]:
         for value in part[first].values:
             for source in part.source.values:
                 run = part.sel({first: value, "source": source})
-                numbers = {name: geometric(final(run, name).values) for name in ("q_error", "feedback_applied")}
-                out.append({first: value, **where, "source": source, **numbers, "diverged": int((~run["finite"]).sum())})
+                numbers = {
+                    name: geometric(final(run, name).values)
+                    for name in ("q_error", "feedback_applied")
+                }
+                out.append(
+                    {
+                        first: value,
+                        **where,
+                        "source": source,
+                        **numbers,
+                        "diverged": int((~run["finite"]).sum()),
+                    }
+                )
     return out
 
 

@@ -1,7 +1,8 @@
 """The paper's statements about its simulation study, each with the ratio that tests it.
 
 Every statistic is a positive ratio for each seed, over all settings that the statement speaks of;
-:mod:`jaxidl.paper.verdicts` computes it twice, with means and with medians over settings, and judges.
+:mod:`jaxidl.paper.verdicts` computes it twice, with means and with medians over settings, and
+judges.
 """
 
 from collections.abc import Callable
@@ -25,7 +26,8 @@ class Claim:
     statistic: Callable[[View], xr.DataArray]
     low: float = 0.0
     high: float = np.inf
-    beside: tuple[tuple[str, Callable[[View], xr.DataArray]], ...] = ()  # the same of the other sources, by name
+    # the same of the other sources, by name
+    beside: tuple[tuple[str, Callable[[View], xr.DataArray]], ...] = ()
 
 
 def _of(
@@ -38,7 +40,8 @@ def _of(
     but: str = "",
     **within: float,
 ) -> Claim:
-    """A claim about one source, with the same statistic of the others beside it: what holds for all says nothing about one.
+    """A claim about one source, with the same statistic of the others beside it: what holds for all
+    says nothing about one.
 
     ``but``: the source that it is compared with, of which it would say nothing.
     """
@@ -57,12 +60,23 @@ def _both(
     source: str = "",
     but: str = "",
 ) -> list[Claim]:
-    """The same claim for either controller, low gain unless the statistic says otherwise; with ``source`` about that one."""
+    """The same claim for either controller, low gain unless the statistic says otherwise; with
+    ``source`` about that one.
+    """
     found = []
     for who in ("pid", "doomed"):
         words = f"{name}/{who}", f"{who.upper()}: {statement}", measure
         if source:
-            found.append(_of(*words, source, lambda v, of, who=who: statistic(v, who, of), but=but, low=low, high=high))
+            found.append(
+                _of(
+                    *words,
+                    source,
+                    lambda v, of, who=who: statistic(v, who, of),
+                    but=but,
+                    low=low,
+                    high=high,
+                )
+            )
         else:
             found.append(Claim(*words, lambda v, who=who: statistic(v, who), low, high))
     return found
@@ -92,7 +106,8 @@ CLAIMS: list[Claim] = [
     _of(
         "joint-overall-consistent",
         "over all settings, joint data is more consistent",
-        "final / first error that one run in ten exceeds, source / best of the others, all settings",
+        "final / first error that one run in ten exceeds, source / best of the others, all"
+        " settings",
         "joint",
         lambda v, source: v.unreliable(source=source) / _best_other(v.unreliable, source),
         high=1.0,
@@ -139,23 +154,33 @@ CLAIMS: list[Claim] = [
     ),
     Claim(
         "indirect-slower",
-        "DOOMED: indirect data improves tracking more slowly than direct data (low gain, low noise)",
+        "DOOMED: indirect data improves tracking more slowly than direct data (low gain, low"
+        " noise)",
         "mean error over iterations, indirect / direct at the lowest noise",
-        lambda v: v.area(**_low("doomed", "indirect", noise=v.noises[0])) / v.area(**_low("doomed", "direct", noise=v.noises[0])),
+        lambda v: (
+            v.area(**_low("doomed", "indirect", noise=v.noises[0]))
+            / v.area(**_low("doomed", "direct", noise=v.noises[0]))
+        ),
         low=1.0,
     ),
     *_both(
         "direct-erratic",
         "with direct data alone, convergence is erratic in very high noise",
         "rises of the log error between late iterations, direct / joint at the highest noise",
-        lambda v, who: v.rises(**_low(who, "direct", noise=v.noises[1])) / v.rises(**_low(who, "joint", noise=v.noises[1])),
+        lambda v, who: (
+            v.rises(**_low(who, "direct", noise=v.noises[1]))
+            / v.rises(**_low(who, "joint", noise=v.noises[1]))
+        ),
         low=1.0,
     ),
     *_both(
         "indirect-noise",
         "noise does not affect learning from indirect data much",
         "mean error over iterations, highest / lowest noise",
-        lambda v, who, source: v.area(**_low(who, source, noise=v.noises[1])) / v.area(**_low(who, source, noise=v.noises[0])),
+        lambda v, who, source: (
+            v.area(**_low(who, source, noise=v.noises[1]))
+            / v.area(**_low(who, source, noise=v.noises[0]))
+        ),
         low=0.8,
         high=1.25,
         source="indirect",
@@ -167,7 +192,10 @@ CLAIMS: list[Claim] = [
         lambda v, who: (
             v.end(**_low(who, "direct", noise=v.noises[1]))
             / v.end(**_low(who, "direct", noise=v.noises[0]))
-            / (v.end(**_low(who, "indirect", noise=v.noises[1])) / v.end(**_low(who, "indirect", noise=v.noises[0])))
+            / (
+                v.end(**_low(who, "indirect", noise=v.noises[1]))
+                / v.end(**_low(who, "indirect", noise=v.noises[0]))
+            )
         ),
         low=1.0,
     ),
@@ -175,7 +203,10 @@ CLAIMS: list[Claim] = [
         "joint-consistent",
         "joint data converges most consistently (low gain)",
         "final / first error that one run in ten exceeds, source / best of the others",
-        lambda v, who, source: v.unreliable(**_low(who, source)) / _best_other(v.unreliable, source, controller=who, gain="low"),
+        lambda v, who, source: (
+            v.unreliable(**_low(who, source))
+            / _best_other(v.unreliable, source, controller=who, gain="low")
+        ),
         high=1.0,
         source="joint",
     ),
@@ -190,7 +221,9 @@ CLAIMS: list[Claim] = [
         "joint-ordering",
         "on average joint data ends with the lowest error (low gain)",
         "final error, source / best of the others",
-        lambda v, who, source: v.end(**_low(who, source)) / _best_other(v.end, source, controller=who, gain="low"),
+        lambda v, who, source: (
+            v.end(**_low(who, source)) / _best_other(v.end, source, controller=who, gain="low")
+        ),
         high=1.0,
         source="joint",
     ),
@@ -215,14 +248,20 @@ CLAIMS: list[Claim] = [
         "indirect-feedback",
         "with low gain, indirect data needs more feedback torque than joint data",
         "final applied feedback, indirect / joint",
-        lambda v, who: v.end("feedback_applied", **_low(who, "indirect")) / v.end("feedback_applied", **_low(who, "joint")),
+        lambda v, who: (
+            v.end("feedback_applied", **_low(who, "indirect"))
+            / v.end("feedback_applied", **_low(who, "joint"))
+        ),
         low=1.0,
     ),
     Claim(
         "joint-torque",
         "joint data leads to lower exerted torques than indirect data (low gain, both controllers)",
         "final commanded torque, joint / indirect",
-        lambda v: v.end("torque", gain="low", source="joint") / v.end("torque", gain="low", source="indirect"),
+        lambda v: (
+            v.end("torque", gain="low", source="joint")
+            / v.end("torque", gain="low", source="indirect")
+        ),
         high=1.0,
     ),
     *_both(

@@ -1,4 +1,6 @@
-"""One learning run of a grid in full, kept beside its averages so that figures need nothing but the file."""
+"""One learning run of a grid in full, kept beside its averages so that figures need nothing but the
+file.
+"""
 
 from typing import Any
 
@@ -17,7 +19,9 @@ FIELDS = {
 
 
 def example_point(grid: Grid) -> dict[str, Any]:
-    """Return the run to show: where the grid has it, low-gain PID in the least noise, learning from both sources."""
+    """Return the run to show: where the grid has it, low-gain PID in the least noise, learning from
+    both sources.
+    """
 
     def prefer(values: tuple, wanted: object) -> object:
         return wanted if wanted in values else values[0]
@@ -35,7 +39,8 @@ def example_point(grid: Grid) -> dict[str, Any]:
 
 
 def example(run: Any, grid: Grid) -> xr.Dataset:
-    """Return the first and the last execution of the example run: ``example_*`` with dims (execution, time, joint).
+    """Return the first and the last execution of the example run: ``example_*`` with dims
+    (execution, time, joint).
 
     ``run`` is the grid's :class:`jaxidl.paper.runs.LearningRun`.
     """
@@ -44,10 +49,18 @@ def example(run: Any, grid: Grid) -> xr.Dataset:
     dims = ("execution", "time", "joint")
     shown = sorted({0, grid.iterations - 1})
     variables: dict[str, tuple] = {
-        f"example_{name}": (dims, np.asarray(getattr(runs, name))[shown], {"units": unit, "long_name": text})
+        f"example_{name}": (
+            dims,
+            np.asarray(getattr(runs, name))[shown],
+            {"units": unit, "long_name": text},
+        )
         for name, (unit, text) in FIELDS.items()
     }
-    variables["example_reference"] = (("time", "joint"), np.asarray(study.reference()), {"units": "m"})
+    variables["example_reference"] = (
+        ("time", "joint"),
+        np.asarray(study.reference()),
+        {"units": "m"},
+    )
     time = ("time", study.dt * np.arange(study.steps), {"units": "s"})
     attrs = {f"example_{key}": value for key, value in at.items()}
     return xr.Dataset(variables, {"execution": shown, "time": time, "joint": [0, 1]}, attrs)

@@ -1,4 +1,6 @@
-"""The grid of the study, declared as named axes. Imports nothing heavy: the command line reads its arguments here."""
+"""The grid of the study, declared as named axes. Imports nothing heavy: the command line reads its
+arguments here.
+"""
 
 import operator
 from dataclasses import dataclass, fields
@@ -11,17 +13,21 @@ GAINS = ("low", "high")
 SOURCES = ("indirect", "direct", "joint")
 NOISE_LEVELS = {
     "program": (1e-4, 5e-4, 7e-4, 8e-4),  # what the reference program used
-    "printed": (1e-4, 5e-4, 7e-3, 8e-3),  # what the paper prints: accelerations of 10^4 m/s^2 by finite differences
+    # what the paper prints: accelerations of 10^4 m/s^2 by finite differences
+    "printed": (1e-4, 5e-4, 7e-3, 8e-3),
 }
 LEVELS = ("noise", "friction", "stiction")
 COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "iterations": (1, 10_000)}
-AXES = ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source")  # that every results file has
+# that every results file has
+AXES = ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source")
 Value = float | int | str
 
 
 @dataclass(frozen=True)
 class Axes:
-    """Values on each axis of the study. The defaults are the paper's 1280 configurations × 3 sources."""
+    """Values on each axis of the study. The defaults are the paper's 1280 configurations × 3
+    sources.
+    """
 
     controllers: tuple[str, ...] = CONTROLLERS
     """Feedback laws: pid, doomed."""
@@ -45,12 +51,15 @@ class Axes:
 
 @dataclass(frozen=True)
 class Grid(Axes):
-    """Named axes; every combination is one learning run. The defaults are the paper's 1280 configurations × 3 sources.
+    """Named axes; every combination is one learning run. The defaults are the paper's 1280
+    configurations × 3 sources.
 
-    ``vary`` adds axes: names of the study's numbers (:mod:`jaxidl.paper.vary`), each with its values.
+    ``vary`` adds axes: names of the study's numbers (:mod:`jaxidl.paper.vary`), each with its
+    values.
 
     Raises:
-        ConfigurationError: for an empty axis, a value twice on an axis, an unknown name, or a value out of bounds.
+        ConfigurationError: for an empty axis, a value twice on an axis, an unknown name, or a value
+            out of bounds.
     """
 
     vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
@@ -60,16 +69,30 @@ class Grid(Axes):
         object.__setattr__(self, "vary", tuple((name, tuple(values)) for name, values in self.vary))
         for name in (f.name for f in fields(self) if f.name != "vary"):
             given: Any = getattr(self, name)  # lists, ranges, arrays are welcome
-            plain = _plain(name, given) if name == "iterations" else tuple(_plain(name, value) for value in given)
+            plain = (
+                _plain(name, given)
+                if name == "iterations"
+                else tuple(_plain(name, value) for value in given)
+            )
             object.__setattr__(self, name, plain)
         added = [name for name, _ in self.vary]
         if len(set(added)) < len(added) or set(added) & {*AXES, *self.axes(), "iteration"}:
-            raise ConfigurationError("each number to vary once, and no axis of the grid", ", ".join(added), "drop one of them")
+            raise ConfigurationError(
+                "each number to vary once, and no axis of the grid",
+                ", ".join(added),
+                "drop one of them",
+            )
         for name, values in (*self.axes().items(), *self.vary):
             if len(values) == 0:
-                raise ConfigurationError(f"at least one value for {name}", "none", f"give --{name} a value or leave it out")
+                raise ConfigurationError(
+                    f"at least one value for {name}",
+                    "none",
+                    f"give --{name} a value or leave it out",
+                )
             if len(set(values)) < len(values):
-                raise ConfigurationError(f"each value of {name} once", str(list(values)), "drop the repeated ones")
+                raise ConfigurationError(
+                    f"each value of {name} once", str(list(values)), "drop the repeated ones"
+                )
         for name, valid in (("controllers", CONTROLLERS), ("gains", GAINS), ("sources", SOURCES)):
             for value in getattr(self, name):
                 if value not in valid:
@@ -79,7 +102,9 @@ class Grid(Axes):
             values = getattr(self, name)
             for value in values if isinstance(values, tuple) else (values,):
                 if not low <= value <= high:
-                    raise ConfigurationError(f"{name} between {low} and {high}", str(value), "correct the value")
+                    raise ConfigurationError(
+                        f"{name} between {low} and {high}", str(value), "correct the value"
+                    )
 
     @classmethod
     def quick(cls) -> "Grid":
@@ -88,7 +113,11 @@ class Grid(Axes):
 
     def axes(self) -> dict[str, tuple]:
         """Return the axes of configurations by the names of their fields."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in ("iterations", "vary")}
+        return {
+            f.name: getattr(self, f.name)
+            for f in fields(self)
+            if f.name not in ("iterations", "vary")
+        }
 
     def dims(self) -> dict[str, tuple]:
         """Return all axes of configurations by their names in a results file."""
@@ -102,17 +131,24 @@ class Grid(Axes):
 
 
 def _plain(axis: str, value: Any) -> Any:
-    """A value as plain Python has it: labels are stored as JSON, which knows no NumPy numbers, and 1.5 is no seed."""
+    """A value as plain Python has it: labels are stored as JSON, which knows no NumPy numbers, and
+    1.5 is no seed.
+    """
     try:
-        return operator.index(value) if axis in COUNTS else float(value) if axis in LEVELS else value
+        return (
+            operator.index(value) if axis in COUNTS else float(value) if axis in LEVELS else value
+        )
     except (TypeError, ValueError, OverflowError):
         kind = "whole numbers" if axis in COUNTS else "numbers"
         raise ConfigurationError(f"{kind} for {axis}", repr(value), "correct the value") from None
 
 
-def check_levels(noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]) -> None:
+def check_levels(
+    noise: tuple[float, ...], friction: tuple[float, ...], stiction: tuple[float, ...]
+) -> None:
     """Raise :class:`ConfigurationError` unless every level is within its effect's bounds."""
-    from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise  # JAX: not for a help text
+    # JAX: not for a help text
+    from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise
 
     bounds = (SensingNoise.parameters["scale"], PaperFriction.parameters["level"], STICTION_LEVEL)
     for axis, values, bound in zip(LEVELS, (noise, friction, stiction), bounds, strict=True):

@@ -1,4 +1,6 @@
-"""What `jaxidl simulate` is asked for. Imports nothing heavy: the command line reads its arguments here."""
+"""What `jaxidl simulate` is asked for. Imports nothing heavy: the command line reads its arguments
+here.
+"""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""The study's learning runs as a sweep: one run at a point of the grid, its results file, and what it means."""
+"""The study's learning runs as a sweep: one run at a point of the grid, its results file, and what
+it means.
+"""
 
 import json
 from collections.abc import Mapping
@@ -30,7 +32,11 @@ META = {
     "feedback_applied": Variable(("iteration",), "N", "mean |applied feedback|"),
     "qdd_error": Variable(("iteration",), "m s-2", "mean |desired - actual acceleration|"),
     "torque": Variable(("iteration",), "N", "mean |commanded torque|"),
-    "finite": Variable(("iteration",), "1", "did execution and training stay finite? false: keep the iteration out of averages"),
+    "finite": Variable(
+        ("iteration",),
+        "1",
+        "did execution and training stay finite? false: keep the iteration out of averages",
+    ),
 }
 draws_of = lru_cache(64)(draw_noise)
 
@@ -39,22 +45,36 @@ draws_of = lru_cache(64)(draw_noise)
 class LearningRun:
     """One learning run of ``iterations`` executions at a point of the grid: what a sweep computes.
 
-    The key is the seed's alone: runs of one seed share initial weights and batch order whatever their condition, so
-    differences between conditions and sources are paired, and a run's result does not depend on the grid around it.
+    The key is the seed's alone: runs of one seed share initial weights and batch order whatever
+    their condition, so differences between conditions and sources are paired, and a run's result
+    does not depend on the grid around it.
     """
 
     study: PaperStudy
     iterations: int
 
     def inputs(self, at: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a gain's index, a seed for JAX, and the standard-normal draws (K, T, J) of every execution."""
+        """Return a gain's index, a seed for JAX, and the standard-normal draws (K, T, J) of every
+        execution.
+        """
         steps = int(at.get("steps", self.study.steps))
         draws = draws_of(int(at["seed"]), self.iterations, steps)
-        return {"gain": np.int32(GAINS.index(at["gain"])), "seed": np.uint32(at["seed"]), "draws": draws}
+        return {
+            "gain": np.int32(GAINS.index(at["gain"])),
+            "seed": np.uint32(at["seed"]),
+            "draws": draws,
+        }
 
     def static(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the axes whose values make a program each; ``names`` are those that an ablation adds."""
-        return ("controller", "source", "epochs", *(name for name in names if not traced(self.study, name)))
+        """Return the axes whose values make a program each; ``names`` are those that an ablation
+        adds.
+        """
+        return (
+            "controller",
+            "source",
+            "epochs",
+            *(name for name in names if not traced(self.study, name)),
+        )
 
     def job(self, vary: tuple[tuple[str, Any], ...] = ()) -> Job:
         """Return what a sweep computes, with the axes that an ablation adds."""
@@ -80,7 +100,9 @@ class LearningRun:
         **more: Any,
     ) -> tuple[Metrics, Trajectory | None]:
         """Return metrics (K,) and, if they are to be kept, trajectories (K, T, J)."""
-        study = varied(replace(self.study, training=replace(self.study.training, epochs=epochs)), more)
+        study = varied(
+            replace(self.study, training=replace(self.study.training, epochs=epochs)), more
+        )
         with jax.default_matmul_precision(MATMUL_PRECISION):
             metrics, _, runs = learn(
                 study.setting(controller, Condition(gain, noise, friction, stiction)),
@@ -95,15 +117,20 @@ class LearningRun:
             )
         return metrics, runs
 
-    def trace(self, at: Mapping[str, Any], draws: np.ndarray | None = None) -> tuple[Metrics, Trajectory]:
-        """Return one learning run with every execution kept: metrics (K,) and trajectories (K, T, J).
+    def trace(
+        self, at: Mapping[str, Any], draws: np.ndarray | None = None
+    ) -> tuple[Metrics, Trajectory]:
+        """Return one learning run with every execution kept: metrics (K,) and trajectories (K, T,
+        J).
 
-        ``draws`` (K, T, J) stand for those of its seed (default: these).
-        Another program than a sweep's, so its rounding differs, and twenty trainings in float32 make that visible: the same run
-        in kind, not digit by digit.
+        ``draws`` (K, T, J) stand for those of its seed (default: these). Another program than a
+        sweep's, so its rounding differs, and twenty trainings in float32 make that visible: the
+        same run in kind, not digit by digit.
         """
         fixed = set(self.static(tuple(name for name in at if name not in AXES)))
-        rest = {name: np.asarray(value) for name, value in at.items() if name not in fixed} | self.inputs(at)
+        rest = {
+            name: np.asarray(value) for name, value in at.items() if name not in fixed
+        } | self.inputs(at)
         rest |= {} if draws is None else {"draws": draws}
         whole = jax.jit(partial(self.run, keep=True, **{name: at[name] for name in fixed}))
         metrics, runs = whole(**rest)
@@ -117,12 +144,15 @@ def run_sweep(
     study: PaperStudy | None = None,
     **running: Any,
 ) -> xr.Dataset:
-    """Run every configuration of ``grid`` that ``path`` does not hold yet, write the results there and return them.
+    """Run every configuration of ``grid`` that ``path`` does not hold yet, write the results there
+    and return them.
 
-    ``running``: devices, per_device, width, cluster, overwrite and quiet, as :func:`jaxidl.jobs.sweep` has them.
+    ``running``: devices, per_device, width, cluster, overwrite and quiet, as
+    :func:`jaxidl.jobs.sweep` has them.
 
     Raises:
-        ConfigurationError: for an impossible layout, no such cluster, or numbers to vary that cannot be.
+        ConfigurationError: for an impossible layout, no such cluster, or numbers to vary that
+            cannot be.
         StoreError: see :class:`jaxidl.jobs.store.Store`.
         KeyboardInterrupt: finished chunks are saved; the same call continues.
     """
@@ -137,7 +167,10 @@ def run_sweep(
         inputs=run.inputs,
         settings=identity(study, grid),
         variables=META,
-        coords={"iteration": np.arange(grid.iterations), "noise": ("noise", list(grid.noise), {"units": "m"})},
+        coords={
+            "iteration": np.arange(grid.iterations),
+            "noise": ("noise", list(grid.noise), {"units": "m"}),
+        },
         also=xr.Dataset if grid.vary else partial(example, run, grid),
         cost=partial(_cost, study, grid.iterations),
         about={"title": TITLE, "precision": PRECISION},
@@ -151,7 +184,9 @@ def read_results(path: Path) -> xr.Dataset:
     Raises:
         StoreError: if there is none, it cannot be read, or it is not one of these.
     """
-    return jobs.read(path, lambda data: [name for name in (*META, *DIMS) if name not in data.variables])
+    return jobs.read(
+        path, lambda data: [name for name in (*META, *DIMS) if name not in data.variables]
+    )
 
 
 def added(data: xr.Dataset) -> list[str]:

@@ -31,7 +31,11 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
         draws = draw_noise(request.seed, iterations, study.steps)
         if request.standard_normal is not None:
             draws = _load_draws(Path(request.standard_normal), draws.shape)
-        arrays = _execution(study, at, draws[0]) if request.source is None else _learning(study, at, draws)
+        arrays = (
+            _execution(study, at, draws[0])
+            if request.source is None
+            else _learning(study, at, draws)
+        )
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays)
     write_bytes(Path(out), buffer.getvalue())
@@ -40,11 +44,16 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
 
 def _checked(request: Request) -> dict[str, Any]:
     """The request as a point; a grid of one value an axis knows what is valid."""
-    for what, value, valid in (("controller", request.controller, CONTROLLERS), ("gain", request.gain, GAINS)):
+    for what, value, valid in (
+        ("controller", request.controller, CONTROLLERS),
+        ("gain", request.gain, GAINS),
+    ):
         if value not in valid:
             raise one_of(f"--{what}", value, valid)
     if request.source is None and request.iterations is not None:
-        raise ConfigurationError("--source with --iterations", "no --source", "name the data source to learn from")
+        raise ConfigurationError(
+            "--source with --iterations", "no --source", "name the data source to learn from"
+        )
     grid = Grid(
         (request.controller,),
         (request.gain,),
@@ -63,25 +72,47 @@ def _load_draws(path: Path, shape: tuple[int, int, int]) -> Float[np.ndarray, "K
     try:
         draws = np.load(path, allow_pickle=False)
     except Exception as error:  # whatever NumPy makes of a broken file
-        raise ConfigurationError(f"{path} to be a NumPy file", str(error), "save draws with numpy.save") from None
+        raise ConfigurationError(
+            f"{path} to be a NumPy file", str(error), "save draws with numpy.save"
+        ) from None
     wanted = shape if shape[0] > 1 else shape[1:]
-    if not isinstance(draws, np.ndarray) or draws.shape not in (shape, wanted) or draws.dtype.kind != "f":
-        got = f"{draws.dtype} of shape {draws.shape}" if isinstance(draws, np.ndarray) else "an archive"
-        raise ConfigurationError(f"{path} to hold floats of shape {wanted}", got, "give one draw per step and joint")
+    if (
+        not isinstance(draws, np.ndarray)
+        or draws.shape not in (shape, wanted)
+        or draws.dtype.kind != "f"
+    ):
+        got = (
+            f"{draws.dtype} of shape {draws.shape}"
+            if isinstance(draws, np.ndarray)
+            else "an archive"
+        )
+        raise ConfigurationError(
+            f"{path} to hold floats of shape {wanted}", got, "give one draw per step and joint"
+        )
     with np.errstate(over="ignore"):  # a long double may be beyond what a double holds
         draws = draws.reshape(shape).astype(float)
     if not np.isfinite(draws).all():
-        raise ConfigurationError(f"{path} to hold finite draws", "NaN or infinity", "correct the file")
+        raise ConfigurationError(
+            f"{path} to hold finite draws", "NaN or infinity", "correct the file"
+        )
     return draws
 
 
-def _execution(study: PaperStudy, at: dict[str, Any], draws: Float[np.ndarray, "T J"]) -> dict[str, np.ndarray]:
+def _execution(
+    study: PaperStudy, at: dict[str, Any], draws: Float[np.ndarray, "T J"]
+) -> dict[str, np.ndarray]:
     condition = Condition(GAINS.index(at["gain"]), at["noise"], at["friction"], at["stiction"])
     setting = study.setting(at["controller"], condition)
     run = jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
     return {name: np.asarray(value) for name, value in vars(run).items() if value is not None}
 
 
-def _learning(study: PaperStudy, at: dict[str, Any], draws: Float[np.ndarray, "K T J"]) -> dict[str, np.ndarray]:
+def _learning(
+    study: PaperStudy, at: dict[str, Any], draws: Float[np.ndarray, "K T J"]
+) -> dict[str, np.ndarray]:
     metrics, runs = LearningRun(study, len(draws)).trace(at, draws)
-    return {name: np.asarray(value) for name, value in [*vars(runs).items(), *metrics._asdict().items()] if value is not None}
+    return {
+        name: np.asarray(value)
+        for name, value in [*vars(runs).items(), *metrics._asdict().items()]
+        if value is not None
+    }

@@ -1,4 +1,6 @@
-"""The paper's simulation study as configurations: every number of the reference experiment, in one place."""
+"""The paper's simulation study as configurations: every number of the reference experiment, in one
+place.
+"""
 
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
@@ -22,7 +24,9 @@ WIDTHS = ("friction_width", "stiction_width")
 
 
 class Condition(NamedTuple):
-    """The traced half of a configuration; scalars here, an axis more under ``vmap`` or ``lax.map``."""
+    """The traced half of a configuration; scalars here, an axis more under ``vmap`` or
+    ``lax.map``.
+    """
 
     gain: Int[Array, ""] | int  # index into ``GAINS``
     noise: Scalar  # sensing noise scale σ [m]
@@ -32,7 +36,8 @@ class Condition(NamedTuple):
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """What all configurations of the study share. Host-side and hashable: a static argument of jitted programs.
+    """What all configurations of the study share. Host-side and hashable: a static argument of
+    jitted programs.
 
     Within a program those numbers that set no shape may be traced: :mod:`jaxidl.paper.vary`.
     """
@@ -44,7 +49,8 @@ class PaperStudy:
     torque_limit: Scalar = 5000.0  # [N]
     dt: float = 0.001  # [s]
     steps: int = 1000
-    pid_gains: tuple[tuple[Scalar, Scalar, Scalar], ...] = ((25.0, 2.5, 0.005), (500.0, 50.0, 0.01))  # low, high
+    # low, high
+    pid_gains: tuple[tuple[Scalar, Scalar, Scalar], ...] = ((25.0, 2.5, 0.005), (500.0, 50.0, 0.01))
     pid_learner: tuple[Scalar, Scalar, Scalar] = (500.0, 50.0, 0.01)
     doomed_rates: tuple[Scalar, ...] = (0.01, 0.2)  # low, high
     doomed_learner: Scalar = 0.5
@@ -76,7 +82,9 @@ class PaperStudy:
         for coordinate in self.target:
             _check("target", coordinate, least=-1e6, most=1e6)
         if not 2 <= self.steps <= 10**6:
-            raise ConfigurationError("2 to 1000000 control steps", str(self.steps), "change the length of the execution")
+            raise ConfigurationError(
+                "2 to 1000000 control steps", str(self.steps), "change the length of the execution"
+            )
 
     def to_dict(self) -> dict[str, Any]:
         """All numbers, nested, ready for JSON: with the condition this determines a result."""
@@ -91,7 +99,9 @@ class PaperStudy:
         """The true system under one condition."""
         friction = PaperFriction(condition.friction, self.friction_width)
         stiction = paper_stiction(condition.stiction, self.stiction_width)
-        return Plant(point_mass(self.true_mass), (friction, stiction, SensingNoise(condition.noise)))
+        return Plant(
+            point_mass(self.true_mass), (friction, stiction, SensingNoise(condition.noise))
+        )
 
     def law(self, controller: str, gain: Int[Array, ""] | int) -> FeedbackLaw:
         """The feedback law named ``controller`` with the ``gain``-th of its gain settings."""
@@ -103,7 +113,9 @@ class PaperStudy:
         raise one_of("controller", controller, CONTROLLERS)
 
     def reference(self) -> Float[Array, "T J"]:
-        """(T, J) positions of the same closed loop with the true mass known, no feedback, friction or noise [m]."""
+        """(T, J) positions of the same closed loop with the true mass known, no feedback, friction
+        or noise [m].
+        """
         task, body = self.task(), point_mass(self.true_mass)
         silent = Doomed(0.0, 0.0, self.smoothing)
         return execute(Plant(body), body, silent, task, jnp.zeros((task.steps, 2))).q
@@ -119,21 +131,35 @@ class PaperStudy:
         )
 
 
-def _check(name: str, value: Any, *, above: float = -np.inf, least: float = -np.inf, most: float = np.inf) -> None:
-    """Refuse a number out of its bounds, in tuples each; one that is traced, an axis of an ablation, has been checked before."""
+def _check(
+    name: str, value: Any, *, above: float = -np.inf, least: float = -np.inf, most: float = np.inf
+) -> None:
+    """Refuse a number out of its bounds, in tuples each; one that is traced, an axis of an
+    ablation, has been checked before.
+    """
     if isinstance(value, tuple):
         for part in value:
             _check(name, part, above=above, least=least, most=most)
-    elif isinstance(value, int | float | np.number) and not (np.isfinite(value) and above < value <= most and value >= least):
+    elif isinstance(value, int | float | np.number) and not (
+        np.isfinite(value) and above < value <= most and value >= least
+    ):
         lower = f"{name} > {above:g}" if above > -np.inf else f"{name} >= {least:g}"
-        raise ConfigurationError(lower + (f" and <= {most:g}" if most < np.inf else ""), str(value), "correct it")
+        raise ConfigurationError(
+            lower + (f" and <= {most:g}" if most < np.inf else ""), str(value), "correct it"
+        )
 
 
-def draw_noise(seed: int, iterations: int, steps: int, joints: int = 2) -> Float[np.ndarray, "K T J"]:
+def draw_noise(
+    seed: int, iterations: int, steps: int, joints: int = 2
+) -> Float[np.ndarray, "K T J"]:
     """(K, T, J) standard-normal draws of run seed ``seed``: the reference program's own stream.
 
-    Iteration k draws from NumPy's legacy generator seeded with seed + 100·k, whatever the data source, so all sources of a
-    run see the same noise. Seeds 100 apart therefore share draws; the study uses 1 to 10.
+    Iteration k draws from NumPy's legacy generator seeded with seed + 100·k, whatever the data
+    source, so all sources of a run see the same noise. Seeds 100 apart therefore share draws; the
+    study uses 1 to 10.
     """
-    draws = [np.random.RandomState(seed + 100 * k).standard_normal((steps, joints)) for k in range(iterations)]
+    draws = [
+        np.random.RandomState(seed + 100 * k).standard_normal((steps, joints))
+        for k in range(iterations)
+    ]
     return np.stack(draws)

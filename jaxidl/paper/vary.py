@@ -1,7 +1,9 @@
-"""Every number of the study by its name: what an ablation may vary, and which of them one compiled program serves.
+"""Every number of the study by its name: what an ablation may vary, and which of them one compiled
+program serves.
 
-A name is the path of a field of :class:`jaxidl.paper.study.PaperStudy`: ``modelled_mass``, ``pid_gains.0.1``,
-``training.learning_rate``. Some have a shorter one (``ALIASES``), and two set several numbers in proportion (``GAINS``).
+A name is the path of a field of :class:`jaxidl.paper.study.PaperStudy`: ``modelled_mass``,
+``pid_gains.0.1``, ``training.learning_rate``. Some have a shorter one (``ALIASES``), and two set
+several numbers in proportion (``GAINS``).
 """
 
 import itertools
@@ -22,7 +24,8 @@ ALIASES = {
     "batch": "training.batch",
     "layers": "error_model.layers",
 }
-STATIC = ("dt", "error_model.", "training.snapshot_epochs", *WIDTHS)  # numbers that are not traced, beside whole ones
+# numbers that are not traced, beside whole ones
+STATIC = ("dt", "error_model.", "training.snapshot_epochs", *WIDTHS)
 
 
 def _learner_gain(study: PaperStudy, kp: Scalar) -> PaperStudy:
@@ -33,13 +36,17 @@ def _learner_gain(study: PaperStudy, kp: Scalar) -> PaperStudy:
 
 def _applied_gain(study: PaperStudy, kp: Scalar) -> PaperStudy:
     shares = [kp / gains[0] for gains in study.pid_gains]
-    pid = tuple(tuple(share * gain for gain in gains) for share, gains in zip(shares, study.pid_gains, strict=True))
+    pid = tuple(
+        tuple(share * gain for gain in gains)
+        for share, gains in zip(shares, study.pid_gains, strict=True)
+    )
     rates = tuple(share * rate for share, rate in zip(shares, study.doomed_rates, strict=True))
     return replace(study, pid_gains=pid, doomed_rates=rates)
 
 
 GAINS: dict[str, Callable[[PaperStudy, Scalar], PaperStudy]] = {
-    # the learner's kp [N/m], the paper's being 500; its kd, ki, and DOOMED's learner gain in proportion
+    # the learner's kp [N/m], the paper's being 500; its kd, ki, and DOOMED's learner gain in
+    # proportion
     "learner_gain": _learner_gain,
     # the applied kp [N/m], the paper's being 25 and 500; kd, ki, and DOOMED's rate in proportion
     "applied_gain": _applied_gain,
@@ -48,9 +55,15 @@ GAINS: dict[str, Callable[[PaperStudy, Scalar], PaperStudy]] = {
 
 def leaves(study: PaperStudy) -> dict[str, Value]:
     """Every number that may vary, by name, with its present value."""
-    found = {name: value for name, value in _leaves(study, "") if name not in ("error_model.joints", "training.epochs")}
+    found = {
+        name: value
+        for name, value in _leaves(study, "")
+        if name not in ("error_model.joints", "training.epochs")
+    }
     layers = {"error_model.layers": ",".join(map(str, study.error_model.layers))}
-    found = {name: value for name, value in found.items() if not name.startswith("error_model.layers.")} | layers
+    found = {
+        name: value for name, value in found.items() if not name.startswith("error_model.layers.")
+    } | layers
     gains: Any = {"learner_gain": study.pid_learner[0], "applied_gain": study.pid_gains[0][0]}
     return {alias: found[name] for alias, name in ALIASES.items()} | gains | found
 
@@ -62,11 +75,15 @@ def _leaves(node: Any, path: str) -> list[tuple[str, Any]]:
         parts = [(str(place), value) for place, value in enumerate(node)]
     else:
         return [(path, node)]
-    return [leaf for name, value in parts for leaf in _leaves(value, f"{path}.{name}" if path else name)]
+    return [
+        leaf for name, value in parts for leaf in _leaves(value, f"{path}.{name}" if path else name)
+    ]
 
 
 def traced(study: PaperStudy, name: str) -> bool:
-    """Does one program serve all values of this number? Whole numbers, sizes and names make a program of each value."""
+    """Does one program serve all values of this number? Whole numbers, sizes and names make a
+    program of each value.
+    """
     full = ALIASES.get(name, name)
     return isinstance(leaves(study)[name], float) and not full.startswith(STATIC)
 
@@ -75,17 +92,24 @@ def parsed(study: PaperStudy, name: str, given: object) -> Value:
     """A value of the number ``name`` as it stands on an axis, from a command line or from Python.
 
     Raises:
-        ConfigurationError: for a name that the study has not, or a value of another kind or out of bounds.
+        ConfigurationError: for a name that the study has not, or a value of another kind or out of
+            bounds.
     """
     known = leaves(study)
     if name not in known:
-        raise ConfigurationError(f"a number of the study to vary, one of {', '.join(known)}", repr(name), "name one of these")
+        raise ConfigurationError(
+            f"a number of the study to vary, one of {', '.join(known)}",
+            repr(name),
+            "name one of these",
+        )
     like = known[name]
     if isinstance(given, tuple | list):
         given = ",".join(map(str, given))
     try:
         value = type(like)(given)  # type: ignore[call-arg]
-        if (isinstance(like, int) and float(str(given)) != value) or (isinstance(value, float) and not math.isfinite(value)):
+        if (isinstance(like, int) and float(str(given)) != value) or (
+            isinstance(value, float) and not math.isfinite(value)
+        ):
             raise ValueError(given)
     except (TypeError, ValueError):
         kind = "a whole number" if isinstance(like, int) else "a finite number"
@@ -95,7 +119,8 @@ def parsed(study: PaperStudy, name: str, given: object) -> Value:
 
 
 def check(study: PaperStudy, vary: Sequence[tuple[str, Sequence[Value]]]) -> None:
-    """Refuse axes that cannot be: unknown or out of bounds, two that set the same number, and combinations that do not fit.
+    """Refuse axes that cannot be: unknown or out of bounds, two that set the same number, and
+    combinations that do not fit.
 
     Raises:
         ConfigurationError: see above.
@@ -104,21 +129,35 @@ def check(study: PaperStudy, vary: Sequence[tuple[str, Sequence[Value]]]) -> Non
         for value in values:
             parsed(study, name, value)
     for (a, _), (b, _) in itertools.combinations(vary, 2):
-        if any(x == y or f"{x}.".startswith(f"{y}.") or f"{y}.".startswith(f"{x}.") for x in _sets(a) for y in _sets(b)):
-            raise ConfigurationError("axes that set different numbers", f"{a} and {b}", "drop one of them")
+        if any(
+            x == y or f"{x}.".startswith(f"{y}.") or f"{y}.".startswith(f"{x}.")
+            for x in _sets(a)
+            for y in _sets(b)
+        ):
+            raise ConfigurationError(
+                "axes that set different numbers", f"{a} and {b}", "drop one of them"
+            )
     names = [name for name, _ in vary]
     sizes = [(name, values) for name, values in vary if not traced(study, name)]
     for combination in itertools.product(*(values for _, values in sizes)):
         after = varied(study, dict(zip([name for name, _ in sizes], combination, strict=True)))
         rows = int(after.training.train_mask(after.steps - 1).sum())
         if names and rows < after.training.batch:
-            got = f"{after.training.batch}, with {rows} training rows from {after.steps} control steps"
-            raise ConfigurationError("a batch no larger than an execution's training rows", got, "change batch or steps")
+            got = (
+                f"{after.training.batch}, with {rows} training rows from {after.steps} control"
+                " steps"
+            )
+            raise ConfigurationError(
+                "a batch no larger than an execution's training rows", got, "change batch or steps"
+            )
 
 
 def _sets(name: str) -> tuple[str, ...]:
     """The numbers that a name sets."""
-    both = {"learner_gain": ("pid_learner", "doomed_learner"), "applied_gain": ("pid_gains", "doomed_rates")}
+    both = {
+        "learner_gain": ("pid_learner", "doomed_learner"),
+        "applied_gain": ("pid_gains", "doomed_rates"),
+    }
     return both.get(name, (ALIASES.get(name, name),))
 
 
@@ -133,7 +172,9 @@ def varied(study: PaperStudy, values: Mapping[str, Any]) -> PaperStudy:
         if name in GAINS:
             study = GAINS[name](study, value)
         else:
-            study = _put(study, full.split("."), _layers(value) if full == "error_model.layers" else value)
+            study = _put(
+                study, full.split("."), _layers(value) if full == "error_model.layers" else value
+            )
     return study
 
 
@@ -153,5 +194,7 @@ def _layers(text: str) -> tuple[int, ...]:
     except ValueError:
         widths = ()
     if not widths or min(widths) < 1 or widths[-1] != 1:
-        raise ConfigurationError("layer widths that end with 1, like 200,100,1", repr(text), "correct the value")
+        raise ConfigurationError(
+            "layer widths that end with 1, like 200,100,1", repr(text), "correct the value"
+        )
     return widths

@@ -1,11 +1,13 @@
 """Each of the paper's statements as numbers with intervals and a verdict.
 
-Every statistic is a positive ratio, computed for each seed over all settings the statement speaks of; seeds then give a
-geometric mean and a 95 % Student interval of its logarithm. It is computed twice, because a few runs run away (the mass is
-thrown metres, in an unstable region kilometres) and such a run alone decides an average: *on average*, with means over settings
-as in the paper's figures, and *typically*, with medians. Each interval is compared with the range in which the statement is
-true: inside it holds, outside it does not, across the border it is undecided. The verdict is *holds* or *does not hold* where
-both agree, *only partly* otherwise, with what each says. Iterations that diverged are left out and counted in ``left_out``.
+Every statistic is a positive ratio, computed for each seed over all settings the statement speaks
+of; seeds then give a geometric mean and a 95 % Student interval of its logarithm. It is computed
+twice, because a few runs run away (the mass is thrown metres, in an unstable region kilometres) and
+such a run alone decides an average: *on average*, with means over settings as in the paper's
+figures, and *typically*, with medians. Each interval is compared with the range in which the
+statement is true: inside it holds, outside it does not, across the border it is undecided. The
+verdict is *holds* or *does not hold* where both agree, *only partly* otherwise, with what each
+says. Iterations that diverged are left out and counted in ``left_out``.
 """
 
 import json
@@ -48,7 +50,9 @@ class Verdict:
     verdict: str  # holds, does not hold, only partly, not in these results
     why: str  # of "only partly": what each of the two numbers says
     left_out: int  # diverged iterations in the whole file
-    beside: dict[str, str]  # the same statistic on average for each other source, and whether the statement is true of it, too
+    # the same statistic on average for each other source, and whether the statement is true of it,
+    # too
+    beside: dict[str, str]
 
 
 def check_claims(data: xr.Dataset) -> list[Verdict]:
@@ -58,11 +62,16 @@ def check_claims(data: xr.Dataset) -> list[Verdict]:
         StoreError: if the file is an ablation's, which has other settings than the paper's.
     """
     if varied := added(data):
-        raise StoreError("results of `jaxidl sweep`", f"an ablation over {', '.join(varied)}", "check another file")
+        raise StoreError(
+            "results of `jaxidl sweep`",
+            f"an ablation over {', '.join(varied)}",
+            "check another file",
+        )
     views = View(data, typical=False), View(data, typical=True)
     left_out = int((~data["finite"]).sum())
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # settings of which nothing is left average to NaN, and are dropped
+        # settings of which nothing is left average to NaN, and are dropped
+        warnings.simplefilter("ignore", RuntimeWarning)
         return [_check(claim, *views, left_out) for claim in CLAIMS]
 
 
@@ -74,11 +83,25 @@ def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
         verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
         why = f"on average {found[0]}, typically {found[1]}" if verdict == "only partly" else ""
     beside = {source: _same(_number(statistic, mean), claim) for source, statistic in claim.beside}
-    return Verdict(claim.name, claim.statement, claim.measure, _range(claim), *numbers, verdict, why, left_out, beside)
+    return Verdict(
+        claim.name,
+        claim.statement,
+        claim.measure,
+        _range(claim),
+        *numbers,
+        verdict,
+        why,
+        left_out,
+        beside,
+    )
 
 
 def _same(number: Mean | None, claim: Claim) -> str:
-    return "-" if number is None else f"{number.value:.2g}" + " (true)" * (within(number, claim.low, claim.high) == "holds")
+    return (
+        "-"
+        if number is None
+        else f"{number.value:.2g}" + " (true)" * (within(number, claim.low, claim.high) == "holds")
+    )
 
 
 def _number(statistic: Callable[[View], xr.DataArray], view: View) -> Mean | None:
@@ -99,7 +122,15 @@ def as_json(rows: list[Verdict]) -> str:
     return json.dumps([asdict(row) for row in rows], indent=1)
 
 
-HEADINGS = ("statement", "measured as", "true if", "on average", "typically", "verdict", "the same for others")
+HEADINGS = (
+    "statement",
+    "measured as",
+    "true if",
+    "on average",
+    "typically",
+    "verdict",
+    "the same for others",
+)
 
 
 def _cells(row: Verdict) -> tuple[str, ...]:
@@ -107,7 +138,14 @@ def _cells(row: Verdict) -> tuple[str, ...]:
     if row.average and row.average.interval is None:
         verdict += " (one seed)"
     numbers = ("-" if number is None else str(number) for number in (row.average, row.typical))
-    return row.statement, row.measure, row.true_if, *numbers, verdict, ", ".join(f"{k} {v}" for k, v in row.beside.items())
+    return (
+        row.statement,
+        row.measure,
+        row.true_if,
+        *numbers,
+        verdict,
+        ", ".join(f"{k} {v}" for k, v in row.beside.items()),
+    )
 
 
 def as_table(rows: list[Verdict]) -> str:
@@ -130,6 +168,11 @@ def as_markdown(rows: list[Verdict]) -> str:
 
 def _footnote(rows: list[Verdict]) -> str:
     seeds = max((row.average.seeds for row in rows if row.average), default=0)
-    text = "geometric mean over seeds [95 % interval]; on average: means over settings, typically: medians; "
+    text = (
+        "geometric mean over seeds [95 % interval]; on average: means over settings, typically:"
+        " medians; "
+    )
     text += f"{seeds} seed{'s' * (seeds != 1)}; {rows[0].left_out} diverged iterations left out"
-    return text + (" (one seed gives no interval: verdicts go by the value alone)" if seeds == 1 else "")
+    return text + (
+        " (one seed gives no interval: verdicts go by the value alone)" if seeds == 1 else ""
+    )

@@ -1,4 +1,6 @@
-"""The figure of an ablation: final error and feedback over what was varied, with the seeds' intervals."""
+"""The figure of an ablation: final error and feedback over what was varied, with the seeds'
+intervals.
+"""
 
 import textwrap
 from pathlib import Path
@@ -30,7 +32,9 @@ ROWS = (("q_error", "final position error [m]"), ("feedback_applied", "final app
 
 
 def ablation(data: xr.Dataset) -> Figure:
-    """One column for each setting of the other axes, error above and feedback below, a line for each source."""
+    """One column for each setting of the other axes, error above and feedback below, a line for
+    each source.
+    """
     first, _ = axes_of(data)
     columns = panels_of(data)
     width = max(1.9, 0.5 * data.sizes[first] + 0.9)
@@ -45,18 +49,23 @@ def ablation(data: xr.Dataset) -> Figure:
                 grid[row, 0].set_ylabel(label)
         grid[0, column].set_title("\n".join(_words(dim, value) for dim, value in where.items()))
         grid[1, column].set_xlabel(WORDS.get(first, first))
-    for row, (variable, _) in enumerate(ROWS):  # as wide as the seeds; the interval of two seeds may be astronomical
+    # as wide as the seeds; the interval of two seeds may be astronomical
+    for row, (variable, _) in enumerate(ROWS):
         known = np.concatenate([ends[np.isfinite(ends)] for ends in seen[variable]])
         if known.size:
             grid[row, 0].set_ylim(known.min() / 1.4, known.max() * 1.4)
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)
-    figure.supxlabel(textwrap.fill(_caption(data), int(figure.get_figwidth() * 17)), fontsize=7.5, color="0.35")
+    figure.supxlabel(
+        textwrap.fill(_caption(data), int(figure.get_figwidth() * 17)), fontsize=7.5, color="0.35"
+    )
     return figure
 
 
 def _panel(axes: Axes, part: xr.Dataset, first: str, variable: str) -> np.ndarray:
-    """Final values over the places of what was varied: dots are seeds, a bar is the mean's interval. Returns all of them."""
+    """Final values over the places of what was varied: dots are seeds, a bar is the mean's
+    interval. Returns all of them.
+    """
     values, sources, everything = part[first].values, part.source.values, []
     for number, source in enumerate(sources):
         style = SOURCE_STYLE[str(source)]
@@ -66,11 +75,22 @@ def _panel(axes: Axes, part: xr.Dataset, first: str, variable: str) -> np.ndarra
         means = [geometric(seeds) for seeds in ends]
         axes.plot(x, [m.value if m else np.nan for m in means], label=str(source), **style)
         for place, seeds, mean in zip(x, ends, means, strict=True):
-            axes.plot(np.full(len(seeds), place), seeds, ".", color=style["color"], markersize=2.5, alpha=0.5)
+            axes.plot(
+                np.full(len(seeds), place),
+                seeds,
+                ".",
+                color=style["color"],
+                markersize=2.5,
+                alpha=0.5,
+            )
             if mean and mean.interval:
                 axes.plot([place, place], mean.interval, color=style["color"], linewidth=1.0)
     axes.set_yscale("log")
-    axes.set_xticks(range(len(values)), [_tick(value) for value in values], rotation=30 if values.dtype.kind in "UO" else 0)
+    axes.set_xticks(
+        range(len(values)),
+        [_tick(value) for value in values],
+        rotation=30 if values.dtype.kind in "UO" else 0,
+    )
     axes.set_xlim(-0.5, len(values) - 0.5)
     return np.concatenate(everything)
 
@@ -95,9 +115,18 @@ def _caption(data: xr.Dataset) -> str:
     single = [dim for dim in DIMS if dim not in said and data.sizes[dim] == 1]
     words = ", ".join(_words(dim, data[dim].values[0]) for dim in single)
     seeds, diverged = data.sizes["seed"], int((~data["finite"]).sum())
-    spread = "line: geometric mean over seeds with its 95 % interval, dots: seeds" if seeds > 1 else "one seed"
-    left = f"; {diverged} diverged executions, their runs left out where they end" if diverged else ""
-    return f"{words}; {data.sizes['iteration']} executions; {seeds} seed{'s' * (seeds != 1)}; {spread}{left}"
+    spread = (
+        "line: geometric mean over seeds with its 95 % interval, dots: seeds"
+        if seeds > 1
+        else "one seed"
+    )
+    left = (
+        f"; {diverged} diverged executions, their runs left out where they end" if diverged else ""
+    )
+    return (
+        f"{words}; {data.sizes['iteration']} executions; {seeds} seed{'s' * (seeds != 1)};"
+        f" {spread}{left}"
+    )
 
 
 def draw_ablation(data: xr.Dataset, folder: Path, name: str) -> list[Path]:

@@ -22,13 +22,17 @@ SPEED = 0.8  # of the film
 
 
 def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
-    """Draw ``arm_*.png`` and ``.pdf`` into ``out``, and ``arm_pick.gif`` where MuJoCo can render."""
+    """Draw ``arm_*.png`` and ``.pdf`` into ``out``, and ``arm_pick.gif`` where MuJoCo can
+    render.
+    """
     paths: list[Path] = []
     with house_style():
         for name, figure in _figures(result).items():
             paths += save(figure, out, name)
         try:
-            paths += _films(run, result["pick"]["runs"][FILMED][0]["q"], out) if "pick" in result else []
+            paths += (
+                _films(run, result["pick"]["runs"][FILMED][0]["q"], out) if "pick" in result else []
+            )
         except NoRenderer as error:
             print(f"jaxidl: no pictures of the arm: {error}", file=sys.stderr)
     return paths
@@ -43,12 +47,18 @@ def _figures(result: dict[str, Any]) -> dict[str, Figure]:
         figures["arm_feedback"] = arm.feedback_by_execution(data)
         figures["arm_feedback_time"] = arm.feedback_over_time(headline)
         figures["arm_model_error"] = arm.model_error(headline)
-    draw = {"pick": arm_tasks.pick_and_place, "limits": arm_tasks.with_and_without_load, "gap": arm_tasks.gap_on_the_arm}
+    draw = {
+        "pick": arm_tasks.pick_and_place,
+        "limits": arm_tasks.with_and_without_load,
+        "gap": arm_tasks.gap_on_the_arm,
+    }
     return figures | {f"arm_{name}": draw[name](result[name]) for name in draw if name in result}
 
 
 def _films(run: ArmRun, q: np.ndarray, out: Path) -> list[Path]:
-    """The first execution above the second one, of ``q`` (K, T, 7), as a strip and as a film side by side."""
+    """The first execution above the second one, of ``q`` (K, T, 7), as a strip and as a film side
+    by side.
+    """
     study = run.task.study(1.0)
     carried = np.asarray(study.carried_mass())[::EVERY, 0] > 0.0
     step = EVERY * study.dt
@@ -58,9 +68,19 @@ def _films(run: ArmRun, q: np.ndarray, out: Path) -> list[Path]:
     paths = save(arm_tasks.strip(films, (at * step).tolist(), titles), out, "arm_pick_strip")
     each = 4  # stored instants a picture
     sides = [film(poses[::each], carried[::each], PICK, PLACE, (280, 280)) for poses in q[:2]]
-    pictures = [Image.fromarray(np.concatenate(pair, axis=1)).quantize(64) for pair in zip(*sides, strict=True)]
+    pictures = [
+        Image.fromarray(np.concatenate(pair, axis=1)).quantize(64)
+        for pair in zip(*sides, strict=True)
+    ]
     buffer = io.BytesIO()
     first, *rest = pictures
-    first.save(buffer, "GIF", save_all=True, append_images=rest, duration=round(1e3 * each * step / SPEED), loop=0)
+    first.save(
+        buffer,
+        "GIF",
+        save_all=True,
+        append_images=rest,
+        duration=round(1e3 * each * step / SPEED),
+        loop=0,
+    )
     write_bytes(out / "arm_pick.gif", buffer.getvalue())
     return [*paths, out / "arm_pick.gif"]

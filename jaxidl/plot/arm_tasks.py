@@ -1,4 +1,6 @@
-"""Figures of the arm's tasks: pick and place, with and without a load, and what the gap workflow finds."""
+"""Figures of the arm's tasks: pick and place, with and without a load, and what the gap workflow
+finds.
+"""
 
 from typing import Any
 
@@ -17,14 +19,25 @@ BEFORE, AFTER = "#D55E00", "#009E73"
 
 
 def pick_and_place(result: dict[str, Any]) -> Figure:
-    """How compliant the arm can be and still lift, and what learning makes of that; medians over seeds and their range."""
+    """How compliant the arm can be and still lift, and what learning makes of that; medians over
+    seeds and their range.
+    """
     figure = Figure(figsize=(8.6, 2.6), layout="constrained")
     lift, path, feedback = figure.subplots(1, 3)
-    lift.semilogx(result["rates"], 100 * np.asarray(result["lifted"]), "o-", color="#0072B2", base=2)
+    lift.semilogx(
+        result["rates"], 100 * np.asarray(result["lifted"]), "o-", color="#0072B2", base=2
+    )
     lift.axhline(100 * LIFTED, color="0.4", linestyle=":", linewidth=0.9)
     lift.axvline(result["rate"], color=BEFORE, linestyle="--", linewidth=0.9)
     words = f"lowest that lifts: {result['rate']:.3g}"
-    lift.annotate(words, (result["rate"], 0.05), (4, 0), ("data", "axes fraction"), "offset points", color=BEFORE)
+    lift.annotate(
+        words,
+        (result["rate"], 0.05),
+        (4, 0),
+        ("data", "axes fraction"),
+        "offset points",
+        color=BEFORE,
+    )
     lift.set_xlabel("learning rate of DOOMED [1/s]")
     lift.set_ylabel("way up, without learning [%]")
     for panel, name, scale, label in (
@@ -37,7 +50,14 @@ def pick_and_place(result: dict[str, Any]) -> Figure:
             middle, style = np.median(values, 0), SOURCE_STYLE[source]
             executions = range(1, len(middle) + 1)
             panel.plot(executions, middle, label=f"{source} data", **style)
-            panel.fill_between(executions, values.min(0), values.max(0), color=style["color"], alpha=0.15, linewidth=0)
+            panel.fill_between(
+                executions,
+                values.min(0),
+                values.max(0),
+                color=style["color"],
+                alpha=0.15,
+                linewidth=0,
+            )
             most = max(most, float(values.max()))
         panel.set_ylim(0.0, 1.08 * most)
         panel.set_xlabel("execution")
@@ -66,16 +86,36 @@ def strip(films: list[np.ndarray], seconds: list[float], titles: list[str]) -> F
 
 
 def with_and_without_load(result: dict[str, Any]) -> Figure:
-    """Feedback of each execution on the lap with the load and on the one without, for a network that is told the load and for one
-    that is not; medians over seeds and their range."""
+    """Feedback of each execution on the lap with the load and on the one without, for a network
+    that is told the load and for one that is not; medians over seeds and their range.
+    """
     figure = Figure(figsize=(6.4, 2.7), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
-    for panel, name, title in zip(axes, ("untold", "told"), ("inputs as in the paper", "load as one more input"), strict=True):
+    for panel, name, title in zip(
+        axes, ("untold", "told"), ("inputs as in the paper", "load as one more input"), strict=True
+    ):
         laps = np.asarray(result[name])
-        for lap, label, color, line in ((0, "with the load", BEFORE, "-"), (1, "without", AFTER, "--")):
+        for lap, label, color, line in (
+            (0, "with the load", BEFORE, "-"),
+            (1, "without", AFTER, "--"),
+        ):
             executions = range(1, laps.shape[1] + 1)
-            panel.plot(executions, np.median(laps[:, :, lap], 0), "o", color=color, linestyle=line, label=label)
-            panel.fill_between(executions, laps[:, :, lap].min(0), laps[:, :, lap].max(0), color=color, alpha=0.15, linewidth=0)
+            panel.plot(
+                executions,
+                np.median(laps[:, :, lap], 0),
+                "o",
+                color=color,
+                linestyle=line,
+                label=label,
+            )
+            panel.fill_between(
+                executions,
+                laps[:, :, lap].min(0),
+                laps[:, :, lap].max(0),
+                color=color,
+                alpha=0.15,
+                linewidth=0,
+            )
         panel.set_yscale("log")
         panel.set_title(title)
         panel.set_xlabel("execution")
@@ -86,14 +126,30 @@ def with_and_without_load(result: dict[str, Any]) -> Figure:
 
 
 COLORS = dict(
-    zip(STATES, ("#f2f2f2", "#9fd8c0", "#b9d7e8", "#f5dc8c", "#d9d9e3", "#dcecc4", "#f0a58a", "#e6d5e8", "#c9a3cc"), strict=True)
+    zip(
+        STATES,
+        (
+            "#f2f2f2",
+            "#9fd8c0",
+            "#b9d7e8",
+            "#f5dc8c",
+            "#d9d9e3",
+            "#dcecc4",
+            "#f0a58a",
+            "#e6d5e8",
+            "#c9a3cc",
+        ),
+        strict=True,
+    )
 )
 
 
 def _unit(effect: str) -> str:
     """Of the number that stands for the effect, on a hinge."""
     parameters = CATALOGUE[effect].parameters
-    unit = unit_of(parameters["mass" if "mass" in parameters else next(iter(parameters))].unit, "hinge")
+    unit = unit_of(
+        parameters["mass" if "mass" in parameters else next(iter(parameters))].unit, "hinge"
+    )
     return {"1": "-", "kg m^2": "kg"}.get(unit, unit)
 
 
@@ -107,13 +163,27 @@ def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
     for one in judged:
         i, k = rows.index(one.effect), joints if one.joint is None else one.joint
         state[i, k] = list(STATES).index(one.state)
-        words = ["" if one.hidden is None else f"{one.hidden:g}", "" if one.found is None else f"→ {one.found:.3g}"]
+        words = [
+            "" if one.hidden is None else f"{one.hidden:g}",
+            "" if one.found is None else f"→ {one.found:.3g}",
+        ]
         axes.text(k, i, "\n".join(filter(None, words)), ha="center", va="center", fontsize=7)
-    axes.imshow(state, cmap=ListedColormap(list(COLORS.values())), vmin=0, vmax=len(COLORS) - 1, aspect="auto")
-    axes.set_yticks(range(len(rows)), [f"{name.replace('_', ' ')} [{_unit(name)}]" for name in rows])
+    axes.imshow(
+        state,
+        cmap=ListedColormap(list(COLORS.values())),
+        vmin=0,
+        vmax=len(COLORS) - 1,
+        aspect="auto",
+    )
+    axes.set_yticks(
+        range(len(rows)), [f"{name.replace('_', ' ')} [{_unit(name)}]" for name in rows]
+    )
     axes.set_xticks(range(joints + 1), [*(f"joint {j + 1}" for j in range(joints)), "whole arm"])
     axes.grid(False)
     axes.tick_params(length=0)
-    patches = [axes.scatter([], [], marker="s", s=60, color=COLORS[name], label=STATES[name]) for name in STATES]
+    patches = [
+        axes.scatter([], [], marker="s", s=60, color=COLORS[name], label=STATES[name])
+        for name in STATES
+    ]
     figure.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False)
     return figure

@@ -26,16 +26,23 @@ def finite(data: xr.Dataset, variable: str) -> xr.DataArray:
 
 
 def caption(data: xr.Dataset) -> str:
-    """What the results cover, for the foot of every figure: the whole study, its quick form, or some part or variation."""
+    """What the results cover, for the foot of every figure: the whole study, its quick form, or
+    some part or variation.
+    """
     seeds = data.sizes["seed"]
-    text = f"{seeds} seed{'s' * (seeds != 1)}, noise {', '.join(f'{v * 1e3:g}' for v in data.noise.values)} mm"
+    text = (
+        f"{seeds} seed{'s' * (seeds != 1)}, noise"
+        f" {', '.join(f'{v * 1e3:g}' for v in data.noise.values)} mm"
+    )
     diverged = int((~data["finite"]).sum())
     left = f"; {diverged} diverged iterations left out" if diverged else ""
     return f"{_coverage(data)}: {text}{left}"
 
 
 def _coverage(data: xr.Dataset) -> str:
-    axes = {name: set(data[dim].values.tolist()) for name, dim in zip(Grid().axes(), AXES, strict=True)}
+    axes = {
+        name: set(data[dim].values.tolist()) for name, dim in zip(Grid().axes(), AXES, strict=True)
+    }
 
     def is_grid(grid: Grid, but: str = "") -> bool:
         same = all(axes[name] == set(values) for name, values in grid.axes().items() if name != but)
@@ -51,8 +58,14 @@ def _coverage(data: xr.Dataset) -> str:
 
 
 def illustration(data: xr.Dataset) -> Figure:
-    """The paper's Fig. 1: low gain, lowest and highest noise, position error over iterations for the three sources."""
-    setting = {"friction": data.friction.values[0], "stiction": data.stiction.values[0], "epochs": data.epochs.values[0]}
+    """The paper's Fig. 1: low gain, lowest and highest noise, position error over iterations for
+    the three sources.
+    """
+    setting = {
+        "friction": data.friction.values[0],
+        "stiction": data.stiction.values[0],
+        "epochs": data.epochs.values[0],
+    }
     runs = finite(data, "q_error").sel(gain=_low_gain(data), **setting)
     noises = [data.noise.values.min(), data.noise.values.max()]
     columns = [(who, noise) for who in data.controller.values for noise in dict.fromkeys(noises)]
@@ -66,27 +79,40 @@ def illustration(data: xr.Dataset) -> Figure:
     panels.shared_legend(figure, grid[0])
     band = "median and range of seeds" if data.sizes["seed"] > 1 else "one seed"
     about = (
-        f"{_low_gain(data)} gain, friction {setting['friction']:g}, stiction {setting['stiction']:g}, "
-        f"{setting['epochs']} epochs; {band}"
+        f"{_low_gain(data)} gain, friction {setting['friction']:g}, stiction"
+        f" {setting['stiction']:g}, {setting['epochs']} epochs; {band}"
     )
     return _foot(figure, f"{about}; {caption(data)}")
 
 
 def averages(data: xr.Dataset) -> Figure:
-    """The paper's Fig. 2: mean and mean + one standard deviation over all settings, error above, feedback below."""
-    return _overview(data, panels.mean_and_spread, "thick: mean over all settings and seeds, thin: mean + one standard deviation")
+    """The paper's Fig. 2: mean and mean + one standard deviation over all settings, error above,
+    feedback below.
+    """
+    return _overview(
+        data,
+        panels.mean_and_spread,
+        "thick: mean over all settings and seeds, thin: mean + one standard deviation",
+    )
 
 
 def typical(data: xr.Dataset) -> Figure:
     """Fig. 2 for the typical run: a single one that runs away decides a mean, but not a median."""
-    return _overview(data, panels.median_and_range, "median over all settings and seeds, band: 10th to 90th percentile")
+    return _overview(
+        data,
+        panels.median_and_range,
+        "median over all settings and seeds, band: 10th to 90th percentile",
+    )
 
 
 def _overview(data: xr.Dataset, draw: Callable[[Axes, xr.DataArray], None], about: str) -> Figure:
     columns = [(who, gain) for who in data.controller.values for gain in data.gain.values]
     figure = Figure(figsize=(2.4 * len(columns) + 0.4, 4.6), layout="constrained")
     grid = figure.subplots(2, len(columns), sharex=True, sharey="row", squeeze=False)
-    rows = (("q_error", "mean position error [m]"), ("feedback_applied", "mean applied feedback [N]"))
+    rows = (
+        ("q_error", "mean position error [m]"),
+        ("feedback_applied", "mean applied feedback [N]"),
+    )
     for row, (variable, label) in zip(grid, rows, strict=True):
         for axes, (who, gain) in zip(row, columns, strict=True):
             draw(axes, finite(data, variable).sel(controller=who, gain=gain))
@@ -102,7 +128,11 @@ def _overview(data: xr.Dataset, draw: Callable[[Axes, xr.DataArray], None], abou
 def single_run(data: xr.Dataset) -> Figure:
     """One learning run: positions and what the torque is made of, first against last execution."""
     if "example_q" not in data:
-        raise StoreError("results with an example run", "none in this file", "run `jaxidl sweep` again with this version")
+        raise StoreError(
+            "results with an example run",
+            "none in this file",
+            "run `jaxidl sweep` again with this version",
+        )
     about = {name: data.attrs[f"example_{name}"] for name in AXES}
     figure = Figure(figsize=(7.2, 6.2), layout="constrained")
     grid = figure.subplots(3, data.sizes["execution"], sharex=True, sharey="row", squeeze=False)
@@ -119,16 +149,18 @@ def single_run(data: xr.Dataset) -> Figure:
     grid[0, 0].legend(frameon=False)
     panels.shared_legend(figure, grid[1, 0])
     text = (
-        f"{CONTROLLER_NAME[about['controller']]}, {about['gain']} gain, {about['source']} data, "
-        f"noise {about['noise'] * 1e3:g} mm, friction {about['friction']:g}, stiction {about['stiction']:g}, "
-        f"{about['epochs']} epochs, seed {about['seed']}; "
-        f"torques averaged over 10 ms; {caption(data)}"
+        f"{CONTROLLER_NAME[about['controller']]}, {about['gain']} gain, {about['source']} data,"
+        f" noise {about['noise'] * 1e3:g} mm, friction {about['friction']:g}, stiction"
+        f" {about['stiction']:g}, {about['epochs']} epochs, seed {about['seed']}; torques averaged"
+        f" over 10 ms; {caption(data)}"
     )
     return _foot(figure, text)
 
 
 def conditions(data: xr.Dataset) -> Figure:
-    """Final position error of every condition, mean over seeds and the last executions; a dot marks the best source."""
+    """Final position error of every condition, mean over seeds and the last executions; a dot marks
+    the best source.
+    """
     final = finite(data, "q_error").isel(iteration=slice(-LAST, None)).mean(["iteration", "seed"])
     rows = ("controller", "gain", "source")
     columns = ("noise", "friction", "stiction", "epochs")
@@ -136,7 +168,9 @@ def conditions(data: xr.Dataset) -> Figure:
     row_names = [f"{CONTROLLER_NAME[c]} {g}, {s}" for c, g, s in table.row.values]
     column_names = [f"{n * 1e3:g} mm, f {f:g}, s {s:g}, {e}" for n, f, s, e in table.column.values]
     values = table.transpose("row", "column").values
-    figure = Figure(figsize=(3.2 + 0.2 * values.shape[1], 1.9 + 0.22 * values.shape[0]), layout="constrained")
+    figure = Figure(
+        figsize=(3.2 + 0.2 * values.shape[1], 1.9 + 0.22 * values.shape[0]), layout="constrained"
+    )
     axes = figure.subplots()
     known = values[np.isfinite(values)]
     limits = (known.min(), max(known.max(), known.min() * 1.01)) if known.size else (0.1, 1.0)
@@ -146,15 +180,31 @@ def conditions(data: xr.Dataset) -> Figure:
         axes.axhline(block - 0.5, color="white", linewidth=1.5)
         if sources > 1:
             best = np.argmin(
-                np.where(np.isfinite(values[block : block + sources]), values[block : block + sources], np.inf), axis=0
+                np.where(
+                    np.isfinite(values[block : block + sources]),
+                    values[block : block + sources],
+                    np.inf,
+                ),
+                axis=0,
             )
-            axes.plot(np.arange(values.shape[1]), block + best, "o", color="white", markeredgecolor="black", markersize=3.5)
+            axes.plot(
+                np.arange(values.shape[1]),
+                block + best,
+                "o",
+                color="white",
+                markeredgecolor="black",
+                markersize=3.5,
+            )
     per_noise = values.shape[1] // data.sizes["noise"]
     for edge in range(per_noise, values.shape[1], per_noise):
         axes.axvline(edge - 0.5, color="white", linewidth=1.5)
     axes.set_xlabel("noise, friction, stiction, epochs")
     figure.colorbar(image, ax=axes, label="final mean position error [m]", pad=0.01)
-    return _foot(figure, f"mean over seeds and the last {LAST} executions, dot: best source of the three; {caption(data)}")
+    return _foot(
+        figure,
+        f"mean over seeds and the last {LAST} executions, dot: best source of the three;"
+        f" {caption(data)}",
+    )
 
 
 FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
@@ -169,8 +219,11 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 def draw_all(data: xr.Dataset, folder: Path) -> list[Path]:
     """Draw every figure into ``folder`` as PNG and PDF; returns the paths."""
     with house_style(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # where every run diverged there is nothing to average: a gap
-        return [path for name, draw in FIGURES.items() for path in save(draw(data), Path(folder), name)]
+        # where every run diverged there is nothing to average: a gap
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return [
+            path for name, draw in FIGURES.items() for path in save(draw(data), Path(folder), name)
+        ]
 
 
 def _low_gain(data: xr.Dataset) -> str:

@@ -12,29 +12,44 @@ from jaxidl.plot.style import SOURCE_STYLE
 
 
 def seed_curves(axes: Axes, runs: xr.DataArray) -> None:
-    """Median over seeds for each source, and the range of all seeds as a band; ``runs`` has (seed, source, iteration)."""
+    """Median over seeds for each source, and the range of all seeds as a band; ``runs`` has (seed,
+    source, iteration).
+    """
     for source in runs.source.values:
         curves, style = runs.sel(source=source), SOURCE_STYLE[str(source)]
         axes.plot(runs.iteration, curves.median("seed"), label=str(source), markevery=2, **style)
         if runs.sizes["seed"] > 1:
             low, high = curves.min("seed"), curves.max("seed")
-            axes.fill_between(runs.iteration, low, high, color=style["color"], alpha=0.15, linewidth=0)
+            axes.fill_between(
+                runs.iteration, low, high, color=style["color"], alpha=0.15, linewidth=0
+            )
     _iterations(axes, runs)
 
 
 def mean_and_spread(axes: Axes, runs: xr.DataArray) -> None:
-    """For each source the mean over all other dims, and the mean plus one standard deviation as a thin line."""
+    """For each source the mean over all other dims, and the mean plus one standard deviation as a
+    thin line.
+    """
     over = [dim for dim in runs.dims if dim not in ("source", "iteration")]
     for source in runs.source.values:
         curves, style = runs.sel(source=source), SOURCE_STYLE[str(source)]
         mean, spread = curves.mean(over), curves.std(over)
         axes.plot(runs.iteration, mean, label=str(source), markevery=2, **style)
-        axes.plot(runs.iteration, mean + spread, color=style["color"], linestyle=style["linestyle"], linewidth=0.7, alpha=0.8)
+        axes.plot(
+            runs.iteration,
+            mean + spread,
+            color=style["color"],
+            linestyle=style["linestyle"],
+            linewidth=0.7,
+            alpha=0.8,
+        )
     _iterations(axes, runs)
 
 
 def median_and_range(axes: Axes, runs: xr.DataArray) -> None:
-    """For each source the median over all other dims, and the range from the 10th to the 90th percentile as a band."""
+    """For each source the median over all other dims, and the range from the 10th to the 90th
+    percentile as a band.
+    """
     over = [dim for dim in runs.dims if dim not in ("source", "iteration")]
     for source in runs.source.values:
         low, middle, high = runs.sel(source=source).quantile([0.1, 0.5, 0.9], over).values
@@ -55,8 +70,16 @@ def positions(axes: Axes, data: xr.Dataset, execution: int) -> None:
     for joint, color in zip(data.joint.values, ("#0072B2", "#D55E00"), strict=False):
         q = data["example_q"].isel(execution=execution).sel(joint=joint)
         axes.plot(data.time, q, color=color, label=f"joint {joint}")
-    reference = data["example_reference"].isel(joint=0)  # the same for both: same start, same target
-    axes.plot(data.time, reference, color="black", linewidth=0.9, linestyle=":", label="frictionless reference")
+    # the same for both: same start, same target
+    reference = data["example_reference"].isel(joint=0)
+    axes.plot(
+        data.time,
+        reference,
+        color="black",
+        linewidth=0.9,
+        linestyle=":",
+        label="frictionless reference",
+    )
 
 
 TORQUES = {
@@ -67,18 +90,26 @@ TORQUES = {
 }
 
 
-def torque_split(axes: Axes, data: xr.Dataset, execution: int, joint: int, window: int = 10) -> None:
-    """What one joint's torque is made of, averaged over ``window`` steps so that the noise does not hide it."""
+def torque_split(
+    axes: Axes, data: xr.Dataset, execution: int, joint: int, window: int = 10
+) -> None:
+    """What one joint's torque is made of, averaged over ``window`` steps so that the noise does not
+    hide it.
+    """
     for name, (label, color, line) in TORQUES.items():
         values = data[f"example_{name}"].isel(execution=execution).sel(joint=joint)
         smooth = values.rolling(time=window, center=True, min_periods=1).mean()
         axes.plot(data.time, smooth, color=color, linestyle=line, linewidth=1.1, label=label)
 
 
-def heat(axes: Axes, table: np.ndarray, rows: list[str], columns: list[str], limits: tuple[float, float]) -> AxesImage:
+def heat(
+    axes: Axes, table: np.ndarray, rows: list[str], columns: list[str], limits: tuple[float, float]
+) -> AxesImage:
     """A (rows, columns) table on a logarithmic colour scale; cells without a number stay grey."""
     axes.set_facecolor("0.8")
-    image = axes.imshow(table, norm=LogNorm(*limits), cmap="viridis", aspect="auto", interpolation="nearest")
+    image = axes.imshow(
+        table, norm=LogNorm(*limits), cmap="viridis", aspect="auto", interpolation="nearest"
+    )
     axes.set_yticks(range(len(rows)), rows)
     axes.set_xticks(range(len(columns)), columns, rotation=90)
     axes.grid(False)

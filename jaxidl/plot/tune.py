@@ -1,4 +1,6 @@
-"""The figure of ``jaxidl tune``: both searches against their cost, and what they found on fresh seeds."""
+"""The figure of ``jaxidl tune``: both searches against their cost, and what they found on fresh
+seeds.
+"""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -14,12 +16,16 @@ UNITS = {"point_mass": ("m", "N"), "arm": ("rad", "Nm")}
 
 
 def figure(result: dict[str, Any]) -> Figure:
-    """Left: best error so far over learning runs. Right: error against effort of the fresh runs, with their means."""
+    """Left: best error so far over learning runs. Right: error against effort of the fresh runs,
+    with their means.
+    """
     length, torque = UNITS[result["problem"]["plant"]]
     drawn = Figure(figsize=(7.6, 3.3), layout="constrained")
     left, right = drawn.subplots(1, 2)
     for way, course in result["course"].items():
-        left.plot(course["runs"], course["error"], color=STYLE[way][0], drawstyle="steps-post", label=way)
+        left.plot(
+            course["runs"], course["error"], color=STYLE[way][0], drawstyle="steps-post", label=way
+        )
     left.set_xscale("log")
     _scale(left, "y", [x for course in result["course"].values() for x in course["error"] if x])
     left.set_xlabel("cost [learning runs]")
@@ -33,8 +39,14 @@ def figure(result: dict[str, Any]) -> Figure:
     right.legend(frameon=False)
     search, problem = result["search"], result["problem"]
     plant = f"{problem['plant'].replace('_', ' ')}, {problem['controller'].upper()}"
-    about = f"{plant}: {len(result['numbers']['gradient'])} numbers; {problem['executions']} executions; "
-    about += f"{search['seeds']} seeds to search, {search['test_seeds']} fresh ones; large: geometric mean"
+    about = (
+        f"{plant}: {len(result['numbers']['gradient'])} numbers; {problem['executions']}"
+        " executions; "
+    )
+    about += (
+        f"{search['seeds']} seeds to search, {search['test_seeds']} fresh ones; large: geometric"
+        " mean"
+    )
     drawn.supxlabel(about, fontsize=7.5, color="0.35")
     return drawn
 
@@ -49,11 +61,22 @@ def _fresh(axes: Axes, result: dict[str, Any]) -> None:
         axes.plot(*mean, marker, color=color, markersize=8, markeredgecolor="white", label=way)
     axes.axvline(result["bound"], color="0.4", linestyle=":", linewidth=1.0, label="bound")
     for which in ("x", "y"):
-        _scale(axes, which, [x for runs in result["fresh"].values() for x in runs["effort" if which == "x" else "error"] if x])
+        _scale(
+            axes,
+            which,
+            [
+                x
+                for runs in result["fresh"].values()
+                for x in runs["effort" if which == "x" else "error"]
+                if x
+            ],
+        )
 
 
 def _scale(axes: Axes, which: Literal["x", "y"], values: list[float]) -> None:
-    """Logarithmic where values differ by more than a factor of three: below that its labels are many and long."""
+    """Logarithmic where values differ by more than a factor of three: below that its labels are
+    many and long.
+    """
     known = np.array(values)[np.isfinite(values)]
     if known.size and known.max() > 3.0 * known.min():
         axes.set(**{f"{which}scale": "log"})

@@ -1,1 +1,3 @@
-"""A plant driven by the commands of a measured log: rollouts from measured states, and parameters fitted to them."""
+"""A plant driven by the commands of a measured log: rollouts from measured states, and parameters
+fitted to them.
+"""

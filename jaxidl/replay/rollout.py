@@ -1,4 +1,6 @@
-"""The gap in motion: from measured states, replay the measured torque and see how far the simulation runs away."""
+"""The gap in motion: from measured states, replay the measured torque and see how far the
+simulation runs away.
+"""
 
 from typing import Any, NamedTuple
 
@@ -12,23 +14,30 @@ from jaxidl.types import State
 
 HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
 WINDOWS = 64
-SETTLE = 0.1  # hidden states are led along the measured motion for as long before a window begins [s]
+# hidden states are led along the measured motion for as long before a window begins [s]
+SETTLE = 0.1
 
 
 class Windows(NamedTuple):
-    """W windows of a log, of L instants each: those before the window begins, its beginning, and its S steps."""
+    """W windows of a log, of L instants each: those before the window begins, its beginning, and
+    its S steps.
+    """
 
     q: Float[Array | np.ndarray, "*W L J"]  # measured (smoothed) [m or rad]
     qd: Float[Array | np.ndarray, "*W L J"]
     tau: Float[Array | np.ndarray, "*W L J"]  # as logged [N or Nm]
 
 
-def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[str, Float[np.ndarray, " J"]]:
-    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin where ``aside`` (T,) is true.
+def rollout_errors(
+    plant: Plant, signals: Signals, aside: np.ndarray
+) -> dict[str, Float[np.ndarray, " J"]]:
+    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin
+    where ``aside`` (T,) is true.
 
-    What the plant's effects do to the encoders must be undone in the ``signals`` (:meth:`jaxidl.logs.signals.Signals.behind`).
-    A window starts from the measured (smoothed) state; hidden states are first driven by the measured motion. A window in which
-    the simulation is not finite counts as an error of the joint's whole range.
+    What the plant's effects do to the encoders must be undone in the ``signals``
+    (:meth:`jaxidl.logs.signals.Signals.behind`). A window starts from the measured (smoothed)
+    state; hidden states are first driven by the measured motion. A window in which the simulation
+    is not finite counts as an error of the joint's whole range.
     """
     lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
     starts = window_starts(signals, aside, lead, length)
@@ -41,13 +50,16 @@ def rollout_errors(plant: Plant, signals: Signals, aside: np.ndarray) -> dict[st
     out = {}
     for horizon in HORIZONS:
         step = round(horizon / signals.dt)
-        error = np.nan_to_num(positions[:, step - 1] - truth[:, step], nan=np.inf, posinf=np.inf, neginf=np.inf)
+        error = np.nan_to_num(
+            positions[:, step - 1] - truth[:, step], nan=np.inf, posinf=np.inf, neginf=np.inf
+        )
         out[str(horizon)] = np.sqrt(np.mean(np.minimum(np.abs(error), span) ** 2, axis=0))
     return out
 
 
 def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -> np.ndarray:
-    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from where ``aside`` (T,) is true.
+    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from
+    where ``aside`` (T,) is true.
 
     None reaches to where late encoders have not told the true position before the run ends.
     """
@@ -62,8 +74,15 @@ def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -
 
 
 def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> Windows:
-    """The windows (W, ...) of ``length`` steps that begin at ``starts`` (W,), with the ``lead`` instants before each."""
-    return Windows(*(np.stack([x[s - lead : s + length + 1] for s in starts]) for x in (signals.q, signals.qd, signals.tau)))
+    """The windows (W, ...) of ``length`` steps that begin at ``starts`` (W,), with the ``lead``
+    instants before each.
+    """
+    return Windows(
+        *(
+            np.stack([x[s - lead : s + length + 1] for s in starts])
+            for x in (signals.q, signals.qd, signals.tau)
+        )
+    )
 
 
 @jax.jit(static_argnames=("lead", "dt"))
@@ -73,9 +92,11 @@ def _simulate(plant: Any, windows: Windows, lead: int, dt: float) -> Any:
 
 
 def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, "S J"]:
-    """Positions (S, J) [m or rad] after each step of one window's rollout: the plant under the measured torque.
+    """Positions (S, J) [m or rad] after each step of one window's rollout: the plant under the
+    measured torque.
 
-    It starts from the measured state; hidden states are led along the measured motion of the ``lead`` instants before.
+    It starts from the measured state; hidden states are led along the measured motion of the
+    ``lead`` instants before.
     """
     q, qd, tau = window
 

@@ -1,9 +1,11 @@
-"""Simulated against measured positions over windows of a log, as a function of the plant's parameters, with its derivative.
+"""Simulated against measured positions over windows of a log, as a function of the plant's
+parameters, with its derivative.
 
-The derivative is that of the simulation as it ran. Where an effect is discontinuous it is that of the branch taken: a sliding
-joint feels the level of its dry friction, a stuck one does not, and that a little less would have let it go is not seen; a border
-that is crossed (the position below which a joint sticks) has derivative zero. What encoders do is no part of a rollout; a reading
-in whole counts would have derivative zero as well.
+The derivative is that of the simulation as it ran. Where an effect is discontinuous it is that of
+the branch taken: a sliding joint feels the level of its dry friction, a stuck one does not, and
+that a little less would have let it go is not seen; a border that is crossed (the position below
+which a joint sticks) has derivative zero. What encoders do is no part of a rollout; a reading in
+whole counts would have derivative zero as well.
 """
 
 from collections.abc import Sequence
@@ -26,23 +28,33 @@ EVALUATIONS = 40  # of the simulation and its derivative, at most
 
 @partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
 def window_errors(
-    theta: Any, plant: Any, windows: Windows, span: Any, names: Names, lead: int, every: int, dt: float
+    theta: Any,
+    plant: Any,
+    windows: Windows,
+    span: Any,
+    names: Names,
+    lead: int,
+    every: int,
+    dt: float,
 ) -> tuple[Float[Array, "W K J"], Bool[Array, " W"]]:
-    """Simulated minus measured positions (W, K, J) [m or rad] at K moments, and which windows (W,) were lost.
+    """Simulated minus measured positions (W, K, J) [m or rad] at K moments, and which windows (W,)
+    were lost.
 
     Args:
         theta: (P,) parameters in the order of ``names``.
         plant: whose parameters they are.
         windows: (W, L, J), see :class:`jaxidl.replay.rollout.Windows`.
-        span: (J,) a window that is further off or not finite is lost: its error is the span throughout, its derivative zero
-            [m or rad].
+        span: (J,) a window that is further off or not finite is lost: its error is the span
+            throughout, its derivative zero [m or rad].
         names: the free parameters of each effect.
         lead: instants before a window begins.
         every: steps from one moment to the next.
         dt: sampling interval [s].
     """
     now = Free(plant, names).set(theta)
-    positions = jax.vmap(lambda window: replay(now, window, lead, dt))(windows)[:, every - 1 :: every]
+    positions = jax.vmap(lambda window: replay(now, window, lead, dt))(windows)[
+        :, every - 1 :: every
+    ]
     error = positions - jnp.asarray(windows.q)[:, lead + every :: every]
     far = jnp.broadcast_to(span, error.shape)
     lost = ~jnp.all(jnp.abs(error) <= far, axis=(1, 2))  # what is not a number is not within
@@ -51,9 +63,17 @@ def window_errors(
 
 @partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
 def window_slopes(
-    theta: Any, plant: Any, windows: Windows, span: Any, names: Names, lead: int, every: int, dt: float
+    theta: Any,
+    plant: Any,
+    windows: Windows,
+    span: Any,
+    names: Names,
+    lead: int,
+    every: int,
+    dt: float,
 ) -> Float[Array, "W K J P"]:
-    """Derivatives of :func:`window_errors` by the parameters, in forward mode: all side by side in one simulation.
+    """Derivatives of :func:`window_errors` by the parameters, in forward mode: all side by side in
+    one simulation.
 
     A window that was lost, or whose derivatives are not finite, has none.
     """
@@ -67,14 +87,16 @@ def window_slopes(
 
 
 class Problem:
-    """Least squares of the windows (W,) that begin at ``starts``, each joint relative to its error at the start or its noise.
+    """Least squares of the windows (W,) that begin at ``starts``, each joint relative to its error
+    at the start or its noise.
 
     Args:
         free: the plant's free parameters, with their start values.
         signals: the log.
         starts: (W,) first instants.
         length: steps of a window.
-        tied: (R, P) directions along which the parameters do not move: others have these parts, and no motion tells them apart.
+        tied: (R, P) directions along which the parameters do not move: others have these parts, and
+            no motion tells them apart.
     """
 
     def __init__(
@@ -88,7 +110,12 @@ class Problem:
         self.plant, self.signals, self.starts = free.plant, signals, starts
         self.lead, self.length = round(SETTLE / signals.dt), length
         self.span = jnp.asarray(np.ptp(signals.q, axis=0))
-        self.options: dict[str, Any] = {"names": free.labels, "lead": self.lead, "every": length // MOMENTS, "dt": signals.dt}
+        self.options: dict[str, Any] = {
+            "names": free.labels,
+            "lead": self.lead,
+            "every": length // MOMENTS,
+            "dt": signals.dt,
+        }
         self.windows = windows_at(signals, starts, self.lead, length)
         self.start = np.asarray(free.vector)
         error, lost = self.errors(self.start)
@@ -96,45 +123,63 @@ class Problem:
         rms = np.sqrt(np.mean(error[~lost | self.hopeless] ** 2, axis=(0, 1)))
         self.ties = np.array(tied, float).reshape(len(tied), len(self.start))
         self.weight = 1.0 / np.maximum(np.maximum(rms, signals.sigma), 1e-12)  # (J,) [1/m or 1/rad]
-        self.ties = self.ties * np.linalg.norm(self.slopes(self.start), axis=0).max(initial=0.0, where=self.ties.any(0))
+        self.ties = self.ties * np.linalg.norm(self.slopes(self.start), axis=0).max(
+            initial=0.0, where=self.ties.any(0)
+        )
 
-    def errors(self, theta: np.ndarray, windows: Windows | None = None) -> tuple[np.ndarray, np.ndarray]:
+    def errors(
+        self, theta: np.ndarray, windows: Windows | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """:func:`window_errors` of the windows, or of as many others."""
-        error, lost = window_errors(theta, self.plant, windows or self.windows, self.span, **self.options)
+        error, lost = window_errors(
+            theta, self.plant, windows or self.windows, self.span, **self.options
+        )
         return np.asarray(error), np.asarray(lost)
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
         """Weighted errors (W K J,) [1], before what keeps the tied directions."""
-        return np.concatenate([(self.errors(theta)[0] * self.weight).ravel(), self.ties @ (theta - self.start)])
+        return np.concatenate(
+            [(self.errors(theta)[0] * self.weight).ravel(), self.ties @ (theta - self.start)]
+        )
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:
         """Their derivatives (W K J + ties, P)."""
-        found = np.asarray(window_slopes(theta, self.plant, self.windows, self.span, **self.options))
+        found = np.asarray(
+            window_slopes(theta, self.plant, self.windows, self.span, **self.options)
+        )
         return np.concatenate([(found * self.weight[:, None]).reshape(-1, len(theta)), self.ties])
 
     def solve(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-        """The best parameters (P,) within the bounds (P,): a trust-region Levenberg-Marquardt method.
+        """The best parameters (P,) within the bounds (P,): a trust-region Levenberg-Marquardt
+        method.
 
         Each parameter is measured with what it does to the positions (``x_scale="jac"``).
         """
         limits = {"max_nfev": EVALUATIONS, "ftol": 1e-7, "xtol": 1e-12, "gtol": 1e-12}
         slopes: Any = self.slopes  # a function, whatever SciPy's stubs expect
-        found = least_squares(self.residual, self.start, slopes, (lower, upper), x_scale="jac", **limits)
+        found = least_squares(
+            self.residual, self.start, slopes, (lower, upper), x_scale="jac", **limits
+        )
         return np.clip(found.x, lower, upper)
 
     def score(self, theta: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Root mean square weighted error (V,) of V other windows, and which were lost; by the same program, filled up."""
+        """Root mean square weighted error (V,) of V other windows, and which were lost; by the same
+        program, filled up.
+        """
         errors, losts = [], []
         for first in range(0, len(starts), len(self.starts)):
             part = starts[first : first + len(self.starts)]
-            others = windows_at(self.signals, np.resize(part, len(self.starts)), self.lead, self.length)
+            others = windows_at(
+                self.signals, np.resize(part, len(self.starts)), self.lead, self.length
+            )
             error, lost = self.errors(theta, others)
             errors.append(np.sqrt(np.mean((error * self.weight)[: len(part)] ** 2, axis=(1, 2))))
             losts.append(lost[: len(part)])
         return np.concatenate(errors), np.concatenate(losts)
 
     def stderr(self, theta: np.ndarray) -> np.ndarray:
-        """Standard errors (P,): windows count as independent, the moments of one do not (Liang and Zeger, Biometrika 1986).
+        """Standard errors (P,): windows count as independent, the moments of one do not (Liang and
+        Zeger, Biometrika 1986).
 
         Zero for a parameter without influence.
         """
@@ -147,4 +192,7 @@ class Problem:
         data = len(slopes) - len(self.ties)
         each = (slopes[:data] * self.residual(theta)[:data, None]).reshape(count, -1, len(theta))
         push = each.sum(1)
-        return np.sqrt(np.sum((push @ inverse) ** 2, axis=0) * count / max(count - len(theta), 1)) / size
+        return (
+            np.sqrt(np.sum((push @ inverse) ** 2, axis=0) * count / max(count - len(theta), 1))
+            / size
+        )

@@ -1,4 +1,6 @@
-"""What a diagnosis looks like: terminal, page, JSON, figures. ``jaxidl.report.save(diagnosis, folder)`` writes all of it."""
+"""What a diagnosis looks like: terminal, page, JSON, figures. ``jaxidl.report.save(diagnosis,
+folder)`` writes all of it.
+"""
 
 from jaxidl.report.figures import (
     FIGURES,

@@ -1,4 +1,6 @@
-"""What all pictures of a diagnosis have in common: which joints, which colours, one clock, names that are safe to draw."""
+"""What all pictures of a diagnosis have in common: which joints, which colours, one clock, names
+that are safe to draw.
+"""
 
 import io
 import warnings
@@ -18,16 +20,25 @@ POINTS = 6000  # of a curve or cloud; more are thinned out
 
 
 def shown(d: Diagnosis) -> list[int]:
-    """At most ``JOINTS`` joints, in the model's order: those where something was found, then those with the largest gap."""
+    """At most ``JOINTS`` joints, in the model's order: those where something was found, then those
+    with the largest gap.
+    """
     found = {f.joint for f in d.findings}
-    order = sorted(range(len(d.model.names)), key=lambda j: (j not in found, -_known(d.gap.before.torque_relative[j])))
+    order = sorted(
+        range(len(d.model.names)),
+        key=lambda j: (j not in found, -_known(d.gap.before.torque_relative[j])),
+    )
     return sorted(order[:JOINTS])
 
 
 def which(d: Diagnosis, joints: list[int]) -> str:
     """What to add to a title if not all joints are shown."""
     total = len(d.model.names)
-    return "" if len(joints) == total else f"\n{len(joints)} of {total} joints: where something was found, or the gap is largest"
+    return (
+        ""
+        if len(joints) == total
+        else f"\n{len(joints)} of {total} joints: where something was found, or the gap is largest"
+    )
 
 
 def name_of(d: Diagnosis, joint: int | None, most: int = 22) -> str:
@@ -42,7 +53,9 @@ def length_unit(d: Diagnosis, joint: int) -> str:
 
 
 def clock(d: Diagnosis) -> tuple[np.ndarray, np.ndarray]:
-    """Time (N,) [s] that goes on where a log begins anew, and the first row of each stretch without a gap (S,)."""
+    """Time (N,) [s] that goes on where a log begins anew, and the first row of each stretch without
+    a gap (S,).
+    """
     time = np.array(d.traces.time, float)
     if len(time) < 2:
         return time, np.zeros(1, int)
@@ -53,8 +66,12 @@ def clock(d: Diagnosis) -> tuple[np.ndarray, np.ndarray]:
     return time, np.concatenate([[0], np.flatnonzero(back | (step > 3.0 * usual)) + 1])
 
 
-def broken(time: np.ndarray, values: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """A curve with a break before each of ``starts``, thinned out to the extremes of each piece of it if it is long."""
+def broken(
+    time: np.ndarray, values: np.ndarray, starts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """A curve with a break before each of ``starts``, thinned out to the extremes of each piece of
+    it if it is long.
+    """
     values = np.insert(np.array(values, float), starts[1:], np.nan)
     time = np.insert(time, starts[1:], time[starts[1:]])
     piece = -(-len(time) // POINTS) * 2
@@ -74,14 +91,18 @@ def counted(d: Diagnosis, residual: np.ndarray, joint: int) -> np.ndarray:
 
 
 def sides(d: Diagnosis) -> list[tuple[str, str, np.ndarray]]:
-    """Label, colour and residuals (N, J) before and after; only of the model as it is if nothing was found."""
+    """Label, colour and residuals (N, J) before and after; only of the model as it is if nothing
+    was found.
+    """
     if not d.findings:
         return [("residual", BEFORE, d.traces.before)]
     return [("residual before", BEFORE, d.traces.before), ("residual after", AFTER, d.traces.after)]
 
 
 def limits(axes: Axes, *values: np.ndarray, share: float = 0.997) -> None:
-    """Vertical limits that hold ``share`` of the values, and zero: a few outliers shall not flatten the rest."""
+    """Vertical limits that hold ``share`` of the values, and zero: a few outliers shall not flatten
+    the rest.
+    """
     sizes = np.abs(np.concatenate([np.ravel(v) for v in values]))
     sizes = sizes[np.isfinite(sizes)]
     top = float(np.quantile(sizes, share)) if len(sizes) else 0.0
@@ -93,7 +114,8 @@ def png(figure: Figure) -> bytes:
     buffer = io.BytesIO()
     FigureCanvasAgg(figure)
     with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # a joint's name in another script
+        # a joint's name in another script
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure.savefig(buffer, format="png", dpi=180, metadata={"Software": None})
     return buffer.getvalue()
 

@@ -1,6 +1,8 @@
-"""The figures of a diagnosis: functions from a :class:`jaxidl.gap.diagnosis.Diagnosis` to a ``Figure``.
+"""The figures of a diagnosis: functions from a :class:`jaxidl.gap.diagnosis.Diagnosis` to a
+``Figure``.
 
-They keep to Matplotlib's object-oriented interface: no window, no global state. :func:`jaxidl.report.common.png` renders them.
+They keep to Matplotlib's object-oriented interface: no window, no global state.
+:func:`jaxidl.report.common.png` renders them.
 """
 
 from collections.abc import Callable
@@ -30,5 +32,12 @@ def draw(d: Diagnosis) -> dict[str, bytes]:
 
 
 __all__ = [
-    "FIGURES", "draw", "plot_gap", "plot_improvement", "plot_parameters", "plot_residual", "plot_spectrum", "plot_where",
-]  # fmt: skip
+    "FIGURES",
+    "draw",
+    "plot_gap",
+    "plot_improvement",
+    "plot_parameters",
+    "plot_residual",
+    "plot_spectrum",
+    "plot_where",
+]

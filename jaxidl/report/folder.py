@@ -14,17 +14,25 @@ from jaxidl.report.figures import FIGURES, draw
 from jaxidl.report.page import page
 from jaxidl.systems.export import write_patched
 
-MODEL, EFFECTS, PAGE, REPORT, PICTURES = "model.xml", "effects.json", "report.html", "report.json", "figures"
+MODEL, EFFECTS, PAGE, REPORT, PICTURES = (
+    "model.xml",
+    "effects.json",
+    "report.html",
+    "report.json",
+    "figures",
+)
 
 
 def save(d: Diagnosis, folder: str | Path) -> Path:
-    """Write report.json, report.html, figures and the patched model into ``folder``, which is made; return the page's path.
+    """Write report.json, report.html, figures and the patched model into ``folder``, which is made;
+    return the page's path.
 
-    Everything is first written aside and then moved into place file by file, ``report.json`` last. An older report there is
-    replaced; other files stay as they are.
+    Everything is first written aside and then moved into place file by file, ``report.json`` last.
+    An older report there is replaced; other files stay as they are.
 
     Raises:
-        StoreError: if the folder cannot be written, or has a model or report that is not ours; nothing has changed then.
+        StoreError: if the folder cannot be written, or has a model or report that is not ours;
+            nothing has changed then.
         ModelError: if the model's file has gone or changed since it was read.
     """
     folder, made = Path(folder), list[Path]()
@@ -39,7 +47,9 @@ def save(d: Diagnosis, folder: str | Path) -> Path:
             _move(Path(aside), folder, names)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise StoreError(f"to write a report into {folder}", reason, "make room or choose another folder") from None
+        raise StoreError(
+            f"to write a report into {folder}", reason, "make room or choose another folder"
+        ) from None
     finally:
         for path in made:  # those that are still empty
             with contextlib.suppress(OSError):
@@ -48,7 +58,8 @@ def save(d: Diagnosis, folder: str | Path) -> Path:
 
 
 def check_folder(folder: Path, model: Path) -> None:
-    """Complain if a report on the model file ``model`` could not be written into ``folder``; for use before hours of work.
+    """Complain if a report on the model file ``model`` could not be written into ``folder``; for
+    use before hours of work.
 
     Raises:
         StoreError: if something is in the way.
@@ -57,15 +68,27 @@ def check_folder(folder: Path, model: Path) -> None:
         raise StoreError(f"a folder at {folder}", "a file", "choose another folder")
     for name in (MODEL, EFFECTS, PAGE, REPORT):
         if (folder / name).is_dir():
-            raise StoreError(f"to write {folder / name}", "a folder of that name", "move it, or choose another folder")
+            raise StoreError(
+                f"to write {folder / name}",
+                "a folder of that name",
+                "move it, or choose another folder",
+            )
     if (folder / PICTURES).exists() and not (folder / PICTURES).is_dir():
-        raise StoreError(f"a folder at {folder / PICTURES}", "a file", "move it, or choose another folder")
+        raise StoreError(
+            f"a folder at {folder / PICTURES}", "a file", "move it, or choose another folder"
+        )
     if (folder / MODEL).exists() and model.exists() and os.path.samefile(folder / MODEL, model):
-        raise StoreError("another folder than the model's own", f"{folder}", "choose another folder: its model.xml would be lost")
+        raise StoreError(
+            "another folder than the model's own",
+            f"{folder}",
+            "choose another folder: its model.xml would be lost",
+        )
     foreign = [name for name in (MODEL, EFFECTS, PAGE, REPORT) if (folder / name).exists()]
     if foreign and not _ours(folder / REPORT):
         got = f"{' and '.join(foreign)} of another origin in {folder}"
-        raise StoreError("an empty folder or one with a report of jaxidl gap", got, "choose another folder")
+        raise StoreError(
+            "an empty folder or one with a report of jaxidl gap", got, "choose another folder"
+        )
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         got = "no permission" if there.is_dir() else "a file"
@@ -90,14 +113,17 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
         (aside / name).write_bytes(content)
     _, effects = write_patched(d.model, [*d.common, *(f.effect for f in d.findings)], aside)
     record = json.loads(effects.read_text(encoding="utf-8"))["effects"]
-    (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))  # a path may be no text
+    # a path may be no text
+    (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))
     files = {"model": MODEL, "effects": EFFECTS, "report": PAGE, "figures": pictures}
     (aside / REPORT).write_text(d.to_json(files=files) + "\n", encoding="utf-8")
     return [*pictures, MODEL, EFFECTS, PAGE, REPORT]
 
 
 def _move(aside: Path, folder: Path, names: list[str]) -> None:
-    """Move the files; if that fails or is interrupted, take back those that were not there before."""
+    """Move the files; if that fails or is interrupted, take back those that were not there
+    before.
+    """
     for name in names:
         with (aside / name).open("rb") as file:
             os.fsync(file.fileno())

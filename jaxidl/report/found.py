@@ -18,16 +18,26 @@ CURVES = 8  # tables over position
 
 @house_style()
 def plot_improvement(d: Diagnosis) -> Figure | None:
-    """Share of the held-out error that comes back without each effect, sorted. None if nothing was found."""
+    """Share of the held-out error that comes back without each effect, sorted. None if nothing was
+    found.
+    """
     if not d.findings:
         return None
     order = sorted(d.findings, key=lambda f: -np.nan_to_num(f.gain))[:MOST]
     figure = Figure(figsize=(WIDTH, 0.9 + 0.24 * max(len(order), 3)), layout="constrained")
     axes = figure.subplots()
-    gains, errors = (100.0 * np.nan_to_num([getattr(f, name) for f in order]) for name in ("gain", "gain_stderr"))
+    gains, errors = (
+        100.0 * np.nan_to_num([getattr(f, name) for f in order]) for name in ("gain", "gain_stderr")
+    )
     shown = np.clip(gains, -10.0, 100.0)
     colors = [AFTER if f.sure else "white" for f in order]
-    axes.barh(range(len(order)), shown, color=colors, edgecolor=["none" if f.sure else "0.4" for f in order], height=0.7)
+    axes.barh(
+        range(len(order)),
+        shown,
+        color=colors,
+        edgecolor=["none" if f.sure else "0.4" for f in order],
+        height=0.7,
+    )
     axes.errorbar(
         shown,
         range(len(order)),
@@ -57,7 +67,9 @@ def plot_improvement(d: Diagnosis) -> Figure | None:
 
 def label_of(d: Diagnosis, f: Finding) -> str:
     """Return an effect and, if there are several joints, the one it is on."""
-    return readable(f.name) + (f", {name_of(d, f.joint)}" if f.joint is not None and len(d.model.names) > 1 else "")
+    return readable(f.name) + (
+        f", {name_of(d, f.joint)}" if f.joint is not None and len(d.model.names) > 1 else ""
+    )
 
 
 class _Scalar(NamedTuple):
@@ -69,7 +81,8 @@ class _Scalar(NamedTuple):
 
 @house_style()
 def plot_parameters(d: Diagnosis) -> Figure | None:
-    """Each parameter found, ± two standard errors beside zero, and tables as curves over position. None if nothing was found.
+    """Each parameter found, ± two standard errors beside zero, and tables as curves over position.
+    None if nothing was found.
 
     The same parameter of several joints shares a panel.
     """
@@ -82,28 +95,44 @@ def plot_parameters(d: Diagnosis) -> Figure | None:
     grid = figure.add_gridspec(len(heights), 2, height_ratios=heights)
     for k, (title, part) in enumerate(panels):
         alone = k == len(panels) - 1 and k % 2 == 0
-        _forest(figure.add_subplot(grid[k // 2, :] if alone else grid[k // 2, k % 2]), title, part, max(rows[k // 2], 1))
+        _forest(
+            figure.add_subplot(grid[k // 2, :] if alone else grid[k // 2, k % 2]),
+            title,
+            part,
+            max(rows[k // 2], 1),
+        )
     for k, (finding, name, estimate) in enumerate(curves):
         _curve(figure.add_subplot(grid[len(rows) + k, :]), d, finding, name, estimate)
     figure.suptitle("Parameters found, ± two standard errors; hollow: suspected only", fontsize=10)
     return figure
 
 
-def _split(d: Diagnosis) -> tuple[list[tuple[str, list[_Scalar]]], list[tuple[Finding, str, Estimate]]]:
+def _split(
+    d: Diagnosis,
+) -> tuple[list[tuple[str, list[_Scalar]]], list[tuple[Finding, str, Estimate]]]:
     """Numbers by parameter, and tables over position."""
     groups: dict[str, list[_Scalar]] = {}
     curves: list[tuple[Finding, str, Estimate]] = []
-    for f, (name, p) in ((found, item) for found in d.findings for item in found.parameters.items()):
+    for f, (name, p) in (
+        (found, item) for found in d.findings for item in found.parameters.items()
+    ):
         if isinstance(p.value, list) and _ends(f):
             curves.append((f, name, p))
             continue
         values = p.value if isinstance(p.value, list) else [p.value]
         errors = np.broadcast_to(np.array(p.stderr, float), len(values)).tolist()
-        axes = AXES.get(len(values), tuple(str(k) for k in range(len(values)))) if len(values) > 1 else ("",)
+        axes = (
+            AXES.get(len(values), tuple(str(k) for k in range(len(values))))
+            if len(values) > 1
+            else ("",)
+        )
         unit = "" if p.unit == "1" else f" [{squared(p.unit)}]"
         part = groups.setdefault(f"{readable(f.name)}: {readable(name)}{unit}", [])
         joint = name_of(d, f.joint)
-        part += [_Scalar(f"{joint} {a}".strip(), v, e, f.sure) for a, v, e in zip(axes, values, errors, strict=True)]
+        part += [
+            _Scalar(f"{joint} {a}".strip(), v, e, f.sure)
+            for a, v, e in zip(axes, values, errors, strict=True)
+        ]
     order = {name: k for k, name in enumerate(d.model.names)}
     panels, total = [], 0
     for title, part in sorted(groups.items(), key=lambda item: -len(item[1])):
@@ -124,7 +153,16 @@ def _forest(axes: Axes, title: str, part: list[_Scalar], rows: int) -> None:
     for k, s in enumerate(part):
         error = 2.0 * s.stderr if np.isfinite(s.stderr) else 0.0
         face = AFTER if s.sure else "white"
-        axes.errorbar([s.value], [k], xerr=error, fmt="o", color=AFTER, markerfacecolor=face, capsize=2.5, markersize=4)
+        axes.errorbar(
+            [s.value],
+            [k],
+            xerr=error,
+            fmt="o",
+            color=AFTER,
+            markerfacecolor=face,
+            capsize=2.5,
+            markersize=4,
+        )
     axes.axvline(0.0, color="0.2", linewidth=0.8)
     axes.set_yticks(range(len(part)), [s.label for s in part], fontsize=7.5)
     axes.set_ylim(rows - 0.4, -0.6)

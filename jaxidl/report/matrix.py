@@ -1,7 +1,7 @@
 """What was found as a table of joints × kinds of effect, for the terminal and the page alike.
 
-A kind is what conventional identification fits on every joint: recognised by what an effect says of itself, so those that a user
-registered find their place, too. All else is in the last column.
+A kind is what conventional identification fits on every joint: recognised by what an effect says of
+itself, so those that a user registered find their place, too. All else is in the last column.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,8 @@ from jaxidl.report.words import readable
 
 VISCOUS, DRY, ROTOR, LINK, OFFSET, OTHER = range(6)
 KINDS = ("viscous friction", "dry friction", "rotor inertia", "link errors", "offset", "other")
-ALIKE = {VISCOUS: "N s/m", DRY: "N", ROTOR: "kg", OFFSET: "N"}  # one number each; unit as the catalogue has it
+# one number each; unit as the catalogue has it
+ALIKE = {VISCOUS: "N s/m", DRY: "N", ROTOR: "kg", OFFSET: "N"}
 AXES = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 
 
@@ -41,11 +42,18 @@ class Matrix(NamedTuple):
 
 
 def matrix(d: Diagnosis) -> Matrix:
-    """Return the findings on joints, sorted into cells; within a cell those that are certain come first."""
+    """Return the findings on joints, sorted into cells; within a cell those that are certain come
+    first.
+    """
     found = [f for f in d.findings if f.joint is not None]
     units = []
     for kind in range(len(KINDS)):
-        here = {p.unit for f in found for n, p in f.parameters.items() if kind_of(CATALOGUE[f.name], n) == kind}
+        here = {
+            p.unit
+            for f in found
+            for n, p in f.parameters.items()
+            if kind_of(CATALOGUE[f.name], n) == kind
+        }
         units.append(squared(here.pop()) if kind in ALIKE and len(here) == 1 else "")
     cells: list[list[list[Entry]]] = [[[] for _ in KINDS] for _ in d.model.names]
     for f in sorted(found, key=lambda f: not f.sure):
@@ -85,13 +93,23 @@ def _contained(cls: type[Effect], free: tuple[str, ...]) -> Iterator[int]:
     for part in cls.contains(free):
         name, _, parameter = part.partition(".")
         if name in CATALOGUE and name != cls.name:
-            kinds = {kind_of(CATALOGUE[name], p) for p in ([parameter] if parameter else CATALOGUE[name].parameters)}
+            kinds = {
+                kind_of(CATALOGUE[name], p)
+                for p in ([parameter] if parameter else CATALOGUE[name].parameters)
+            }
             yield from sorted(kinds - {OTHER, LINK})
 
 
 def short_name(cls: type[Effect], parameter: str) -> str:
-    """Return what of a link is wrong, from the parameter's meaning: "the missing mass of the body" is its mass."""
-    return cls.parameters[parameter].meaning.removeprefix("the ").removeprefix("missing ").removesuffix(" of the body")
+    """Return what of a link is wrong, from the parameter's meaning: "the missing mass of the body"
+    is its mass.
+    """
+    return (
+        cls.parameters[parameter]
+        .meaning.removeprefix("the ")
+        .removeprefix("missing ")
+        .removesuffix(" of the body")
+    )
 
 
 def spelled(p: Estimate) -> str:
@@ -101,4 +119,7 @@ def spelled(p: Estimate) -> str:
         return number(p)
     errors = p.stderr if isinstance(p.stderr, list) else [p.stderr] * len(axes)
     unit = "" if p.unit == "1" else f" {squared(p.unit)}"
-    return ", ".join(f"{a} {plus_minus(v, e)}" for a, v, e in zip(axes, p.value, errors, strict=True)) + unit
+    return (
+        ", ".join(f"{a} {plus_minus(v, e)}" for a, v, e in zip(axes, p.value, errors, strict=True))
+        + unit
+    )

@@ -1,4 +1,6 @@
-"""A diagnosis as one self-contained HTML page: no scripts, nothing fetched, for a screen, a phone or paper."""
+"""A diagnosis as one self-contained HTML page: no scripts, nothing fetched, for a screen, a phone
+or paper.
+"""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -6,26 +8,56 @@ from pathlib import Path
 from typing import Any
 
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.report.html import STYLE, Html, tag
-from jaxidl.report.sections import ambiguous, errors, found, left, method, next_steps, places, refined, remains, rivals, worth
+from jaxidl.report.html import Html, tag
+from jaxidl.report.sections import (
+    ambiguous,
+    errors,
+    found,
+    left,
+    method,
+    next_steps,
+    places,
+    refined,
+    remains,
+    rivals,
+    worth,
+)
 from jaxidl.report.words import badge, compared, oneline, verdict
 
 CAPTIONS = {
-    "gap": "Above: root mean square torque error on the data kept aside, relative to the command; dashed: what encoder noise "
-    "alone makes of it; diamonds: conventional identification. Below: how far the simulation gets away from the measurement when "
-    "it replays the logged torque.",
-    "residual": "The residual is the commanded torque minus the one that the model needs for the measured motion. Its gaps are "
-    "where a joint comes to rest or breaks away, which does not count.",
-    "where": "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope over acceleration an "
-    "inertia, a shape over position a spring, ripple or uneven friction. Bars: one standard deviation of the samples.",
-    "spectrum": "What lies on the dashed line is noise of the encoders, differentiated twice; no model removes it.",
-    "improvement": "How much larger the error on the data kept aside is without the effect, all others fitted anew. Hollow bars: "
-    "suspected only. Lines: two standard errors.",
-    "parameters": "Bars and bands: two standard errors. Where an interval holds zero, this log does not determine the parameter.",
+    "gap": (
+        "Above: root mean square torque error on the data kept aside, relative to the command;"
+        " dashed: what encoder noise alone makes of it; diamonds: conventional identification."
+        " Below: how far the simulation gets away from the measurement when it replays the logged"
+        " torque."
+    ),
+    "residual": (
+        "The residual is the commanded torque minus the one that the model needs for the measured"
+        " motion. Its gaps are where a joint comes to rest or breaks away, which does not count."
+    ),
+    "where": (
+        "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope"
+        " over acceleration an inertia, a shape over position a spring, ripple or uneven friction."
+        " Bars: one standard deviation of the samples."
+    ),
+    "spectrum": (
+        "What lies on the dashed line is noise of the encoders, differentiated twice; no model"
+        " removes it."
+    ),
+    "improvement": (
+        "How much larger the error on the data kept aside is without the effect, all others fitted"
+        " anew. Hollow bars: suspected only. Lines: two standard errors."
+    ),
+    "parameters": (
+        "Bars and bands: two standard errors. Where an interval holds zero, this log does not"
+        " determine the parameter."
+    ),
 }
 
 
-def page(d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[str, Any]], folder: Path) -> str:
+def page(
+    d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[str, Any]], folder: Path
+) -> str:
     """Return the page's text.
 
     Args:
@@ -40,11 +72,21 @@ def page(d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[st
     changed = compared(d)
     sections = [
         _head(d, title),
-        _section("What has changed since the reference log" if changed else "What is missing", *found(d)),
-        _section("The error, before and after" if d.findings else "The error", errors(d), pictures.get("gap")),
+        _section(
+            "What has changed since the reference log" if changed else "What is missing", *found(d)
+        ),
+        _section(
+            "The error, before and after" if d.findings else "The error",
+            errors(d),
+            pictures.get("gap"),
+        ),
         _section("What is not explained", left(d)) if d.unexplained else None,
         _section("What this log cannot tell apart", ambiguous(d)) if d.ambiguous else None,
-        _section("What each effect is worth", pictures.get("improvement"), worth(d, record)) if d.findings else None,
+        (
+            _section("What each effect is worth", pictures.get("improvement"), worth(d, record))
+            if d.findings
+            else None
+        ),
         _section("The parameters", pictures["parameters"]) if "parameters" in pictures else None,
         _section("The parameters fitted to motion", refined(d)) if d.refinement else None,
         _section("What was not taken, and why", rivals(d)) if d.rivals else None,
@@ -53,15 +95,26 @@ def page(d: Diagnosis, figures: Mapping[str, bytes], record: Sequence[Mapping[st
         _section("What to do next", next_steps(d, record, folder)),
         _section("Data and method", method(d)),
     ]
-    meta = tag("meta", charset="utf-8"), tag("meta", name="viewport", content="width=device-width, initial-scale=1")
-    head = tag("head", *meta, tag("title", title), tag("style", Html(STYLE)))
+    meta = (
+        tag("meta", charset="utf-8"),
+        tag("meta", name="viewport", content="width=device-width, initial-scale=1"),
+    )
+    style = Html(Path(__file__).with_name("page.css").read_text())
+    head = tag("head", *meta, tag("title", title), tag("style", style))
     return f"<!DOCTYPE html>\n{tag('html', head, tag('body', tag('main', sections)), lang='en')}\n"
 
 
 def fragment(d: Diagnosis) -> str:
     """Return verdict and tables for a notebook, without figures and style sheet."""
     line = tag("p", tag("strong", badge(d)), ": ", verdict(d))
-    return tag("div", line, *found(d), errors(d), left(d) if d.unexplained else None, ambiguous(d) if d.ambiguous else None)
+    return tag(
+        "div",
+        line,
+        *found(d),
+        errors(d),
+        left(d) if d.unexplained else None,
+        ambiguous(d) if d.ambiguous else None,
+    )
 
 
 def _head(d: Diagnosis, title: str) -> Html:
@@ -69,7 +122,10 @@ def _head(d: Diagnosis, title: str) -> Html:
     about = f"{joints} joint{'s' * (joints != 1)}: {', '.join(map(oneline, d.model.names))}"
     mark = tag("span", badge(d), class_="badge", style=f"background:var(--{d.verdict})")
     return tag(
-        "header", tag("h1", title), tag("p", about, class_="soft"), tag("div", mark, tag("span", verdict(d)), class_="verdict")
+        "header",
+        tag("h1", title),
+        tag("p", about, class_="soft"),
+        tag("div", mark, tag("span", verdict(d)), class_="verdict"),
     )
 
 
@@ -79,4 +135,8 @@ def _section(title: str, *content: Any) -> Html:
 
 def _figure(name: str, content: bytes) -> Html:
     source = "data:image/png;base64," + base64.b64encode(content).decode()
-    return tag("figure", tag("div", tag("img", src=source, alt=CAPTIONS[name])), tag("figcaption", CAPTIONS[name]))
+    return tag(
+        "figure",
+        tag("div", tag("img", src=source, alt=CAPTIONS[name])),
+        tag("figcaption", CAPTIONS[name]),
+    )

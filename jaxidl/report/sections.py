@@ -32,18 +32,30 @@ from jaxidl.report.words import (
 )
 
 ADVICE = {
-    "named": "Record a new log with other motion and run the patched model on it: nothing should be missing then.",
+    "named": (
+        "Record a new log with other motion and run the patched model on it: nothing should be"
+        " missing then."
+    ),
     "nothing_missing": "To look further, record faster motion, reversals, rests and a known load.",
     "ambiguous": "Make the experiment named below and give its log together with this one.",
-    "unexplained": "Record more motion where the remaining error is, and look for a cause outside the catalogue: contact, "
-    "cables, temperature, a loose part.",
+    "unexplained": (
+        "Record more motion where the remaining error is, and look for a cause outside the"
+        " catalogue: contact, cables, temperature, a loose part."
+    ),
 }
 
 
 def found(d: Diagnosis) -> Iterator[Html]:
     """Joints × kinds of effect, then the effects of the whole mechanism."""
     if not d.findings:
-        yield tag("p", "Nothing has changed that this log shows." if compared(d) else "No effect of the catalogue was added.")
+        yield tag(
+            "p",
+            (
+                "Nothing has changed that this log shows."
+                if compared(d)
+                else "No effect of the catalogue was added."
+            ),
+        )
         return
     m = matrix(d)
     doubt = (
@@ -51,18 +63,29 @@ def found(d: Diagnosis) -> Iterator[Html]:
         if all(f.sure for f in d.findings)
         else f" In grey and in parentheses: suspected only, confidence below {100 * SURE:.0f} %."
     )
-    yield tag("p", tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}"))
+    yield tag(
+        "p", tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}")
+    )
     if any(cell for row in m.rows for cell in row):
         head = [
             "joint",
-            *([kind, tag("br"), tag("small", unit)] if unit else kind for kind, unit in zip(KINDS, m.units, strict=True)),
+            *(
+                [kind, tag("br"), tag("small", unit)] if unit else kind
+                for kind, unit in zip(KINDS, m.units, strict=True)
+            ),
         ]
-        rows = [[_name(name), *(_cell(cell) for cell in row)] for name, row in zip(d.model.names, m.rows, strict=True)]
+        rows = [
+            [_name(name), *(_cell(cell) for cell in row)]
+            for name, row in zip(d.model.names, m.rows, strict=True)
+        ]
         yield table(head, rows, class_="kinds")
     whole = [f for f in d.findings if f.joint is None]
     if whole:
         yield tag("h3", "Of the whole mechanism")
-        yield table(["effect", "parameters", "confidence"], ([_whole(d, f) for f in sorted(whole, key=lambda f: not f.sure)]))
+        yield table(
+            ["effect", "parameters", "confidence"],
+            ([_whole(d, f) for f in sorted(whole, key=lambda f: not f.sure)]),
+        )
 
 
 def _name(name: str) -> list[Any]:
@@ -74,12 +97,22 @@ def _name(name: str) -> list[Any]:
 def _cell(entries: Sequence[Entry]) -> Any:
     out: list[Any] = []
     for k, e in enumerate(entries):
-        last = k + 1 == len(entries) or entries[k + 1].finding is not e.finding or entries[k + 1].what != e.what
+        last = (
+            k + 1 == len(entries)
+            or entries[k + 1].finding is not e.finding
+            or entries[k + 1].what != e.what
+        )
         first = k == 0 or entries[k - 1].what != e.what
         text = [tag("strong", e.what), tag("br")] if e.what and first else []
         value = _tight(" ".join(filter(None, (e.label, e.value))))
         certain = [tag("br"), tag("small", confidence(e.finding))] if last and e.own else []
-        out.append(tag("div", *_doubted([*text, value, *certain], e.sure), class_=None if e.sure else "doubt"))
+        out.append(
+            tag(
+                "div",
+                *_doubted([*text, value, *certain], e.sure),
+                class_=None if e.sure else "doubt",
+            )
+        )
     return out
 
 
@@ -94,24 +127,41 @@ def _doubted(content: Sequence[Any], sure: bool) -> Sequence[Any]:
 
 def _whole(d: Diagnosis, f: Finding) -> list[Any]:
     place = frame(d, f)
-    names = [tag("strong", readable(f.name)), tag("br"), tag("small", place)] if place else [tag("strong", readable(f.name))]
+    names = (
+        [tag("strong", readable(f.name)), tag("br"), tag("small", place)]
+        if place
+        else [tag("strong", readable(f.name))]
+    )
     known = CATALOGUE[f.name].parameters
     numbers = [
-        tag("div", f"{readable(n)} ", tag("strong", _tight(spelled(p))), tag("br"), tag("small", known[n].meaning))
+        tag(
+            "div",
+            f"{readable(n)} ",
+            tag("strong", _tight(spelled(p))),
+            tag("br"),
+            tag("small", known[n].meaning),
+        )
         for n, p in f.parameters.items()
     ]
     row: list[Any] = [names, numbers, confidence(f)]
     return (
         row
         if f.sure
-        else [tag("div", *_doubted([cell] if k != 1 else cell, k > 0), class_="doubt") for k, cell in enumerate(row)]
+        else [
+            tag("div", *_doubted([cell] if k != 1 else cell, k > 0), class_="doubt")
+            for k, cell in enumerate(row)
+        ]
     )
 
 
 def errors(d: Diagnosis) -> Html:
-    """Errors of each joint on the data kept aside, beside what conventional identification reaches."""
+    """Errors of each joint on the data kept aside, beside what conventional identification
+    reaches.
+    """
     sides, quiet = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)], silent(d)
-    horizons = [h for h in ("0.5",) if h in d.gap.before.rollout_rms] or list(d.gap.before.rollout_rms)[-1:]
+    horizons = [h for h in ("0.5",) if h in d.gap.before.rollout_rms] or list(
+        d.gap.before.rollout_rms
+    )[-1:]
     rows = []
     for j, name in enumerate(d.model.names):
         if j in quiet:
@@ -120,28 +170,61 @@ def errors(d: Diagnosis) -> Html:
         torque = " → ".join(short(s.torque_rms[j]) for s in sides) + f" {unit}"
         relative = " → ".join(percent(s.torque_relative[j]) for s in sides)
         away = [lengths([s.rollout_rms[h][j] for s in sides], d.model.kinds[j]) for h in horizons]
-        envelope = f"{short(d.envelope.torque_rms[j])} {unit}", percent(d.envelope.torque_relative[j])
-        rows.append([oneline(name), torque, relative, " = ".join(envelope), f"{short(d.gap.noise_floor[j])} {unit}", *away])
-    head = ["joint", "torque or force error", "of the command", "conventional identification", "encoder noise alone"]
+        envelope = (
+            f"{short(d.envelope.torque_rms[j])} {unit}",
+            percent(d.envelope.torque_relative[j]),
+        )
+        rows.append(
+            [
+                oneline(name),
+                torque,
+                relative,
+                " = ".join(envelope),
+                f"{short(d.gap.noise_floor[j])} {unit}",
+                *away,
+            ]
+        )
+    head = [
+        "joint",
+        "torque or force error",
+        "of the command",
+        "conventional identification",
+        "encoder noise alone",
+    ]
     head += [f"position error after {h} s" for h in horizons]
-    note = "Root mean squares on the part of the log kept aside" + (", before → after." if d.findings else ".")
+    note = "Root mean squares on the part of the log kept aside" + (
+        ", before → after." if d.findings else "."
+    )
     note += (
-        " Conventional identification fits friction, offset, rotor and link inertias on every joint at once, and nothing else."
+        " Conventional identification fits friction, offset, rotor and link inertias on every joint"
+        " at once, and nothing else."
     )
     about = [table(head, rows, range(1, len(head))), tag("p", tag("small", note))] if rows else []
-    return join([*about, tag("ul", (tag("li", f"{text}.") for text in quiet.values())) if quiet else None])
+    return join(
+        [*about, tag("ul", (tag("li", f"{text}.") for text in quiet.values())) if quiet else None]
+    )
 
 
 def left(d: Diagnosis) -> Html:
     """Joints of which much is left, and what is certain all the same."""
     names = [oneline(d.model.names[j]) for j in d.unexplained]
     about = (
-        f"On {listed(names)} more is left than conventional identification leaves, or what is left can still be predicted "
-        "from the motion: there is a cause outside the catalogue."
+        f"On {listed(names)} more is left than conventional identification leaves, or what is left"
+        " can still be predicted from the motion: there is a cause outside the catalogue."
     )
     sure = [f for f in d.findings if f.sure]
-    held = f"Certain all the same: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}." if sure else "Nothing is certain."
-    return join([tag("p", about), places(d, [p for p in d.remaining if p.joint in d.unexplained]), tag("p", held)])
+    held = (
+        f"Certain all the same: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}."
+        if sure
+        else "Nothing is certain."
+    )
+    return join(
+        [
+            tag("p", about),
+            places(d, [p for p in d.remaining if p.joint in d.unexplained]),
+            tag("p", held),
+        ]
+    )
 
 
 def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
@@ -150,7 +233,9 @@ def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
     for j in dict.fromkeys(p.joint for p in where):
         lines = [p.sentence.removeprefix(f"{d.model.names[j]}: ") for p in where if p.joint == j]
         out.append(tag("h3", oneline(d.model.names[j])) if len(d.model.names) > 1 else None)
-        out.append(tag("ul", (tag("li", f"{text[0].upper()}{text[1:]}.") for text in lines if text)))
+        out.append(
+            tag("ul", (tag("li", f"{text[0].upper()}{text[1:]}.") for text in lines if text))
+        )
     if not out:
         return tag("p", "There is no residual to speak of.")
     return tag("details", tag("summary", folded), out) if folded and len(out) > 2 else join(out)
@@ -158,18 +243,41 @@ def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
 
 def ambiguous(d: Diagnosis) -> Html:
     """Sets of effects that stand for each other."""
-    about = ": they explain this log almost equally well, and the first of them is in the patched model. To separate them: "
+    about = (
+        ": they explain this log almost equally well, and the first of them is in the patched"
+        " model. To separate them: "
+    )
     names = [" or ".join(on_joint(d, key) for key in a.candidates) for a in d.ambiguous]
-    return tag("ul", (tag("li", tag("strong", n), about, a.experiment, ".") for n, a in zip(names, d.ambiguous, strict=True)))
+    return tag(
+        "ul",
+        (
+            tag("li", tag("strong", n), about, a.experiment, ".")
+            for n, a in zip(names, d.ambiguous, strict=True)
+        ),
+    )
 
 
 def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     """What is lost without each effect, and where it is written."""
-    entries = [*([{}] * len(d.findings)), *record][-len(d.findings) :] if record else [{}] * len(d.findings)
+    entries = (
+        [*([{}] * len(d.findings)), *record][-len(d.findings) :]
+        if record
+        else [{}] * len(d.findings)
+    )
     order = sorted(range(len(d.findings)), key=lambda k: -np.nan_to_num(d.findings[k].gain))
-    head = ["effect", "joint", "confidence", "explains of the command", "error without → with it", "improvement"]
+    head = [
+        "effect",
+        "joint",
+        "confidence",
+        "explains of the command",
+        "error without → with it",
+        "improvement",
+    ]
     rows = [list(_worth(d, d.findings[k], entries[k])) for k in order]
-    about = "The error is that on the data kept aside without and with the effect, all others being there and fitted anew."
+    about = (
+        "The error is that on the data kept aside without and with the effect, all others being"
+        " there and fitted anew."
+    )
     return join([tag("p", about), table(head, rows, (2, 3, 4, 5), class_="worth")])
 
 
@@ -178,7 +286,10 @@ def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:
     if entry:
         mjcf = entry.get("mjcf")
         beside = "in effects.json" + (f", for MuJoCo as {mjcf}" if mjcf else "")
-        place = [tag("br"), tag("small", f"in model.xml as {mjcf}" if entry.get("in_mjcf") else beside)]
+        place = [
+            tag("br"),
+            tag("small", f"in model.xml as {mjcf}" if entry.get("in_mjcf") else beside),
+        ]
     yield [
         tag("strong", readable(f.name), class_=None if f.sure else "doubt"),
         tag("br"),
@@ -186,7 +297,11 @@ def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:
         place,
     ]
     where = oneline(d.model.names[f.where])
-    yield oneline(d.model.names[f.joint]) if f.joint is not None else ["all", tag("br"), tag("small", f"most on {where}")]
+    yield (
+        oneline(d.model.names[f.joint])
+        if f.joint is not None
+        else ["all", tag("br"), tag("small", f"most on {where}")]
+    )
     yield confidence(f) if f.sure else f"({confidence(f)})"
     yield percent(f.share)
     yield f"{short(f.held_out_before)} → {short(f.held_out_after)} {unit_of(d, f)}"
@@ -196,8 +311,18 @@ def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:
 def refined(d: Diagnosis) -> Html:
     """What fitting the parameters to trajectories did."""
     head, rows = refined_rows(d)
-    note = "Before → after, on the part of the log kept aside; what is not kept is in no file." if rows else ""
-    return join([tag("p", f"{head[0].upper()}{head[1:]}."), table(["", "before → after"], rows), tag("p", tag("small", note))])
+    note = (
+        "Before → after, on the part of the log kept aside; what is not kept is in no file."
+        if rows
+        else ""
+    )
+    return join(
+        [
+            tag("p", f"{head[0].upper()}{head[1:]}."),
+            table(["", "before → after"], rows),
+            tag("p", tag("small", note)),
+        ]
+    )
 
 
 def rivals(d: Diagnosis) -> Html:
@@ -216,12 +341,23 @@ def remains(d: Diagnosis) -> Html:
         if not value > 2.0 * stderr or value <= 0.0:
             text = "nothing of it: nothing systematic is left"
         else:
-            much = "something systematic is left" if value > SYSTEMATIC else "too little to speak of something missing"
+            much = (
+                "something systematic is left"
+                if value > SYSTEMATIC
+                else "too little to speak of something missing"
+            )
             text = f"{gain(value, stderr)} of it: {much}"
         rows.append([oneline(d.model.names[j]), text])
-    check = "A small neural network was trained to predict what is left from the motion, and tried on other blocks of the log."
+    check = (
+        "A small neural network was trained to predict what is left from the motion, and tried on"
+        " other blocks of the log."
+    )
     return join(
-        [tag("p", check), table(["joint", "the network predicts"], rows), places(d, d.remaining, "Where it is, joint by joint")]
+        [
+            tag("p", check),
+            table(["joint", "the network predicts"], rows),
+            places(d, d.remaining, "Where it is, joint by joint"),
+        ]
     )
 
 
@@ -230,30 +366,57 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
     model = str(folder / "model.xml")
     command = f"jaxidl gap LOG --model {shlex.quote(model)}"
     python = f"from jaxidl.gap import read_model\n\nplant = read_model({model!r}).plant"
-    beside = "Keep effects.json beside model.xml: MuJoCo simulates only what model.xml has, jaxidl both."
+    beside = (
+        "Keep effects.json beside model.xml: MuJoCo simulates only what model.xml has, jaxidl both."
+    )
     inside = "All of it is in model.xml, so MuJoCo simulates it too." if record else None
     mujoco = inside if all(entry.get("in_mjcf") for entry in record) else beside
     steps = [ADVICE[d.verdict]]
-    steps += [f"To separate {' from '.join(on_joint(d, k) for k in a.candidates)}: {a.experiment}." for a in d.ambiguous]
+    steps += [
+        f"To separate {' from '.join(on_joint(d, k) for k in a.candidates)}: {a.experiment}."
+        for a in d.ambiguous
+    ]
     patched = "The patched model" if d.findings else "The model, unchanged,"
-    use = tag("p", f"{patched} loads from the command line and in Python:"), tag("pre", command), tag("pre", python)
-    return join([tag("ul", (tag("li", step) for step in steps)), *use, tag("p", mujoco) if mujoco else None])
+    use = (
+        tag("p", f"{patched} loads from the command line and in Python:"),
+        tag("pre", command),
+        tag("pre", python),
+    )
+    return join(
+        [tag("ul", (tag("li", step) for step in steps)), *use, tag("p", mujoco) if mujoco else None]
+    )
 
 
 def method(d: Diagnosis) -> Html:
     """What was compared, and how."""
     rows, aside = len(d.traces.time), int(np.sum(d.traces.kept_aside))
     step = np.diff(d.traces.time)
-    length = float(np.sum(step[(step > 0.0) & (step <= 3.0 * np.median(step))])) if rows > 1 else 0.0
+    length = (
+        float(np.sum(step[(step > 0.0) & (step <= 3.0 * np.median(step))])) if rows > 1 else 0.0
+    )
+    offered = ", ".join(readable(str(name)) for name in d.options.get("effects", ()))
     facts = [
-        f"{short(length)} s of motion, compared at {rows} instants; {percent(aside / max(rows, 1))} of them took no part in "
-        "fitting and choosing.",
-        f"Positions were smoothed and differentiated without phase shift; both sides of the comparison end at {d.band:.3g} Hz.",
-        "An effect is named if the data kept aside are predicted better with it, its standard error excludes zero, it is not at "
-        f"a bound, and it removes at least {percent(d.options.get('min_gain', 0.05))} of the remaining error. Its confidence "
-        "rests on how often it is found again when the log's blocks are drawn anew, and on how often such findings are right.",
-        f"Looked for: {', '.join(readable(str(name)) for name in d.options.get('effects', ())) or 'the whole catalogue'}.",
-        *(["What both logs have in common was fitted to the reference log and is no finding."] if compared(d) else []),
+        (
+            f"{short(length)} s of motion, compared at {rows} instants;"
+            f" {percent(aside / max(rows, 1))} of them took no part in fitting and choosing."
+        ),
+        (
+            "Positions were smoothed and differentiated without phase shift; both sides of the"
+            f" comparison end at {d.band:.3g} Hz."
+        ),
+        (
+            "An effect is named if the data kept aside are predicted better with it, its standard"
+            " error excludes zero, it is not at a bound, and it removes at least"
+            f" {percent(d.options.get('min_gain', 0.05))} of the remaining error. Its confidence"
+            " rests on how often it is found again when the log's blocks are drawn anew, and on"
+            " how often such findings are right."
+        ),
+        f"Looked for: {offered or 'the whole catalogue'}.",
+        *(
+            ["What both logs have in common was fitted to the reference log and is no finding."]
+            if compared(d)
+            else []
+        ),
         *(f"{note[:1].upper()}{note[1:]}." for note in d.notes),
     ]
     return tag("ul", (tag("li", fact) for fact in facts))

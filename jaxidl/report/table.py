@@ -30,13 +30,23 @@ Line = Sequence[str]
 
 
 def table(d: Diagnosis) -> str:
-    """Return the first screen: verdict, joints × kinds of effect, effects of the whole mechanism, errors by joint, what is left.
+    """Return the first screen: verdict, joints × kinds of effect, effects of the whole mechanism,
+    errors by joint, what is left.
 
     Lines have at most ``COLUMNS`` characters; the text ends without a newline.
     """
-    parts = [_wrapped(f"{badge(d)}. {verdict(d)}"), _found(d), _details(d), _errors(d), _unexplained(d), _refined(d)]
+    parts = [
+        _wrapped(f"{badge(d)}. {verdict(d)}"),
+        _found(d),
+        _details(d),
+        _errors(d),
+        _unexplained(d),
+        _refined(d),
+    ]
     parts += [_doubt(d, *a) for a in d.ambiguous]
-    return "\n\n".join("\n".join(line[:COLUMNS].rstrip() for line in part) for part in parts if part)
+    return "\n\n".join(
+        "\n".join(line[:COLUMNS].rstrip() for line in part) for part in parts if part
+    )
 
 
 def _found(d: Diagnosis) -> list[str]:
@@ -47,9 +57,16 @@ def _found(d: Diagnosis) -> list[str]:
         return []
     widths = [NAME, *(NARROW if k in ALIKE else WIDE for k in columns)]
     head = ["joint", *(f"{KINDS[k]}\n[{m.units[k]}]" if m.units[k] else KINDS[k] for k in columns)]
-    body = [[oneline(name), *(_cell(row[k], k) for k in columns)] for name, row in zip(d.model.names, m.rows, strict=True)]
+    body = [
+        [oneline(name), *(_cell(row[k], k) for k in columns)]
+        for name, row in zip(d.model.names, m.rows, strict=True)
+    ]
     what = "Changed since the reference log" if compared(d) else "Missing in the model"
-    doubt = f", in parentheses if below {100 * SURE:.0f} %" if not all(f.sure for f in d.findings) else ""
+    doubt = (
+        f", in parentheses if below {100 * SURE:.0f} %"
+        if not all(f.sure for f in d.findings)
+        else ""
+    )
     about = f"{what}, by joint: value ± standard error, confidence below it{doubt}"
     return [*_wrapped(about), *_boxes([head, *body], widths)]
 
@@ -57,7 +74,10 @@ def _found(d: Diagnosis) -> list[str]:
 def _cell(entries: Iterable[Entry], kind: int) -> str:
     """Text of a cell, its parts on lines of their own."""
     if kind in ALIKE:
-        return "\n".join(_doubted(f"{e.value}\n{confidence(e.finding)}" if e.own else e.value, e.sure) for e in entries)
+        return "\n".join(
+            _doubted(f"{e.value}\n{confidence(e.finding)}" if e.own else e.value, e.sure)
+            for e in entries
+        )
     names: dict[str, Finding] = {}
     for e in entries:
         names.setdefault(e.what, e.finding)
@@ -69,13 +89,23 @@ def _doubted(text: str, sure: bool) -> str:
 
 
 def _details(d: Diagnosis) -> list[str]:
-    """Numbers that the table has no room for: of the whole mechanism, of links, of other effects."""
+    """Numbers that the table has no room for: of the whole mechanism, of links, of other
+    effects.
+    """
     m = matrix(d)
     whole = [f for f in d.findings if f.joint is None]
     lines = []
     for f in sorted(whole, key=lambda f: not f.sure):
         numbers = "; ".join(f"{readable(name)} {spelled(p)}" for name, p in f.parameters.items())
-        text = ", ".join(part for part in (f"{readable(f.name)}: {numbers}", frame(d, f), f"confidence {confidence(f)}") if part)
+        text = ", ".join(
+            part
+            for part in (
+                f"{readable(f.name)}: {numbers}",
+                frame(d, f),
+                f"confidence {confidence(f)}",
+            )
+            if part
+        )
         lines += _wrapped(_doubted(text, f.sure))
     lines = ["Of the whole mechanism:", *lines] if lines else []
     rest = _rest(d, m)
@@ -106,14 +136,21 @@ def _errors(d: Diagnosis) -> list[str]:
             continue
         unit = d.model.units[j]
         row = [oneline(name), " → ".join(short(side.torque_rms[j]) for side in sides) + f" {unit}"]
-        row += [" → ".join(percent(side.torque_relative[j]) for side in sides), percent(d.envelope.torque_relative[j])]
+        row += [
+            " → ".join(percent(side.torque_relative[j]) for side in sides),
+            percent(d.envelope.torque_relative[j]),
+        ]
         row += [f"{d.gap.noise_floor[j]:.2g} {unit}"]
-        row += [lengths([side.rollout_rms[horizon][j] for side in sides], d.model.kinds[j])] if horizon else []
+        row += (
+            [lengths([side.rollout_rms[horizon][j] for side in sides], d.model.kinds[j])]
+            if horizon
+            else []
+        )
         rows.append(row)
     arrow = ", before → after" if d.findings else ""
     about = (
-        f"Error on the data kept aside{arrow}; conventional: what a fit of friction, offset and inertias on every joint leaves; "
-        "noise: what encoder noise alone makes of it"
+        f"Error on the data kept aside{arrow}; conventional: what a fit of friction, offset and"
+        " inertias on every joint leaves; noise: what encoder noise alone makes of it"
     )
     lines = [*_wrapped(about), *_boxes(rows, [NAME, 22, 16, 12, 11, 22])] if len(rows) > 1 else []
     return [*lines, *(line for text in quiet.values() for line in _wrapped(f"{text}."))]
@@ -124,13 +161,16 @@ def _unexplained(d: Diagnosis) -> list[str]:
         return []
     names = [d.model.names[j] for j in d.unexplained]
     lines = _wrapped(
-        f"Not explained on {listed(names)}: more is left there than the catalogue or conventional identification can say."
+        f"Not explained on {listed(names)}: more is left there than the catalogue or conventional"
+        " identification can say."
     )
     for j in d.unexplained:
         place = next((p.sentence for p in d.remaining if p.joint == j), None)
         lines += _wrapped(f"{place}.", "  ") if place else []
     sure = sum(f.sure for f in d.findings)
-    held = f"The {sure} certain effects above hold" if sure > 1 else "The certain effect above holds"
+    held = (
+        f"The {sure} certain effects above hold" if sure > 1 else "The certain effect above holds"
+    )
     return [*lines, *(_wrapped(f"{held} all the same.") if sure else ())]
 
 
@@ -138,33 +178,50 @@ def _refined(d: Diagnosis) -> list[str]:
     if d.refinement is None:
         return []
     head, rows = refined_rows(d)
-    return [*_wrapped(f"{head[0].upper()}{head[1:]}"), *(f"  {line}" for line in _boxes(rows, [50, 46]))]
+    return [
+        *_wrapped(f"{head[0].upper()}{head[1:]}"),
+        *(f"  {line}" for line in _boxes(rows, [50, 46])),
+    ]
 
 
-def _doubt(d: Diagnosis, candidates: Sequence[tuple[str, int | None]], experiment: str) -> list[str]:
+def _doubt(
+    d: Diagnosis, candidates: Sequence[tuple[str, int | None]], experiment: str
+) -> list[str]:
     names = " or ".join(on_joint(d, key) for key in candidates)
-    return [*_wrapped(f"This log cannot tell between {names}."), *_wrapped(f"To separate them: {experiment}.", "  ")]
+    return [
+        *_wrapped(f"This log cannot tell between {names}."),
+        *_wrapped(f"To separate them: {experiment}.", "  "),
+    ]
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:
     whole = text.replace(" ± ", "\xa0±\xa0")  # no line ends within a number
     return [
         line.replace("\xa0", " ")
-        for line in textwrap.wrap(whole, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ")
+        for line in textwrap.wrap(
+            whole, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  "
+        )
     ]
 
 
 def _boxes(rows: Sequence[Line], most: Sequence[int]) -> list[str]:
-    """Lines of a table whose cells may have several lines, and at most so many characters in each."""
+    """Lines of a table whose cells may have several lines, and at most so many characters in
+    each.
+    """
     cells = [[_broken(cell, width) for cell, width in zip(row, most, strict=False)] for row in rows]
     widths = [max(len(line) for row in cells for line in row[k]) for k in range(len(cells[0]))]
     lines = []
     for row in cells:
         for n in range(max(map(len, row))):
-            words = ((cell[n] if n < len(cell) else "").ljust(width) for cell, width in zip(row, widths, strict=True))
+            words = (
+                (cell[n] if n < len(cell) else "").ljust(width)
+                for cell, width in zip(row, widths, strict=True)
+            )
             lines.append("  ".join(words).rstrip())
     return lines
 
 
 def _broken(cell: str, width: int) -> list[str]:
-    return [part for line in cell.split("\n") for part in textwrap.wrap(line, width) or [""]] or [""]
+    return [part for line in cell.split("\n") for part in textwrap.wrap(line, width) or [""]] or [
+        ""
+    ]

@@ -8,7 +8,19 @@ from scipy import signal
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.plot.style import house_style
 from jaxidl.report import common
-from jaxidl.report.common import NOISE, WIDTH, broken, clock, counted, length_unit, limits, name_of, shown, sides, which
+from jaxidl.report.common import (
+    NOISE,
+    WIDTH,
+    broken,
+    clock,
+    counted,
+    length_unit,
+    limits,
+    name_of,
+    shown,
+    sides,
+    which,
+)
 
 BINS = 26  # over the range of position, velocity or acceleration
 FEWEST = 8  # samples that a bin must have
@@ -18,20 +30,35 @@ LONG = 4.0  # a log of more is also shown enlarged [s]
 
 @house_style()
 def plot_residual(d: Diagnosis) -> Figure:
-    """Command and residual before and after over time, a row for each joint; on the right a stretch of the data kept aside."""
+    """Command and residual before and after over time, a row for each joint; on the right a stretch
+    of the data kept aside.
+    """
     joints = shown(d)
     time, starts = clock(d)
     zoom = _stretch(d, time, joints) if time[-1] - time[0] > LONG else None
     figure = Figure(
-        figsize=(WIDTH, 0.9 + (2.3 if len(joints) == 1 else 1.75 if len(joints) < 5 else 1.4) * len(joints)), layout="constrained"
+        figsize=(
+            WIDTH,
+            0.9 + (2.3 if len(joints) == 1 else 1.75 if len(joints) < 5 else 1.4) * len(joints),
+        ),
+        layout="constrained",
     )
     widths = (1.7, 1.0) if zoom else (1.0,)
-    rows = figure.subplots(len(joints), len(widths), squeeze=False, sharex="col", width_ratios=widths)
+    rows = figure.subplots(
+        len(joints), len(widths), squeeze=False, sharex="col", width_ratios=widths
+    )
     for row, j in zip(rows, joints, strict=True):
-        row[0].plot(*broken(time, d.traces.command[:, j], starts), color=common.COMMAND, linewidth=0.8, label="command")
+        row[0].plot(
+            *broken(time, d.traces.command[:, j], starts),
+            color=common.COMMAND,
+            linewidth=0.8,
+            label="command",
+        )
         for axes in row:
             _residuals(axes, d, j, time, starts)
-        row[0].set_ylabel(f"{name_of(d, j)}\ntorque [{d.model.units[j]}]".replace("torque [N]", "force [N]"))
+        row[0].set_ylabel(
+            f"{name_of(d, j)}\ntorque [{d.model.units[j]}]".replace("torque [N]", "force [N]")
+        )
         limits(row[0], d.traces.command[:, j], counted(d, d.traces.before, j))
         if zoom:
             inside = (time >= zoom[0]) & (time <= zoom[1])
@@ -58,27 +85,46 @@ def _residuals(axes: Axes, d: Diagnosis, joint: int, time: np.ndarray, starts: n
     band = {"color": NOISE, "alpha": 0.35, "linewidth": 0, "zorder": 1.5}
     axes.axhspan(-2.0 * floor, 2.0 * floor, label="encoder noise (± 2 standard deviations)", **band)
     for label, color, residual in sides(d):
-        axes.plot(*broken(time, counted(d, residual, joint), starts), color=color, linewidth=0.9, label=label)
+        axes.plot(
+            *broken(time, counted(d, residual, joint), starts),
+            color=color,
+            linewidth=0.9,
+            label=label,
+        )
 
 
 def _fit(axes: Axes, d: Diagnosis, joint: int, inside: np.ndarray) -> None:
     """Vertical limits for the residuals within a stretch, with zero and its noise."""
-    values = np.concatenate([counted(d, x, joint)[inside] for x in (d.traces.before, d.traces.after)])
+    values = np.concatenate(
+        [counted(d, x, joint)[inside] for x in (d.traces.before, d.traces.after)]
+    )
     floor = 3.0 * d.gap.noise_floor[joint]
-    low, high = np.quantile(values[np.isfinite(values)], [0.003, 0.997]) if np.isfinite(values).any() else (-1.0, 1.0)
+    low, high = (
+        np.quantile(values[np.isfinite(values)], [0.003, 0.997])
+        if np.isfinite(values).any()
+        else (-1.0, 1.0)
+    )
     low, high = min(low, -floor), max(high, floor)
     pad = 0.1 * (high - low) or 1.0
     axes.set_ylim(low - pad, high + pad)
 
 
 def _stretch(d: Diagnosis, time: np.ndarray, joints: list[int]) -> tuple[float, float]:
-    """The part of the data kept aside, a tenth of the log, that has most of the residual's energy."""
+    """The part of the data kept aside, a tenth of the log, that has most of the residual's
+    energy.
+    """
     length = float(np.clip((time[-1] - time[0]) / 10.0, 1.0, 6.0))
     scale = np.maximum(np.var(d.traces.command[:, joints], axis=0), 1e-300)
     energy = np.sum(d.traces.before[:, joints] ** 2 * d.traces.counted[:, joints] / scale, axis=1)
     total = np.concatenate([[0.0], np.cumsum(energy)])
-    first = np.flatnonzero(d.traces.kept_aside if d.traces.kept_aside.any() else np.ones(len(time), bool))
-    first = first[time[first] + length <= time[-1]] if np.any(time[first] + length <= time[-1]) else first[:1]
+    first = np.flatnonzero(
+        d.traces.kept_aside if d.traces.kept_aside.any() else np.ones(len(time), bool)
+    )
+    first = (
+        first[time[first] + length <= time[-1]]
+        if np.any(time[first] + length <= time[-1])
+        else first[:1]
+    )
     last = np.searchsorted(time, time[first] + length)
     best = first[np.argmax(total[last] - total[first])]
     return float(time[best]), float(time[best]) + length
@@ -86,20 +132,35 @@ def _stretch(d: Diagnosis, time: np.ndarray, joints: list[int]) -> tuple[float, 
 
 @house_style()
 def plot_where(d: Diagnosis) -> Figure:
-    """The residual against velocity, position and acceleration: samples, and mean and spread within bins.
+    """The residual against velocity, position and acceleration: samples, and mean and spread within
+    bins.
 
-    A step at zero velocity is dry friction, a slope viscous friction, a slope over acceleration an inertia, a shape over position
-    friction, a spring or ripple. With one or two joints what is left is shown a second time, enlarged.
+    A step at zero velocity is dry friction, a slope viscous friction, a slope over acceleration an
+    inertia, a shape over position friction, a spring or ripple. With one or two joints what is left
+    is shown a second time, enlarged.
     """
     joints = shown(d)
-    twice = [j for j in joints if len(joints) <= 2 and d.gap.after.torque_rms[j] < CLEARLY * d.gap.before.torque_rms[j]]
-    rows = [(j, enlarged) for j in joints for enlarged in ((False, True) if j in twice else (False,))]
-    figure = Figure(figsize=(WIDTH, 0.9 + (1.75 if len(rows) < 5 else 1.45) * len(rows)), layout="constrained")
+    twice = [
+        j
+        for j in joints
+        if len(joints) <= 2 and d.gap.after.torque_rms[j] < CLEARLY * d.gap.before.torque_rms[j]
+    ]
+    rows = [
+        (j, enlarged) for j in joints for enlarged in ((False, True) if j in twice else (False,))
+    ]
+    figure = Figure(
+        figsize=(WIDTH, 0.9 + (1.75 if len(rows) < 5 else 1.45) * len(rows)), layout="constrained"
+    )
     grid = figure.subplots(len(rows), 3, squeeze=False, sharey="row")
     for line, (j, enlarged) in zip(grid, rows, strict=True):
         unit, torque = length_unit(d, j), d.model.units[j]
-        states = (d.traces.qd[:, j], f"velocity [{unit}/s]"), (d.traces.q[:, j], f"position [{unit}]")
-        for axes, (x, label) in zip(line, (*states, (_acceleration(d, j), f"acceleration [{unit}/s²]")), strict=True):
+        states = (
+            (d.traces.qd[:, j], f"velocity [{unit}/s]"),
+            (d.traces.q[:, j], f"position [{unit}]"),
+        )
+        for axes, (x, label) in zip(
+            line, (*states, (_acceleration(d, j), f"acceleration [{unit}/s²]")), strict=True
+        ):
             for name, color, residual in sides(d)[int(enlarged) :]:
                 _cloud(axes, x, counted(d, residual, j), color, name)
             axes.set_xlabel(label if len(rows) < 5 or (j, enlarged) == rows[-1] else "")
@@ -107,7 +168,9 @@ def plot_where(d: Diagnosis) -> Figure:
         limits(line[0], counted(d, d.traces.after if enlarged else d.traces.before, j), share=0.99)
         left = "after, enlarged" if enlarged else "residual"
         line[0].set_ylabel(f"{name_of(d, j)}\n{left} [{torque}]")
-    figure.suptitle("Where the residual is: samples, mean and spread" + which(d, joints), fontsize=10)
+    figure.suptitle(
+        "Where the residual is: samples, mean and spread" + which(d, joints), fontsize=10
+    )
     handles, labels = grid[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
@@ -117,25 +180,52 @@ def _cloud(axes: Axes, x: np.ndarray, residual: np.ndarray, color: str, label: s
     known = np.isfinite(residual) & np.isfinite(x)
     x, residual = x[known], residual[known]
     stride = max(1, -(-len(x) // common.POINTS))
-    axes.plot(x[::stride], residual[::stride], ".", color=color, markersize=1.2, alpha=0.22, markeredgewidth=0, rasterized=True)
+    axes.plot(
+        x[::stride],
+        residual[::stride],
+        ".",
+        color=color,
+        markersize=1.2,
+        alpha=0.22,
+        markeredgewidth=0,
+        rasterized=True,
+    )
     centre, mean, spread = binned(x, residual)
-    axes.errorbar(centre, mean, spread, color=color, marker="o", markersize=2.4, linewidth=1.1, elinewidth=0.7, label=label)
+    axes.errorbar(
+        centre,
+        mean,
+        spread,
+        color=color,
+        marker="o",
+        markersize=2.4,
+        linewidth=1.1,
+        elinewidth=0.7,
+        label=label,
+    )
 
 
 def binned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and standard deviation (B,) of ``y`` (N,) in bins of ``x`` (N,), of which none reaches across zero."""
+    """Centre, mean and standard deviation (B,) of ``y`` (N,) in bins of ``x`` (N,), of which none
+    reaches across zero.
+    """
     if not len(x):
         return np.zeros(0), np.zeros(0), np.zeros(0)
     low, high = np.quantile(x, [0.005, 0.995])
     edges = np.linspace(low, high, BINS + 1)
     if low < 0.0 < high:
         below = max(2, round(BINS * -low / (high - low)))
-        edges = np.concatenate([np.linspace(low, 0.0, below + 1), np.linspace(0.0, high, max(2, BINS - below) + 1)[1:]])
+        edges = np.concatenate(
+            [np.linspace(low, 0.0, below + 1), np.linspace(0.0, high, max(2, BINS - below) + 1)[1:]]
+        )
     place = np.searchsorted(edges, x, side="right") - 1
     inside = [y[place == k] for k in range(len(edges) - 1)]
     kept = [k for k, part in enumerate(inside) if len(part) >= FEWEST]
     centre = (edges[:-1] + edges[1:])[kept] / 2.0
-    return centre, np.array([inside[k].mean() for k in kept]), np.array([inside[k].std() for k in kept])
+    return (
+        centre,
+        np.array([inside[k].mean() for k in kept]),
+        np.array([inside[k].std() for k in kept]),
+    )
 
 
 def _acceleration(d: Diagnosis, joint: int) -> np.ndarray:
@@ -150,11 +240,15 @@ def _acceleration(d: Diagnosis, joint: int) -> np.ndarray:
 
 @house_style()
 def plot_spectrum(d: Diagnosis) -> Figure:
-    """Power spectral density of the residual before and after, and what the encoder's noise explains of it."""
+    """Power spectral density of the residual before and after, and what the encoder's noise
+    explains of it.
+    """
     joints = shown(d)
     columns = min(2, len(joints))
     lines = -(-len(joints) // columns)
-    figure = Figure(figsize=(WIDTH, 0.9 + (2.2 if lines == 1 else 1.9 * lines)), layout="constrained")
+    figure = Figure(
+        figsize=(WIDTH, 0.9 + (2.2 if lines == 1 else 1.9 * lines)), layout="constrained"
+    )
     grid = figure.subplots(lines, columns, squeeze=False, sharex=True).ravel()
     for axes, j in zip(grid, joints, strict=False):
         _spectra(axes, d, j)
@@ -164,7 +258,9 @@ def plot_spectrum(d: Diagnosis) -> Figure:
     for axes in grid[len(joints) :]:
         axes.set_visible(False)
     figure.suptitle("Power spectral density of the residual" + which(d, joints), fontsize=10)
-    figure.legend(*grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    figure.legend(
+        *grid[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False
+    )
     return figure
 
 
@@ -177,10 +273,13 @@ def _spectra(axes: Axes, d: Diagnosis, joint: int) -> None:
         values = np.nan_to_num(counted(d, residual, joint)[part])
         f, power = signal.welch(values, rate, nperseg=min(512, len(values)))
         inside = (f > 0.0) & (f <= d.band)
-        axes.loglog(f[inside], np.maximum(power[inside], 1e-300), color=color, linewidth=1.1, label=label)
+        axes.loglog(
+            f[inside], np.maximum(power[inside], 1e-300), color=color, linewidth=1.1, label=label
+        )
         top, lowest = max(top, power[inside].max(initial=0.0)), f[1] if len(f) > 1 else 0.1
     f = np.geomspace(max(min(lowest, d.band / 2), 1e-3), d.band, 50)
-    # white noise, differentiated twice: a density that grows with the fourth power, and the noise floor as its integral
+    # white noise, differentiated twice: a density that grows with the fourth power, and the noise
+    # floor as its integral
     noise = 5.0 * d.gap.noise_floor[joint] ** 2 / d.band**5 * f**4
     axes.loglog(f, np.maximum(noise, 1e-300), color=NOISE, linestyle="--", label="encoder noise")
     if top > 0.0:

@@ -9,7 +9,12 @@ from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Key
 from jaxidl.gap.refined import reported_stderr
 from jaxidl.gap.words import headline, judged, listed, number, percent, readable, squared
 
-BADGES = {"named": "Found", "nothing_missing": "Nothing missing", "ambiguous": "Ambiguous", "unexplained": "Unexplained"}
+BADGES = {
+    "named": "Found",
+    "nothing_missing": "Nothing missing",
+    "ambiguous": "Ambiguous",
+    "unexplained": "Unexplained",
+}
 CHANGES = {"named": "Changed", "nothing_missing": "Nothing changed"}  # since a reference log
 
 
@@ -41,7 +46,10 @@ def silent(d: Diagnosis) -> dict[int, str]:
         elif not d.traces.counted[:, j].any():
             out[j] = f"{name}: the joint hardly moved, so this log cannot tell what {what} there"
         else:
-            out[j] = f"{name}: no torque to speak of was commanded on the data kept aside, so no error can be given"
+            out[j] = (
+                f"{name}: no torque to speak of was commanded on the data kept aside, so no error"
+                " can be given"
+            )
     return out
 
 
@@ -57,14 +65,22 @@ def oneline(name: str) -> str:
 
 
 def unit_of(d: Diagnosis, f: Finding) -> str:
-    """Return the unit of a finding's errors: that of the torque of the joint where they were measured."""
+    """Return the unit of a finding's errors: that of the torque of the joint where they were
+    measured.
+    """
     return d.model.units[f.where]
 
 
 def frame(d: Diagnosis, f: Finding) -> str:
-    """Return in which frame a finding's places are, empty if it has none: those of the whole mechanism with a length."""
+    """Return in which frame a finding's places are, empty if it has none: those of the whole
+    mechanism with a length.
+    """
     units = [p.unit for p in CATALOGUE[f.name].parameters.values()]
-    return f"in the frame of {d.frame or 'the last body'}" if f.joint is None and "length" in units else ""
+    return (
+        f"in the frame of {d.frame or 'the last body'}"
+        if f.joint is None and "length" in units
+        else ""
+    )
 
 
 def confidence(f: Finding) -> str:
@@ -85,13 +101,21 @@ def short(value: float) -> str:
 
 
 def longest(d: Diagnosis, rollouts: Mapping[str, list[float]] | None = None) -> str | None:
-    """Return the longest horizon of the rollouts, as the gap has it; None if the part kept aside was too short for any."""
-    known = [h for h, errors in (rollouts or d.gap.before.rollout_rms).items() if np.isfinite(errors).any()]
+    """Return the longest horizon of the rollouts, as the gap has it; None if the part kept aside
+    was too short for any.
+    """
+    known = [
+        h
+        for h, errors in (rollouts or d.gap.before.rollout_rms).items()
+        if np.isfinite(errors).any()
+    ]
     return max(known, key=float, default=None)
 
 
 def lengths(values: Sequence[float], kind: str) -> str:
-    """Return position errors [m or rad] of a joint one after the other, in thousandths if the last is small."""
+    """Return position errors [m or rad] of a joint one after the other, in thousandths if the last
+    is small.
+    """
     unit = "m" if kind == "slide" else "rad"
     if not np.isfinite(values).any():
         return "-"
@@ -101,31 +125,45 @@ def lengths(values: Sequence[float], kind: str) -> str:
 
 
 def cut(name: str, most: int = 24) -> str:
-    """Return a name on one line, of a long one both ends: joints are often numbered. For figures only."""
+    """Return a name on one line, of a long one both ends: joints are often numbered. For figures
+    only.
+    """
     name = oneline(name)
     return name if len(name) <= most else name[: most - 1 - most // 2] + "…" + name[-(most // 2) :]
 
 
 def refined_rows(d: Diagnosis) -> tuple[str, list[tuple[str, str]]]:
-    """Return what fitting the parameters to trajectories did: a sentence, and lines of what and before → after."""
+    """Return what fitting the parameters to trajectories did: a sentence, and lines of what and
+    before → after.
+    """
     r = d.refinement
     assert r is not None
-    head = f"fitted to motion, {r.windows[0]} windows of {r.window:g} s: {'kept' if r.accepted else 'not kept'}, {r.reason}"
+    head = (
+        f"fitted to motion, {r.windows[0]} windows of {r.window:g} s:"
+        f" {'kept' if r.accepted else 'not kept'}, {r.reason}"
+    )
     if r.before is None or r.after is None:
         return head, []
     rows = []
     for k, f in enumerate(d.findings):
         for name, value in r.given[k].items():
-            after, stderr = (x.tolist() if len(x) > 1 else float(x[0]) for x in (r.refined[k][name], reported_stderr(d, k, name)))
+            after, stderr = (
+                x.tolist() if len(x) > 1 else float(x[0])
+                for x in (r.refined[k][name], reported_stderr(d, k, name))
+            )
             now = number(Estimate(after, f.parameters[name].unit, stderr))
-            rows.append((f"{on_joint(d, (f.name, f.joint))}, {readable(name)}", f"{_bare(value)} → {now}"))
+            rows.append(
+                (f"{on_joint(d, (f.name, f.joint))}, {readable(name)}", f"{_bare(value)} → {now}")
+            )
     horizon = longest(d, r.before.rollout_rms)
     for j, name in enumerate(d.model.names):
         torque = " → ".join(short(side.torque_rms[j]) for side in (r.before, r.after))
         rows.append((f"{oneline(name)}, torque error", f"{torque} {d.model.units[j]}"))
         if horizon:
             away = [side.rollout_rms[horizon][j] for side in (r.before, r.after)]
-            rows.append((f"{oneline(name)}, position after {horizon} s", lengths(away, d.model.kinds[j])))
+            rows.append(
+                (f"{oneline(name)}, position after {horizon} s", lengths(away, d.model.kinds[j]))
+            )
     return head, rows
 
 
@@ -133,10 +171,33 @@ def _bare(values: np.ndarray) -> str:
     """Return a parameter (n,) without unit and standard error."""
     if len(values) == 1:
         return f"{values[0]:.4g}"
-    return f"{values.min():.4g} to {values.max():.4g}" if len(values) > 3 else f"({', '.join(f'{v:.3g}' for v in values)})"
+    return (
+        f"{values.min():.4g} to {values.max():.4g}"
+        if len(values) > 3
+        else f"({', '.join(f'{v:.3g}' for v in values)})"
+    )
 
 
 __all__ = [
-    "badge", "compared", "confidence", "cut", "frame", "gain", "judged", "lengths", "listed", "longest", "number", "on_joint",
-    "oneline", "percent", "readable", "refined_rows", "short", "silent", "squared", "unit_of", "verdict",
-]  # fmt: skip
+    "badge",
+    "compared",
+    "confidence",
+    "cut",
+    "frame",
+    "gain",
+    "judged",
+    "lengths",
+    "listed",
+    "longest",
+    "number",
+    "on_joint",
+    "oneline",
+    "percent",
+    "readable",
+    "refined_rows",
+    "short",
+    "silent",
+    "squared",
+    "unit_of",
+    "verdict",
+]

@@ -22,7 +22,11 @@ FLANGE = np.array([0.0, 0.0, 0.06])  # in the last link's frame [m]
 @cache
 def arm() -> Model:
     """The modelled arm: a rigid body and nothing else."""
-    with as_file(files("jaxidl.systems") / "arm.xml") as path, jax.ensure_compile_time_eval(), jax.enable_x64(True):
+    with (
+        as_file(files("jaxidl.systems") / "arm.xml") as path,
+        jax.ensure_compile_time_eval(),
+        jax.enable_x64(True),
+    ):
         return read_model(path)
 
 
@@ -47,7 +51,9 @@ def inertia(q: Float[np.ndarray, "7"]) -> Float[np.ndarray, "7"]:
 
 
 def inverse_dynamics_in_c() -> Callable[..., Float[np.ndarray, "7"]]:
-    """The modelled torque (7,) [Nm] for positions, velocities and accelerations (7,) each, by MuJoCo in C: a yardstick."""
+    """The modelled torque (7,) [Nm] for positions, velocities and accelerations (7,) each, by
+    MuJoCo in C: a yardstick.
+    """
     model = arm().plant.body.source
     data = mujoco.MjData(model)
 
@@ -73,13 +79,17 @@ def _flange(data: mujoco.MjData, pose: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return data.xpos[-1] + frame @ FLANGE, frame.copy()
 
 
-def reach(place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: int = 300) -> Float[np.ndarray, "7"]:
-    """Joint positions (7,) with the flange at ``place`` (3,) [m] pointing down, close to the pose ``near`` (7,).
+def reach(
+    place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: int = 300
+) -> Float[np.ndarray, "7"]:
+    """Joint positions (7,) with the flange at ``place`` (3,) [m] pointing down, close to the pose
+    ``near`` (7,).
 
     Damped least squares on position, direction of the tool and, weakly, distance from ``near``.
 
     Raises:
-        ConfigurationError: if the flange does not get within a millimetre of the place and a degree of down.
+        ConfigurationError: if the flange does not get within a millimetre of the place and a degree
+            of down.
     """
     model, data, q = compiled(), mujoco.MjData(compiled()), np.array(near, float)
     low, high = model.jnt_range.T
@@ -88,11 +98,17 @@ def reach(place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: i
         at, frame = _flange(data, q)
         mujoco.mj_comPos(model, data)
         mujoco.mj_jac(model, data, along, turn, at, model.nbody - 1)
-        off = np.concatenate([place - at, np.cross(frame[:, 2], [0.0, 0.0, -1.0]), 1e-3 * (near - q)])
+        off = np.concatenate(
+            [place - at, np.cross(frame[:, 2], [0.0, 0.0, -1.0]), 1e-3 * (near - q)]
+        )
         slope = np.vstack([along, turn, 1e-3 * np.eye(JOINTS)])
-        q = np.clip(q + np.linalg.solve(slope.T @ slope + 1e-4 * np.eye(JOINTS), slope.T @ off), low, high)
+        q = np.clip(
+            q + np.linalg.solve(slope.T @ slope + 1e-4 * np.eye(JOINTS), slope.T @ off), low, high
+        )
     at, frame = _flange(data, q)
     if np.linalg.norm(at - place) > 1e-3 or frame[2, 2] > -np.cos(np.deg2rad(1.0)):
         got = f"{np.round(place, 3).tolist()} m"
-        raise ConfigurationError("a place that the arm reaches with its tool down", got, "choose one nearer to its base")
+        raise ConfigurationError(
+            "a place that the arm reaches with its tool down", got, "choose one nearer to its base"
+        )
     return q

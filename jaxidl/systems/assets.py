@@ -1,4 +1,6 @@
-"""Files that a model names: dynamics needs none of them but for inertia that is inferred from a mesh."""
+"""Files that a model names: dynamics needs none of them but for inertia that is inferred from a
+mesh.
+"""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -14,7 +16,8 @@ MESHES = (".stl", ".obj", ".msh")  # what MuJoCo reads
 
 
 def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
-    """Remove meshes, height fields, skins and textures whose files are not there, with the geometry made of them.
+    """Remove meshes, height fields, skins and textures whose files are not there, with the geometry
+    made of them.
 
     A link of a URDF file weighs what its ``<inertial>`` says, whether or not its shape is there.
 
@@ -26,24 +29,41 @@ def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
     """
     notes = _weightless(spec) if urdf else []
     shapes = spec.compiler.meshdir
-    gone = {mesh.name: mesh for mesh in spec.meshes if mesh.file and not _usable(spec, path, shapes, mesh.file)}
-    fields = {field.name: field for field in spec.hfields if field.file and not _there(spec, path, shapes, field.file)}
+    gone = {
+        mesh.name: mesh
+        for mesh in spec.meshes
+        if mesh.file and not _usable(spec, path, shapes, mesh.file)
+    }
+    fields = {
+        field.name: field
+        for field in spec.hfields
+        if field.file and not _there(spec, path, shapes, field.file)
+    }
     for geom in list(spec.geoms):
         mesh = geom.meshname in gone and geom.type in (mujoco.mjtGeom.mjGEOM_MESH, *_FITTED)
         if mesh or geom.hfieldname in fields:
             if mesh and _weighs(spec, geom) and _moves(geom.parent):
                 file, name = gone[geom.meshname].file, _called(geom.parent)
                 remedy = "give it an <inertial>, or the file"
-                raise ModelError(f"{path} to have the inertia of body {name}", f"a mesh {file} that cannot be read", remedy)
+                raise ModelError(
+                    f"{path} to have the inertia of body {name}",
+                    f"a mesh {file} that cannot be read",
+                    remedy,
+                )
             spec.delete(geom)
     skins = [skin for skin in spec.skins if skin.file and not _there(spec, path, shapes, skin.file)]
     count = len(gone) + len(fields) + len(skins)
     for element in (*gone.values(), *fields.values(), *skins):
         spec.delete(element)
     if count:
-        notes.append(f"{count} mesh file{'s' * (count > 1)} not found or not readable: left out, dynamics needs no geometry")
+        notes.append(
+            f"{count} mesh file{'s' * (count > 1)} not found or not readable: left out, dynamics"
+            " needs no geometry"
+        )
     if textures := [
-        t for t in spec.textures if any(f and not _there(spec, path, spec.compiler.texturedir, f) for f in _files(t))
+        t
+        for t in spec.textures
+        if any(f and not _there(spec, path, spec.compiler.texturedir, f) for f in _files(t))
     ]:
         names = {texture.name for texture in textures}
         for material in spec.materials:
@@ -54,8 +74,13 @@ def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
     return notes
 
 
-_FITTED = (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE, mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-           mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX)  # primitives may be fitted to a mesh  # fmt: skip
+_FITTED = (
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+    mujoco.mjtGeom.mjGEOM_CAPSULE,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+    mujoco.mjtGeom.mjGEOM_CYLINDER,
+    mujoco.mjtGeom.mjGEOM_BOX,
+)  # primitives may be fitted to a mesh
 
 
 def _weightless(spec: mujoco.MjSpec) -> list[str]:
@@ -72,7 +97,9 @@ def _weightless(spec: mujoco.MjSpec) -> list[str]:
 
 def _called(body: mujoco.MjsBody) -> str:
     """What to call a body."""
-    return body.name or next((f"of joint {joint.name}" for joint in body.joints if joint.name), "without a name")
+    return body.name or next(
+        (f"of joint {joint.name}" for joint in body.joints if joint.name), "without a name"
+    )
 
 
 def _files(texture: mujoco.MjsTexture) -> list[str]:
@@ -99,7 +126,10 @@ def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
     if infer == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO and geom.parent.explicitinertial:
         return False
     lowest, highest = spec.compiler.inertiagrouprange
-    return bool(lowest <= geom.group <= highest and (geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0)))
+    return bool(
+        lowest <= geom.group <= highest
+        and (geom.mass > 0.0 or (np.isnan(geom.mass) and geom.density > 0.0))
+    )
 
 
 def _moves(body: mujoco.MjsBody) -> bool:

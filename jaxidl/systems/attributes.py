@@ -17,19 +17,25 @@ from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass
 
 
 class Numbers:
-    """The attributes of a compiled model that effects are written into; J joints. Effects add to them in place.
+    """The attributes of a compiled model that effects are written into; J joints. Effects add to
+    them in place.
 
-    ``own`` gives those of one joint, as arrays of one element, and ``alter`` writes what makes another rigid body.
+    ``own`` gives those of one joint, as arrays of one element, and ``alter`` writes what makes
+    another rigid body.
     """
 
     def __init__(self, model: mujoco.MjModel):
-        self.damping, self.frictionloss = model.dof_damping.copy(), model.dof_frictionloss.copy()  # (J,)
-        self.stiffness, self.springref = model.jnt_stiffness.copy(), model.qpos_spring.copy()  # (J,)
+        # (J,)
+        self.damping, self.frictionloss = model.dof_damping.copy(), model.dof_frictionloss.copy()
+        # (J,)
+        self.stiffness, self.springref = model.jnt_stiffness.copy(), model.qpos_spring.copy()
         self.rigid = Rigid(model, model.dof_armature.copy(), links(model), model.opt.gravity.copy())
         self._together = False
 
     def expect(self, effects: Sequence[Effect]) -> None:
-        """Get ready for ``effects``: what they make of the rigid body together may be possible, and one of them alone not."""
+        """Get ready for ``effects``: what they make of the rigid body together may be possible, and
+        one of them alone not.
+        """
         altered = self.rigid
         for effect in effects:
             altered = effect.alter(altered) if kind(effect).rigid() else altered
@@ -48,12 +54,22 @@ class Numbers:
         return self.rigid.armature
 
     def alter(self, effect: Effect) -> str | None:
-        """Write what an effect makes of the rigid body and return where; None, with nothing changed, if MJCF cannot have it."""
+        """Write what an effect makes of the rigid body and return where; None, with nothing
+        changed, if MJCF cannot have it.
+        """
         altered = effect.alter(self.rigid)
         if not self._together and not altered.possible():
             return None
-        names = {"armature": "joint/armature", "links": "body/inertial", "loads": "body/inertial", "gravity": "option/gravity"}
-        same = {name: np.array_equal(getattr(altered, name), getattr(self.rigid, name)) for name in names}
+        names = {
+            "armature": "joint/armature",
+            "links": "body/inertial",
+            "loads": "body/inertial",
+            "gravity": "option/gravity",
+        }
+        same = {
+            name: np.array_equal(getattr(altered, name), getattr(self.rigid, name))
+            for name in names
+        }
         places = dict.fromkeys(names[name] for name in names if not same[name])
         self.rigid = altered
         return ", ".join(places) or next(iter(kind(effect).mjcf.values()), "body/inertial")
@@ -87,7 +103,9 @@ class Rigid(NamedTuple):
 
     def add_mass(self, extra: Any) -> "Rigid":
         on = self.model.jnt_bodyid
-        return self.add_link(np.broadcast_to(np.asarray(extra, float), on.shape)[:, None] * per_mass(self.model)[on])
+        return self.add_link(
+            np.broadcast_to(np.asarray(extra, float), on.shape)[:, None] * per_mass(self.model)[on]
+        )
 
     def add_payload(self, extra: Any) -> "Rigid":
         return self._replace(loads=(*self.loads, np.asarray(extra, float)))
@@ -96,7 +114,9 @@ class Rigid(NamedTuple):
         return self._replace(gravity=self.gravity + level(self.model) @ np.asarray(angles, float))
 
     def carried(self) -> list[Principal]:
-        """Return the loads that can be bodies of their own; the others belong to the body that carries them."""
+        """Return the loads that can be bodies of their own; the others belong to the body that
+        carries them.
+        """
         return [found for load in self.loads if (found := principal(load, 0.0))]
 
     def bodies(self) -> dict[int, Principal | None]:
@@ -116,13 +136,21 @@ class Rigid(NamedTuple):
     def _body(self, numbers: np.ndarray, before: np.ndarray, b: int) -> Principal | None:
         """A body that is heavier or lighter all over keeps its axes."""
         model, share = self.model, numbers[0] / before[0] if before[0] else 0.0
-        if share * before[0] > mujoco.mjMINVAL and np.allclose(numbers, share * before, rtol=1e-12, atol=0.0):
-            return Principal(share * before[0], model.body_ipos[b], model.body_iquat[b], share * model.body_inertia[b])
+        if share * before[0] > mujoco.mjMINVAL and np.allclose(
+            numbers, share * before, rtol=1e-12, atol=0.0
+        ):
+            return Principal(
+                share * before[0],
+                model.body_ipos[b],
+                model.body_iquat[b],
+                share * model.body_inertia[b],
+            )
         return principal(numbers, mujoco.mjMINVAL)
 
 
 def principal(numbers: np.ndarray, least: float) -> Principal | None:
-    """Return mass, centre, axes and principal moments of ten inertial parameters; None if no body has them.
+    """Return mass, centre, axes and principal moments of ten inertial parameters; None if no body
+    has them.
 
     Moments must be larger than ``least``, or zero where that is.
     """
@@ -135,7 +163,11 @@ def principal(numbers: np.ndarray, least: float) -> Principal | None:
     rounding = 1e-12 * (np.abs(numbers[4:]).max() + mass * (com @ com))
     if least == 0.0:
         values = np.where(np.abs(values) < rounding, 0.0, values)
-    if np.any(values < least) or (least and np.any(values <= least)) or values[0] + values[1] < values[2]:
+    if (
+        np.any(values < least)
+        or (least and np.any(values <= least))
+        or values[0] + values[1] < values[2]
+    ):
         return None
     axes[:, 2] *= np.sign(np.linalg.det(axes))
     quat = np.zeros(4)
@@ -154,10 +186,11 @@ def drives(effect: Effect, joints: int) -> bool:
 
 
 def motors(effects: Sequence[Effect], joints: int) -> list[Motor]:
-    """A motor for each joint that does what the effects do between command and torque, in their order.
+    """A motor for each joint that does what the effects do between command and torque, in their
+    order.
 
-    None at all if there is nothing to be done, or if a motor cannot do it: a lag behind a saturation or another lag, or anything
-    behind the transmission.
+    None at all if there is nothing to be done, or if a motor cannot do it: a lag behind a
+    saturation or another lag, or anything behind the transmission.
     """
     made = [Motor()] * joints
     behind = np.zeros(joints, bool)  # the transmission

@@ -1,7 +1,8 @@
-"""A plant with more effects than its files have, as MJCF so far as MuJoCo knows them and as ``effects.json`` beyond.
+"""A plant with more effects than its files have, as MJCF so far as MuJoCo knows them and as
+``effects.json`` beyond.
 
-MuJoCo writes the user's file anew, with six digits and, where frames are nested, in another order; what the dynamics depend on is
-then written over in full and put into its order again.
+MuJoCo writes the user's file anew, with six digits and, where frames are nested, in another order;
+what the dynamics depend on is then written over in full and put into its order again.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -29,11 +30,13 @@ MODEL = "model.xml"
 MOTOR = "jaxidl_motor_"  # and the joint's number
 _NAMELESS = "jaxidl_body_"  # a body's name as long as its element must be found
 _FILES = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
-_OF_MASSES = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia")  # settings of the compiler
+# settings of the compiler
+_OF_MASSES = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia")
 
 
 def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[Path, Path]:
-    """Write :func:`patched` as ``model.xml`` and ``effects.json`` into ``folder``, which is made; return both paths.
+    """Write :func:`patched` as ``model.xml`` and ``effects.json`` into ``folder``, which is made;
+    return both paths.
 
     Raises:
         ModelError, EffectError: as :func:`patched`; nothing is written then.
@@ -47,11 +50,12 @@ def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[
 
 
 def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]:
-    """MJCF text and ``effects.json`` record of ``model``, as its files had it when it was read, with the effects ``added``.
+    """MJCF text and ``effects.json`` record of ``model``, as its files had it when it was read,
+    with the effects ``added``.
 
-    Reading both again gives the same plant; effects with ``in_mjcf`` true are those that the text alone restores. Scale,
-    saturation and lag of a drive are in the record, and written as motors too if the user's model has no actuators. Meshes and
-    textures are named by absolute paths.
+    Reading both again gives the same plant; effects with ``in_mjcf`` true are those that the text
+    alone restores. Scale, saturation and lag of a drive are in the record, and written as motors
+    too if the user's model has no actuators. Meshes and textures are named by absolute paths.
 
     Raises:
         EffectError: if an effect of ``added`` is out of its bounds or does not fit the joints.
@@ -78,16 +82,25 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         ET.indent(root)
         text = ET.tostring(root, encoding="unicode") + "\n"
         _check(text, compiled, numbers, model.path)
-    return text, {"model": MODEL, "effects": [_with_drive(entry, joints, bool(made)).to_dict() for entry in entries]}
+    return text, {
+        "model": MODEL,
+        "effects": [_with_drive(entry, joints, bool(made)).to_dict() for entry in entries],
+    }
 
 
 def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
-    """Compile, with a name for every body and joint and without motors of an earlier patch, which are made anew."""
+    """Compile, with a name for every body and joint and without motors of an earlier patch, which
+    are made anew.
+    """
     for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
         spec.delete(actuator)
     names = joint_names(compile_spec(spec, model.path))
     if names != model.names:
-        raise ModelError(f"{model.path} to have joints {', '.join(model.names)}", ", ".join(names), "read the model again")
+        raise ModelError(
+            f"{model.path} to have joints {', '.join(model.names)}",
+            ", ".join(names),
+            "read the model again",
+        )
     taken = {joint.name for joint in spec.joints}
     for joint in spec.joints:
         joint.name = joint.name or _free(names[joint.id], taken)
@@ -104,12 +117,17 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> None:
-    """Name files by absolute paths and drop the settings that would be applied to what is written out in full."""
+    """Name files by absolute paths and drop the settings that would be applied to what is written
+    out in full.
+    """
     for element in root.iterfind("asset/*"):
         place = spec.compiler.texturedir if element.tag == "texture" else spec.compiler.meshdir
         for key in _FILES:
             if file := element.get(key):
-                element.set(key, str((folder / place / (Path(file).name if spec.strippath else file)).resolve()))
+                element.set(
+                    key,
+                    str((folder / place / (Path(file).name if spec.strippath else file)).resolve()),
+                )
     for compiler in root.iterfind("compiler"):
         for key in (*_OF_MASSES, "meshdir", "texturedir", "strippath"):
             compiler.attrib.pop(key, None)
@@ -123,7 +141,9 @@ def _write_gravity(root: ET.Element, numbers: Numbers) -> None:
 
 
 def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:
-    """Bodies in the model's order and out of their frames, with the numbers in full; payloads on the last one that moves."""
+    """Bodies in the model's order and out of their frames, with the numbers in full; payloads on
+    the last one that moves.
+    """
     world = root.find("worldbody")
     assert world is not None  # it has joints
     parents = {child: parent for parent in root.iter() for child in parent}
@@ -155,7 +175,11 @@ def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inheri
     """Remove an element from its parent, with the class that the frames around it gave it."""
     parent = above = parents[element]
     while above.tag == "frame":
-        if inherits not in element.attrib and "class" not in element.attrib and "childclass" in above.attrib:
+        if (
+            inherits not in element.attrib
+            and "class" not in element.attrib
+            and "childclass" in above.attrib
+        ):
             element.set(inherits, above.attrib["childclass"])
         above = parents[above]
     parent.remove(element)
@@ -165,14 +189,21 @@ def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inheri
 
 
 def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
-    for key, value, neutral in (("pos", pos, np.zeros(3)), ("quat", quat, np.array([1.0, 0.0, 0.0, 0.0]))):
+    for key, value, neutral in (
+        ("pos", pos, np.zeros(3)),
+        ("quat", quat, np.array([1.0, 0.0, 0.0, 0.0])),
+    ):
         if key in element.attrib or np.any(value != neutral):
             element.set(key, _text(value))
 
 
-def _write_inertial(body: ET.Element, model: mujoco.MjModel, changed: Principal | None, b: int) -> int:
+def _write_inertial(
+    body: ET.Element, model: mujoco.MjModel, changed: Principal | None, b: int
+) -> int:
     """Write a body's mass where it has any; return the place behind it."""
-    now = changed or Principal(model.body_mass[b], model.body_ipos[b], model.body_iquat[b], model.body_inertia[b])
+    now = changed or Principal(
+        model.body_mass[b], model.body_ipos[b], model.body_iquat[b], model.body_inertia[b]
+    )
     before = body.find("inertial")
     if before is not None:
         body.remove(before)
@@ -200,9 +231,14 @@ def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: 
         if key in joint.attrib or value != 0.0 or getattr(was, key)[j] != 0.0:
             joint.set(key, _text(value))
     if numbers.frictionloss[j] > was.frictionloss[j] and "solreffriction" not in joint.attrib:
-        joint.set("solreffriction", _text([2.0 * model.opt.timestep, 1.0]))  # the hardest that MuJoCo takes
+        # the hardest that MuJoCo takes
+        joint.set("solreffriction", _text([2.0 * model.opt.timestep, 1.0]))
         joint.set("solimpfriction", HARD)
-    for key, value, neutral in (("pos", model.jnt_pos[j], 0.0), ("axis", model.jnt_axis[j], None), ("ref", model.qpos0[j], 0.0)):
+    for key, value, neutral in (
+        ("pos", model.jnt_pos[j], 0.0),
+        ("axis", model.jnt_axis[j], None),
+        ("ref", model.qpos0[j], 0.0),
+    ):
         if key in joint.attrib or np.any(value != neutral):
             joint.set(key, _text(value))
 
@@ -214,8 +250,19 @@ def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Moto
     section = root.find("actuator")
     section = ET.SubElement(root, "actuator") if section is None else section
     for j, motor in enumerate(drives):
-        general = {"name": f"{MOTOR}{j}", "joint": model.joint(j).name, "gear": _text(motor.gear), "ctrllimited": "false"}
-        general |= {"gaintype": "fixed", "gainprm": "1", "biastype": "none", "forcelimited": "false", "dyntype": "none"}
+        general = {
+            "name": f"{MOTOR}{j}",
+            "joint": model.joint(j).name,
+            "gear": _text(motor.gear),
+            "ctrllimited": "false",
+        }
+        general |= {
+            "gaintype": "fixed",
+            "gainprm": "1",
+            "biastype": "none",
+            "forcelimited": "false",
+            "dyntype": "none",
+        }
         if np.isfinite(motor.force):
             general |= {"forcelimited": "true", "forcerange": _text([-motor.force, motor.force])}
         if motor.lag:
@@ -240,5 +287,11 @@ def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> No
     spec = mujoco.MjSpec.from_string(text)
     again = compile_spec(spec, path)
     mass = numbers.rigid.links[:, 0].sum() + sum(load[0] for load in numbers.rigid.loads)
-    if joint_names(again) != joint_names(model) or not np.isclose(again.body_mass.sum(), mass, rtol=1e-9):
-        raise ModelError(f"{path} to be what MuJoCo can write anew", "other joints or masses", "write the model without frames")
+    if joint_names(again) != joint_names(model) or not np.isclose(
+        again.body_mass.sum(), mass, rtol=1e-9
+    ):
+        raise ModelError(
+            f"{path} to be what MuJoCo can write anew",
+            "other joints or masses",
+            "write the model without frames",
+        )

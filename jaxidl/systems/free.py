@@ -1,4 +1,6 @@
-"""One vector of free parameters: those of a plant's effects that a fit, a tuning or a report looks at."""
+"""One vector of free parameters: those of a plant's effects that a fit, a tuning or a report looks
+at.
+"""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,28 +15,40 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.systems.plant import Plant
 
 Names = tuple[tuple[str, ...], ...]  # of the free parameters of each of a plant's effects
-Bounds = Mapping[str, tuple[float, float]]  # lower and upper bound of each free parameter of an effect
+# lower and upper bound of each free parameter of an effect
+Bounds = Mapping[str, tuple[float, float]]
 Values = dict[str, np.ndarray]  # of an effect's free parameters
 
 _FIXED = {"mass": "kg", "length": "m", "mass length": "kg m"}  # whatever the joint
 _HINGE = {
-    "N": "Nm", "m": "rad", "kg": "kg m^2", "m/s": "rad/s", "N/m": "Nm/rad", "N s/m": "Nm s/rad", "N s^2/m^2": "Nm s^2/rad^2",
-}  # fmt: skip
+    "N": "Nm",
+    "m": "rad",
+    "kg": "kg m^2",
+    "m/s": "rad/s",
+    "N/m": "Nm/rad",
+    "N s/m": "Nm s/rad",
+    "N s^2/m^2": "Nm s^2/rad^2",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Free:
-    """Some parameters of a plant's effects as one vector (P,): effect after effect, in the order of ``where``.
+    """Some parameters of a plant's effects as one vector (P,): effect after effect, in the order of
+    ``where``.
 
-    The plant may be traced: :attr:`vector` and :meth:`set` are pure and work under ``jit``, ``vmap`` and ``grad``.
+    The plant may be traced: :attr:`vector` and :meth:`set` are pure and work under ``jit``,
+    ``vmap`` and ``grad``.
     """
 
     plant: Plant
-    where: Sequence[Iterable[str] | Bounds]  # for each effect: the names of its free parameters, or narrower bounds of them
+    # for each effect: the names of its free parameters, or narrower bounds of them
+    where: Sequence[Iterable[str] | Bounds]
 
     @property
     def labels(self) -> Names:
-        """Return the names of the free parameters of each effect: hashable, for a static argument."""
+        """Return the names of the free parameters of each effect: hashable, for a static
+        argument.
+        """
         return tuple(tuple(names) for names in self.where)
 
     @property
@@ -44,16 +58,25 @@ class Free:
 
     @property
     def _each(self) -> list[tuple[Effect, str]]:
-        return [(effect, name) for effect, names in zip(self.effects, self.labels, strict=True) for name in names]
+        return [
+            (effect, name)
+            for effect, names in zip(self.effects, self.labels, strict=True)
+            for name in names
+        ]
 
     @property
     def names(self) -> list[str]:
-        """Return a name of each number (P,), with its joint and its place in a table where it has one."""
+        """Return a name of each number (P,), with its joint and its place in a table where it has
+        one.
+        """
         out = []
         for effect, names in zip(self.plant.effects, self.labels, strict=True):
             joint = f"[{effect.joint}]" if isinstance(effect, OnJoint) else ""
             for name in names:
-                label, size = f"{inner(effect).name}{joint}.{name}", np.size(getattr(inner(effect), name))
+                label, size = (
+                    f"{inner(effect).name}{joint}.{name}",
+                    np.size(getattr(inner(effect), name)),
+                )
                 out += [label] if size == 1 else [f"{label}[{k}]" for k in range(size)]
         return out
 
@@ -65,19 +88,29 @@ class Free:
             joint = getattr(effect, "joint", 0)
             for name in names:
                 spec, size = inner(effect).parameters[name], np.size(getattr(inner(effect), name))
-                own = [joint] * size if isinstance(effect, OnJoint) or size != len(kinds) else range(size)
+                own = (
+                    [joint] * size
+                    if isinstance(effect, OnJoint) or size != len(kinds)
+                    else range(size)
+                )
                 out += [unit_of(spec.unit, kinds[j] if kinds else "slide") for j in own]
         return out
 
     @property
     def vector(self) -> Float[Any, " P"]:
         """Return the parameters' values."""
-        parts = [jnp.ravel(jnp.asarray(getattr(effect, name), float)) for effect, name in self._each]
+        parts = [
+            jnp.ravel(jnp.asarray(getattr(effect, name), float)) for effect, name in self._each
+        ]
         return jnp.concatenate([jnp.zeros(0), *parts])
 
     def set(self, vector: Float[Any, " P"]) -> Plant:
-        """Return the plant with its free parameters set from a vector; all else, hidden states' sizes too, stays."""
-        parts = iter(pieces(vector, [jnp.shape(getattr(effect, name)) for effect, name in self._each]))
+        """Return the plant with its free parameters set from a vector; all else, hidden states'
+        sizes too, stays.
+        """
+        parts = iter(
+            pieces(vector, [jnp.shape(getattr(effect, name)) for effect, name in self._each])
+        )
         changed = []
         for effect, names in zip(self.plant.effects, self.labels, strict=True):
             if names:
@@ -88,7 +121,12 @@ class Free:
 
     def named(self, vector: Float[Any, " P"]) -> tuple[Values, ...]:
         """Return a vector as the free parameters of each effect, flat arrays by name."""
-        parts = iter(pieces(np.asarray(vector), [(np.size(getattr(effect, name)),) for effect, name in self._each]))
+        parts = iter(
+            pieces(
+                np.asarray(vector),
+                [(np.size(getattr(effect, name)),) for effect, name in self._each],
+            )
+        )
         return tuple({name: next(parts) for name in names} for names in self.labels)
 
     def bounds(self) -> tuple[Float[np.ndarray, " P"], Float[np.ndarray, " P"]]:
@@ -100,12 +138,17 @@ class Free:
         lower, upper = [np.zeros(0)], [np.zeros(0)]
         for effect, names in zip(self.effects, self.where, strict=True):
             for name in names:
-                spec, value = effect.parameters[name], np.ravel(np.asarray(getattr(effect, name), float))
+                spec, value = (
+                    effect.parameters[name],
+                    np.ravel(np.asarray(getattr(effect, name), float)),
+                )
                 low, high = names[name] if isinstance(names, Mapping) else (spec.lower, spec.upper)
                 low, high = max(low, spec.lower), min(high, spec.upper)
                 if not (low < high and np.all((value >= low) & (value <= high))):
                     expected = f"{effect.name}.{name} in [{low:g}, {high:g}] {spec.unit}"
-                    raise ConfigurationError(expected, str(value.tolist()), "start within the bounds, or widen them")
+                    raise ConfigurationError(
+                        expected, str(value.tolist()), "start within the bounds, or widen them"
+                    )
                 lower.append(np.full(len(value), low))
                 upper.append(np.full(len(value), high))
         return np.concatenate(lower), np.concatenate(upper)
@@ -123,7 +166,9 @@ def pieces(vector: Any, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
 
 
 def unit_of(unit: str, kind: str) -> str:
-    """Return a parameter's unit on a ``kind`` of joint, slide or hinge, from the catalogue's, which is that of a slide."""
+    """Return a parameter's unit on a ``kind`` of joint, slide or hinge, from the catalogue's, which
+    is that of a slide.
+    """
     if unit in _FIXED or kind == "slide":
         return _FIXED.get(unit, unit)
     return _HINGE.get(unit, unit)

@@ -1,7 +1,8 @@
 """Where the bodies and joint axes of a mechanism of slides and hinges are.
 
-Does what ``mjx.kinematics`` does for them. With JAX 0.10 XLA fuses that one's chain of quaternions into every element of its
-result, each of which computes the chain anew: milliseconds for seven joints. Here each frame is made once.
+Does what ``mjx.kinematics`` does for them. With JAX 0.10 XLA fuses that one's chain of quaternions
+into every element of its result, each of which computes the chain anew: milliseconds for seven
+joints. Here each frame is made once.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -17,16 +18,21 @@ from jaxidl.types import Joints, Scalar
 
 
 def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
-    """Fields of MuJoCo's data at positions ``q`` (J,): frames of bodies ``xpos`` (B, 3), ``xmat`` (B, 3, 3), of their inertia
-    ``xipos``, ``ximat`` about its centre of mass, and joints' ``xanchor``, ``xaxis`` (J, 3) [m].
+    """Fields of MuJoCo's data at positions ``q`` (J,): frames of bodies ``xpos`` (B, 3), ``xmat``
+    (B, 3, 3), of their inertia ``xipos``, ``ximat`` about its centre of mass, and joints'
+    ``xanchor``, ``xaxis`` (J, 3) [m].
     """
     still, turn = _matrices(source.body_quat), _matrices(source.body_iquat)
     pos, rot = [jnp.zeros(3, q.dtype)], [jnp.eye(3, dtype=q.dtype)]
     anchors, axes = [], []
     for b in range(1, source.nbody):
         at = source.body_parentid[b]
-        r, p = rot[at] @ still[b].astype(q.dtype), pos[at] + rot[at] @ source.body_pos[b].astype(q.dtype)
-        for j in np.flatnonzero(source.jnt_bodyid == b):  # in the order of their numbers, as MuJoCo applies them
+        r, p = (
+            rot[at] @ still[b].astype(q.dtype),
+            pos[at] + rot[at] @ source.body_pos[b].astype(q.dtype),
+        )
+        # in the order of their numbers, as MuJoCo applies them
+        for j in np.flatnonzero(source.jnt_bodyid == b):
             own, arm = (x[j].astype(q.dtype) for x in (source.jnt_axis, source.jnt_pos))
             anchors.append(p + r @ arm)
             axes.append(r @ own)
@@ -51,10 +57,16 @@ def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
 
 
 def rotation(axis: np.ndarray, angle: Scalar) -> Float[Array, "3 3"]:
-    """Matrix (3, 3) that turns by ``angle`` [rad] about the unit vector ``axis`` (3,): Rodrigues' formula."""
+    """Matrix (3, 3) that turns by ``angle`` [rad] about the unit vector ``axis`` (3,): Rodrigues'
+    formula.
+    """
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], axis.dtype)
-    return jnp.eye(3, dtype=axis.dtype) + jnp.sin(angle) * cross + (1 - jnp.cos(angle)) * (cross @ cross)
+    return (
+        jnp.eye(3, dtype=axis.dtype)
+        + jnp.sin(angle) * cross
+        + (1 - jnp.cos(angle)) * (cross @ cross)
+    )
 
 
 def _matrices(quaternions: np.ndarray) -> np.ndarray:

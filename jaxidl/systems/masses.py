@@ -12,7 +12,8 @@ import numpy as np
 
 from jaxidl.errors import ModelError
 
-LIGHT, SMALL = 1e-9, 1e-12  # [kg], [kg m^2]: of a link without any, since MuJoCo asks for more than 1e-15 of what moves
+# [kg], [kg m^2]: of a link without any, since MuJoCo asks for more than 1e-15 of what moves
+LIGHT, SMALL = 1e-9, 1e-12
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
@@ -21,11 +22,14 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
         said = " ".join(str(error).split())[:300]
-        raise ModelError(f"{path} to compile", f"'{said}'", "correct the file; MuJoCo must load it") from None
+        raise ModelError(
+            f"{path} to compile", f"'{said}'", "correct the file; MuJoCo must load it"
+        ) from None
 
 
 def accept_masses(spec: mujoco.MjSpec, path: Path) -> list[str]:
-    """Change masses that would keep a model from compiling: nearly none where there is none, and balanced inertias.
+    """Change masses that would keep a model from compiling: nearly none where there is none, and
+    balanced inertias.
 
     Returns:
         Notes on what was changed.
@@ -36,7 +40,8 @@ def accept_masses(spec: mujoco.MjSpec, path: Path) -> list[str]:
     notes = []
     for _ in range(2 * len(_CHANGES)):  # one may bring up another
         try:
-            spec.copy().compile()  # a spec whose compilation failed repeats the error at whatever is asked of it
+            # a spec whose compilation failed repeats the error at whatever is asked of it
+            spec.copy().compile()
             return notes
         except (ValueError, mujoco.FatalError) as error:
             for words, change in _CHANGES.items():
@@ -57,7 +62,10 @@ def _balance(spec: mujoco.MjSpec) -> list[str]:
             names.append(_called(body))
     if not names:
         return []
-    return [f"no mass has the moments of inertia of {few(names)} (A + B < C): the smaller two were raised until A + B = C"]
+    return [
+        f"no mass has the moments of inertia of {few(names)} (A + B < C): the smaller two were"
+        " raised until A + B = C"
+    ]
 
 
 def _lift(spec: mujoco.MjSpec) -> list[str]:
@@ -75,7 +83,9 @@ def _fill(spec: mujoco.MjSpec) -> list[str]:
     """Give next to no mass and inertia to links that move and have none."""
     names = []
     for body in spec.bodies[1:]:
-        if not body.joints or (not body.explicitinertial and any(geom.mass != 0.0 for geom in body.geoms)):
+        if not body.joints or (
+            not body.explicitinertial and any(geom.mass != 0.0 for geom in body.geoms)
+        ):
             continue
         moments, axes = _moments(body) if body.explicitinertial else (np.zeros(3), np.eye(3))
         own = body.mass if body.explicitinertial else 0.0
@@ -89,11 +99,18 @@ def _fill(spec: mujoco.MjSpec) -> list[str]:
     return [f"no mass or inertia of its own: {few(names)}"] if names else []
 
 
-_CHANGES = {"positive eigenvalues": _lift, "balanceinertia": _balance, "larger than mjMINVAL": _fill}  # by MuJoCo's complaint
+# by MuJoCo's complaint
+_CHANGES = {
+    "positive eigenvalues": _lift,
+    "balanceinertia": _balance,
+    "larger than mjMINVAL": _fill,
+}
 
 
 def _moments(body: mujoco.MjsBody) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments (3,) [kg m^2] as the file gives them, the least first, and their axes (3, 3) in columns."""
+    """Principal moments (3,) [kg m^2] as the file gives them, the least first, and their axes (3,
+    3) in columns.
+    """
     if np.isfinite(body.fullinertia).all():
         xx, yy, zz, xy, xz, yz = body.fullinertia
         moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])

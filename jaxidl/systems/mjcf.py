@@ -27,7 +27,9 @@ LARGEST = 1e30  # kg, m and their products: beyond it single precision ends
 
 
 class Model(NamedTuple):
-    """A plant read from a file. ``plant.body`` is a :class:`MujocoBody`; ``notes`` say what of the file plays no part."""
+    """A plant read from a file. ``plant.body`` is a :class:`MujocoBody`; ``notes`` say what of the
+    file plays no part.
+    """
 
     plant: Plant
     names: tuple[str, ...]
@@ -35,8 +37,10 @@ class Model(NamedTuple):
     notes: tuple[str, ...]
     path: Path
     part: tuple[str, ...] | None = None  # names of the joints that were asked for; None: all
-    locked: Mapping[str, float] | None = None  # [m or rad] where other joints were to be locked, by name
-    files: Mapping[str, bytes] | None = None  # content of the file and of effects.json when they were read, by name
+    # [m or rad] where other joints were to be locked, by name
+    locked: Mapping[str, float] | None = None
+    # content of the file and of effects.json when they were read, by name
+    files: Mapping[str, bytes] | None = None
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -44,23 +48,29 @@ class Model(NamedTuple):
         return tuple("N" if kind == "slide" else "Nm" for kind in self.kinds)
 
 
-def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Mapping[str, float] | None = None) -> Model:
-    """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it if that belongs to it.
+def read_model(
+    path: str | Path, joints: Sequence[str] | None = None, locked: Mapping[str, float] | None = None
+) -> Model:
+    """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it if that
+    belongs to it.
 
-    Joint damping, friction loss and stiffness become ``viscous_friction``, ``coulomb_friction`` and ``spring`` effects. Torques
-    are joint torques: actuators, contacts, joint limits and sensors play no part, and a note says so. Notes say, too, what of a
-    file was left out or changed: meshes that are not there, links without mass, impossible moments of inertia, joints that mimic
-    others.
+    Joint damping, friction loss and stiffness become ``viscous_friction``, ``coulomb_friction`` and
+    ``spring`` effects. Torques are joint torques: actuators, contacts, joint limits and sensors
+    play no part, and a note says so. Notes say, too, what of a file was left out or changed: meshes
+    that are not there, links without mass, impossible moments of inertia, joints that mimic others.
 
     Args:
         path: the file.
-        joints: names of those that move, in any order; the model has them in the file's. The others are locked. Default: all.
-        locked: positions [m or rad] of joints that are locked, by name. Default: as the file draws them.
+        joints: names of those that move, in any order; the model has them in the file's. The others
+            are locked. Default: all.
+        locked: positions [m or rad] of joints that are locked, by name. Default: as the file draws
+            them.
 
     Raises:
-        ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or if the file has what would be
-            silently dropped: other joints, equality constraints, tendons, gravity compensation, fluid forces, polynomial damping
-            or stiffness, inertia or damping of actuators, plugins, springs or friction that a flag switches off.
+        ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or
+            if the file has what would be silently dropped: other joints, equality constraints,
+            tendons, gravity compensation, fluid forces, polynomial damping or stiffness, inertia or
+            damping of actuators, plugins, springs or friction that a flag switches off.
     """
     path, files = Path(path), contents(Path(path))
     with quietly() as said:
@@ -71,15 +81,24 @@ def read_model(path: str | Path, joints: Sequence[str] | None = None, locked: Ma
         try:
             body = mujoco_body(model)
         except (ValueError, mujoco.FatalError) as error:
-            raise ModelError(f"{path} to have a rigid body", f"'{_one_line(error)}'", "correct its masses and inertias") from None
+            raise ModelError(
+                f"{path} to have a rigid body",
+                f"'{_one_line(error)}'",
+                "correct its masses and inertias",
+            ) from None
         _check_inertia(bare(body.source), path)
-    effects = (*_effects(model, path), *(e.effect for e in _recorded(path, model.njnt, part) if not e.in_mjcf))
+    effects = (
+        *_effects(model, path),
+        *(e.effect for e in _recorded(path, model.njnt, part) if not e.in_mjcf),
+    )
     notes = (*changed, *_notes(model), *said)
     return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked, files)
 
 
 def contents(path: Path) -> dict[str, bytes]:
-    """Return the content of a model's file and of the ``effects.json`` beside it, so far as they are there, by name."""
+    """Return the content of a model's file and of the ``effects.json`` beside it, so far as they
+    are there, by name.
+    """
     found = {}
     for file in (path, path.with_name(EFFECTS)):
         with contextlib.suppress(OSError):
@@ -89,7 +108,8 @@ def contents(path: Path) -> dict[str, bytes]:
 
 @contextlib.contextmanager
 def as_read(model: Model) -> Iterator[Path]:
-    """Give the path of the model's file as it was read: its own, or if that has changed or gone, a copy for the time being.
+    """Give the path of the model's file as it was read: its own, or if that has changed or gone, a
+    copy for the time being.
 
     Beside the copy stands what else is in the folder of the original now.
     """
@@ -108,18 +128,23 @@ def as_read(model: Model) -> Iterator[Path]:
 
 
 def _recorded(path: Path, joints: int, part: Sequence[str] | None) -> list[Entry]:
-    """Entries of ``effects.json`` beside the model; those of a whole robot do not fit a part of it."""
+    """Entries of ``effects.json`` beside the model; those of a whole robot do not fit a part of
+    it.
+    """
     try:
         return read_record(path, joints)
     except ModelError as error:
         if part is None:
             raise
         remedy = f"move {EFFECTS} away, or look at all joints"
-        raise ModelError(f"{path.with_name(EFFECTS)} for the joints asked for", error.got, remedy) from None
+        raise ModelError(
+            f"{path.with_name(EFFECTS)} for the joints asked for", error.got, remedy
+        ) from None
 
 
 def names_of(path: str | Path) -> tuple[str, ...]:
-    """Return names (J,) of all joints of an MJCF or URDF file but those that mimic others, in its order.
+    """Return names (J,) of all joints of an MJCF or URDF file but those that mimic others, in its
+    order.
 
     Raises:
         ModelError: if the file cannot be read.
@@ -131,7 +156,9 @@ def names_of(path: str | Path) -> tuple[str, ...]:
 
 @contextlib.contextmanager
 def quietly() -> Iterator[list[str]]:
-    """MuJoCo's warnings, collected instead of printed or written into a file of the present folder."""
+    """MuJoCo's warnings, collected instead of printed or written into a file of the present
+    folder.
+    """
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(said.append)
@@ -145,14 +172,21 @@ def quietly() -> Iterator[list[str]]:
         mujoco.set_mju_user_warning(before)
 
 
-def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, float] | None) -> tuple[mujoco.MjSpec, list[str]]:
-    """Return MuJoCo's editable model of a file, made fit to compile and cut down to ``joints``, and notes on what was changed.
+def load_part(
+    path: Path, joints: Sequence[str] | None, locked: Mapping[str, float] | None
+) -> tuple[mujoco.MjSpec, list[str]]:
+    """Return MuJoCo's editable model of a file, made fit to compile and cut down to ``joints``, and
+    notes on what was changed.
 
     Raises:
         ModelError: with MuJoCo's own words, or as :func:`read_model`.
     """
     if not path.is_file():
-        raise ModelError(f"a MJCF or URDF file at {path}", "a folder" if path.is_dir() else "no such file", "correct the path")
+        raise ModelError(
+            f"a MJCF or URDF file at {path}",
+            "a folder" if path.is_dir() else "no such file",
+            "correct the path",
+        )
     urdf = _is_urdf(path)
     text, notes = fixed_in_urdf(path, joints) if urdf else (None, [])
     spec = load_spec(path, text)
@@ -162,16 +196,23 @@ def load_part(path: Path, joints: Sequence[str] | None, locked: Mapping[str, flo
 
 
 def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
-    """MuJoCo's editable model of a file, or of the ``text`` instead, with bodies kept that are welded to others.
+    """MuJoCo's editable model of a file, or of the ``text`` instead, with bodies kept that are
+    welded to others.
 
     Raises:
         ModelError: with MuJoCo's own words, if it cannot be read.
     """
     try:
-        spec = mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
+        spec = (
+            mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
+        )
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
         sdf = b"<sdf" in path.read_bytes()[:10_000]
-        remedy = "convert it to URDF or MJCF: SDF is not read" if sdf else "correct the file; MuJoCo must load it"
+        remedy = (
+            "convert it to URDF or MJCF: SDF is not read"
+            if sdf
+            else "correct the file; MuJoCo must load it"
+        )
         raise ModelError(f"{path} to be MJCF or URDF", f"'{_one_line(error)}'", remedy) from None
     if text is not None:
         spec.modelfiledir = str(path.parent)
@@ -180,34 +221,56 @@ def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
 
 
 def _is_urdf(path: Path) -> bool:
-    """Is the root element ``<robot>``? Raises :class:`ModelError` for one that must be expanded first."""
+    """Is the root element ``<robot>``? Raises :class:`ModelError` for one that must be expanded
+    first.
+    """
     content = path.read_bytes()
-    start = min((at for at in (content.find(tag) for tag in (b"<robot", b"<mujoco", b"<sdf")) if at >= 0), default=-1)
+    start = min(
+        (at for at in (content.find(tag) for tag in (b"<robot", b"<mujoco", b"<sdf")) if at >= 0),
+        default=-1,
+    )
     if start < 0 or not content.startswith(b"<robot", start):
         return False
     if b"<xacro:" in content:
-        raise ModelError(f"{path} to be URDF", "xacro, from which URDF is made", f"expand it: xacro {path.name} > robot.urdf")
+        raise ModelError(
+            f"{path} to be URDF",
+            "xacro, from which URDF is made",
+            f"expand it: xacro {path.name} > robot.urdf",
+        )
     return True
 
 
 def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
-    """Complain unless all that moves is finite, and the inertia matrix positive definite, whatever the units of its rows."""
+    """Complain unless all that moves is finite, and the inertia matrix positive definite, whatever
+    the units of its rows.
+    """
     data, inertia, weight = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
         stage(model, data)
     mujoco.mj_fullM(model, data, inertia)
     mujoco.mj_rne(model, data, 0, weight)
     places = model.body_pos, model.body_ipos, model.jnt_pos, model.qpos0
-    if not all(np.abs(numbers).max() < LARGEST for numbers in (inertia, weight, *places)):  # NaN fails too
+    # NaN fails too
+    if not all(np.abs(numbers).max() < LARGEST for numbers in (inertia, weight, *places)):
         remedy = "correct its masses, lengths and gravity"
-        raise ModelError(f"{path} to have lengths, inertia and weight below {LARGEST:g}", "a number that is not", remedy)
+        raise ModelError(
+            f"{path} to have lengths, inertia and weight below {LARGEST:g}",
+            "a number that is not",
+            remedy,
+        )
     size = np.sqrt(np.maximum(np.diag(inertia), 1.0 / LARGEST))
     least, way = (part[..., 0] for part in np.linalg.eigh(inertia / size / size[:, None]))
     if least <= 1e-12:
         got = f"none at {joint_names(model)[int(np.abs(way).argmax())]}"
-        remedy = "give its body or what hangs on it a mass, or the joint armature, or leave it out (--joints)"
+        remedy = (
+            "give its body or what hangs on it a mass, or the joint armature, or leave it out"
+            " (--joints)"
+        )
         if not model.body_mass.any():
-            got, remedy = "no mass at all", "use a file with the links' masses (<inertial>), this one is for pictures only"
+            got, remedy = (
+                "no mass at all",
+                "use a file with the links' masses (<inertial>), this one is for pictures only",
+            )
         raise ModelError(f"{path} to have inertia at every joint", got, remedy)
 
 
@@ -220,7 +283,10 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
     moving = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
     flags = mujoco.mjtDisableBit
     off = spec.option.disableflags & int(
-        flags.mjDSBL_SPRING | flags.mjDSBL_DAMPER | flags.mjDSBL_FRICTIONLOSS | flags.mjDSBL_CONSTRAINT
+        flags.mjDSBL_SPRING
+        | flags.mjDSBL_DAMPER
+        | flags.mjDSBL_FRICTIONLOSS
+        | flags.mjDSBL_CONSTRAINT
     )
     polynomial = any(np.any(j.damping[1:]) or np.any(j.stiffness[1:]) for j in spec.joints)
     dashpot = any(np.any(np.asarray(j.springdamper) != 0) for j in spec.joints)
@@ -228,22 +294,52 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
     other = any(j.type not in moving for j in spec.joints)
     complaints = (
         (not spec.joints, "at least one joint", "none", "give the model its joints"),
-        (other, "slide and hinge joints", "a free or ball joint", "fix it, or name the joints to keep (--joints)"),
+        (
+            other,
+            "slide and hinge joints",
+            "a free or ball joint",
+            "fix it, or name the joints to keep (--joints)",
+        ),
         (
             spec.equalities,
             "no equality constraints",
             f"{len(spec.equalities)}",
             "remove them, or name the joints to keep (--joints); loops are not supported",
         ),
-        (spec.tendons, "no tendons", f"{len(spec.tendons)}", "remove them, or name the joints to keep"),
+        (
+            spec.tendons,
+            "no tendons",
+            f"{len(spec.tendons)}",
+            "remove them, or name the joints to keep",
+        ),
         (spec.flexes, "no soft bodies", f"{len(spec.flexes)}", "remove them"),
         (spec.plugins, "no plugins", f"{len(spec.plugins)}", "remove them"),
-        (polynomial, "linear damping and stiffness", "polynomial ones", "keep the first coefficient"),
+        (
+            polynomial,
+            "linear damping and stiffness",
+            "polynomial ones",
+            "keep the first coefficient",
+        ),
         (dashpot, "no springdamper", "one", "give stiffness and damping"),
         (geared, "no actuator with armature or damping", "one", "give them to its joint"),
-        (any(b.gravcomp for b in spec.bodies), "no gravity compensation", "gravcomp", "add its torque to the log's instead"),
-        (spec.option.density or spec.option.viscosity, "no fluid", "density or viscosity", "remove them; drag is an effect"),
-        (off, "no flag that switches springs, dampers or friction off", "one", "set their values to zero instead"),
+        (
+            any(b.gravcomp for b in spec.bodies),
+            "no gravity compensation",
+            "gravcomp",
+            "add its torque to the log's instead",
+        ),
+        (
+            spec.option.density or spec.option.viscosity,
+            "no fluid",
+            "density or viscosity",
+            "remove them; drag is an effect",
+        ),
+        (
+            off,
+            "no flag that switches springs, dampers or friction off",
+            "one",
+            "set their values to zero instead",
+        ),
     )
     for wrong, expected, got, remedy in complaints:
         if wrong:
@@ -253,19 +349,25 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
 def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
     """What the joints have beside inertia, as effects."""
     numbers = Numbers(model)
-    own = ((j, cls.read_mjcf(numbers.own(j))) for j in range(model.njnt) for cls in CATALOGUE.values())
+    own = (
+        (j, cls.read_mjcf(numbers.own(j))) for j in range(model.njnt) for cls in CATALOGUE.values()
+    )
     found = [OnJoint(effect, j, model.njnt) for j, effect in own if effect is not None]
     try:
         return [effect.check() for effect in found]
     except EffectError as error:
-        raise ModelError(f"{path} to have possible friction and springs", str(error), "correct the joint") from None
+        raise ModelError(
+            f"{path} to have possible friction and springs", str(error), "correct the joint"
+        ) from None
 
 
 def _notes(model: mujoco.MjModel) -> list[str]:
     """What of the model plays no part."""
     notes = []
     if model.nu:
-        notes.append("the model's actuators play no part: the log's torques are taken as joint torques")
+        notes.append(
+            "the model's actuators play no part: the log's torques are taken as joint torques"
+        )
     if model.jnt_limited.any():
         notes.append("joint limits play no part")
     return notes

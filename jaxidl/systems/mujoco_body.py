@@ -1,7 +1,8 @@
 """A mechanism of slides and hinges as a rigid body: MuJoCo's model, its dynamics in MJX.
 
-Only smooth rigid-body dynamics is asked of MJX, M(q)·qdd + bias(q, qd) = tau: no constraint solver, which reverse mode cannot
-pass, no passive forces and no actuators. Those are effects of the plant (:mod:`jaxidl.systems.mjcf` reads them).
+Only smooth rigid-body dynamics is asked of MJX, M(q)·qdd + bias(q, qd) = tau: no constraint solver,
+which reverse mode cannot pass, no passive forces and no actuators. Those are effects of the plant
+(:mod:`jaxidl.systems.mjcf` reads them).
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -35,13 +36,15 @@ def _constants(source: mujoco.MjModel) -> Any:
 
 
 class MujocoBody(struct.PyTreeNode):
-    """Body number ``bodies[j]`` moves with joint j. Shares its methods with :class:`jaxidl.systems.point_mass.PointMass`.
+    """Body number ``bodies[j]`` moves with joint j. Shares its methods with
+    :class:`jaxidl.systems.point_mass.PointMass`.
 
-    Its leaves are what effects change, of B bodies and J joints; all else of the model is constant in compiled programs. What is
-    added to bodies is linear in it.
+    Its leaves are what effects change, of B bodies and J joints; all else of the model is constant
+    in compiled programs. What is added to bodies is linear in it.
     """
 
-    added: Float[Array, "B 10"]  # inertial parameters that the bodies have more than the source, in their frames
+    # inertial parameters that the bodies have more than the source, in their frames
+    added: Float[Array, "B 10"]
     armature: Joints  # (J,) rotor inertia [kg or kg m^2]
     gravity: Float[Array, "3"]  # [m/s^2]
     source: mujoco.MjModel = struct.field(pytree_node=False)  # the body in C, as loaded
@@ -54,17 +57,26 @@ class MujocoBody(struct.PyTreeNode):
     def carrier(self) -> str:
         """Name of the body in whose frame a payload is."""
         b, source = last_moving(self.source), self.source
-        while b not in self.bodies and not source.body_pos[b].any() and source.body_quat[b][0] == 1.0:
-            b = int(source.body_parentid[b])  # the frame is the same: say, the body of a load that was found before
+        while (
+            b not in self.bodies and not source.body_pos[b].any() and source.body_quat[b][0] == 1.0
+        ):
+            # the frame is the same: say, the body of a load that was found before
+            b = int(source.body_parentid[b])
         return self.body_names[b]
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
-        """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or Nm]."""
+        """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or
+        Nm].
+        """
         q, qd = jnp.asarray(q), jnp.asarray(qd)  # in NumPy's arrays MJX sees constants of the model
         model = _constants(self.source)
-        model = model.replace(dof_armature=self.armature, opt=model.opt.replace(gravity=self.gravity))
+        model = model.replace(
+            dof_armature=self.armature, opt=model.opt.replace(gravity=self.gravity)
+        )
         # float64 only where JAX has it
-        model = jax.tree.map(lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model)
+        model = jax.tree.map(
+            lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model
+        )
         with jax.numpy_rank_promotion("allow"):  # MJX relies on it
             data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(self.source, q))
             data = self._heavier(mjx.com_pos(model, data), q.dtype)
@@ -73,7 +85,9 @@ class MujocoBody(struct.PyTreeNode):
             return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
 
     def _heavier(self, data: Any, dtype: Any) -> Any:
-        """MJX's data with what is ``added``, as MJX has inertias: about the tree's centre of mass, along the world's axes."""
+        """MJX's data with what is ``added``, as MJX has inertias: about the tree's centre of mass,
+        along the world's axes.
+        """
         offset = data.xpos - data.subtree_com[self.source.body_rootid]
         more = jax.vmap(moved)(jnp.asarray(self.added, dtype), data.xmat, offset)
         order = jnp.concatenate([more[:, 4:], more[:, 1:4], more[:, :1]], 1)
@@ -98,20 +112,28 @@ class MujocoBody(struct.PyTreeNode):
         return self.replace(armature=self.armature + extra)
 
     def add_link(self, extra: Float[Array, "J 10"]) -> "MujocoBody":
-        """The body whose j-th joint's body has inertial parameters ``extra`` (J, 10) more: :mod:`jaxidl.effects.ten`."""
+        """The body whose j-th joint's body has inertial parameters ``extra`` (J, 10) more:
+        :mod:`jaxidl.effects.ten`.
+        """
         return self.replace(added=self.added.at[jnp.asarray(self.bodies)].add(extra))
 
     def add_mass(self, extra: Joints | Scalar) -> "MujocoBody":
-        """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in proportion."""
+        """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in
+        proportion.
+        """
         share = per_mass(self.source)[list(self.bodies)]
         return self.add_link((extra + jnp.zeros(len(share)))[:, None] * share)
 
     def add_payload(self, extra: Float[Array, "10"]) -> "MujocoBody":
-        """The body whose last body that moves has inertial parameters ``extra`` (10,) more, in its frame."""
+        """The body whose last body that moves has inertial parameters ``extra`` (10,) more, in its
+        frame.
+        """
         return self.replace(added=self.added.at[last_moving(self.source)].add(extra))
 
     def tilt(self, angles: Float[Array, "2"]) -> "MujocoBody":
-        """The body on a base turned by small ``angles`` (2,) [rad] about the axes of :func:`level`; linear in them."""
+        """The body on a base turned by small ``angles`` (2,) [rad] about the axes of :func:`level`;
+        linear in them.
+        """
         return self.replace(gravity=self.gravity + level(self.source) @ angles)
 
 
@@ -122,7 +144,9 @@ def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
         ValueError: with MuJoCo's words, if it does not take the model's numbers a second time.
     """
     bare = skeleton(model)
-    kinds = tuple("slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type)
+    kinds = tuple(
+        "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type
+    )
     _constants(bare)  # MuJoCo complains here if at all
     return MujocoBody(
         added=jnp.zeros((bare.nbody, 10)),
@@ -148,17 +172,23 @@ def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
 
 
 def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
-    """Return the inertial parameters of all bodies per unit of mass; of massless ones those of a point at their centre."""
+    """Return the inertial parameters of all bodies per unit of mass; of massless ones those of a
+    point at their centre.
+    """
     c, massless = source.body_ipos, source.body_mass[:, None] <= 0.0
     tensor = (c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
     points = np.concatenate([np.ones((source.nbody, 1)), c, tensor[:, ROWS, COLUMNS]], 1)
-    return np.where(massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None]))
+    return np.where(
+        massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None])
+    )
 
 
 def level(source: mujoco.MjModel) -> Float[np.ndarray, "3 2"]:
-    """Return the change of gravity in the base's frame per radian that the base turns about two horizontal axes.
+    """Return the change of gravity in the base's frame per radian that the base turns about two
+    horizontal axes.
 
-    They are x and y where gravity points along −z; else the horizontal direction nearest to x, or to y, and the one across it.
+    They are x and y where gravity points along −z; else the horizontal direction nearest to x, or
+    to y, and the one across it.
     """
     gravity = source.opt.gravity
     size = np.linalg.norm(gravity)
@@ -175,12 +205,16 @@ def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def last_moving(model: mujoco.MjModel) -> int:
-    """Number of the last body that some joint moves: what comes after it in the file, a table say, carries no payload."""
+    """Number of the last body that some joint moves: what comes after it in the file, a table say,
+    carries no payload.
+    """
     return int(np.flatnonzero(model.body_weldid)[-1])
 
 
 def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Bodies, joints and gravity of a compiled model, without geometry: it costs time, and MJX does not know all of it."""
+    """Bodies, joints and gravity of a compiled model, without geometry: it costs time, and MJX does
+    not know all of it.
+    """
     spec = mujoco.MjSpec()
     weightless = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)
     spec.option.gravity = np.zeros(3) if weightless else model.opt.gravity
@@ -188,14 +222,23 @@ def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
     bodies = [spec.worldbody]
     for b in range(1, model.nbody):
         inertial = {"mass": model.body_mass[b], "inertia": model.body_inertia[b]}
-        inertial |= {"ipos": model.body_ipos[b], "iquat": model.body_iquat[b], "explicitinertial": True}
+        inertial |= {
+            "ipos": model.body_ipos[b],
+            "iquat": model.body_iquat[b],
+            "explicitinertial": True,
+        }
         parent = bodies[model.body_parentid[b]]
         bodies.append(parent.add_body(pos=model.body_pos[b], quat=model.body_quat[b], **inertial))
     for j in range(model.njnt):
         frame = {"pos": model.jnt_pos[j], "axis": model.jnt_axis[j], "ref": model.qpos0[j]}
         bodies[model.jnt_bodyid[j]].add_joint(
-            name=model.joint(j).name, type=model.jnt_type[j], armature=model.dof_armature[j], **frame
+            name=model.joint(j).name,
+            type=model.jnt_type[j],
+            armature=model.dof_armature[j],
+            **frame,
         )
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
-    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
+        mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+    )
     return spec.compile()

@@ -18,13 +18,19 @@ _MOVING = (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE))
 
 
 def take_part(
-    spec: mujoco.MjSpec, path: Path, wanted: Sequence[str] | None, locked: Mapping[str, float], urdf: bool
+    spec: mujoco.MjSpec,
+    path: Path,
+    wanted: Sequence[str] | None,
+    locked: Mapping[str, float],
+    urdf: bool,
 ) -> list[str]:
-    """Lock the joints of a spec that are not ``wanted`` (None: all are), and those that a URDF file has mimic another one.
+    """Lock the joints of a spec that are not ``wanted`` (None: all are), and those that a URDF file
+    has mimic another one.
 
     Args:
-        locked: positions [m or rad] at which joints are locked, by name; the others as the file draws them. A joint that mimics
-            another is locked where that one is, or where it is drawn.
+        locked: positions [m or rad] at which joints are locked, by name; the others as the file
+            draws them. A joint that mimics another is locked where that one is, or where it is
+            drawn.
 
     Returns:
         Notes on what was locked.
@@ -32,7 +38,11 @@ def take_part(
     Raises:
         ModelError: for names that the file does not have, or a joint that cannot be locked there.
     """
-    mimics = [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT and e.name2] if urdf else []
+    mimics = (
+        [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT and e.name2]
+        if urdf
+        else []
+    )
     if wanted is None and not mimics:
         return []
     model = compile_spec(spec, path)
@@ -41,10 +51,18 @@ def take_part(
     ties = {e.name1: (e.name2, float(e.data[0]), float(e.data[1])) for e in mimics}
     if wrong := [name for name in wanted or () if name in ties]:
         got = f"{wrong[0]}, which mimics {ties[wrong[0]][0]}"
-        raise ModelError(f"joints of {path} that move freely", got, "leave it out: it is locked, or remove its <mimic>")
+        raise ModelError(
+            f"joints of {path} that move freely",
+            got,
+            "leave it out: it is locked, or remove its <mimic>",
+        )
     moving = {name for name in names if name not in ties and (wanted is None or name in wanted)}
     if not moving:
-        raise ModelError(f"{path} to have a joint that moves", "only joints that mimic others", "remove a <mimic>")
+        raise ModelError(
+            f"{path} to have a joint that moves",
+            "only joints that mimic others",
+            "remove a <mimic>",
+        )
     where, notes = {}, []
     for j, name in enumerate(names):
         if name in moving:
@@ -67,12 +85,16 @@ def take_part(
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
         notes.append(f"locked, for they are not among the joints asked for: {few(free)}")
     for name, (master, _, _) in ties.items():
-        notes.append(f"joint {name} mimics {master}: it is locked at {where[name]:.4g}, its own motion plays no part")
+        notes.append(
+            f"joint {name} mimics {master}: it is locked at {where[name]:.4g}, its own motion plays"
+            " no part"
+        )
     return notes
 
 
 def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None, list[str]]:
-    """Return the text of a URDF file with joints that float or slide in a plane fixed, unless they are wanted, and notes.
+    """Return the text of a URDF file with joints that float or slide in a plane fixed, unless they
+    are wanted, and notes.
 
     The text is None where the file has no such joint.
 
@@ -83,14 +105,30 @@ def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None,
         root = ET.fromstring(path.read_bytes())
     except (ET.ParseError, ValueError, LookupError):
         return None, []  # MuJoCo says what is wrong
-    loose = [joint for joint in root.iterfind("joint") if joint.get("type") in ("floating", "planar")]
+    loose = [
+        joint for joint in root.iterfind("joint") if joint.get("type") in ("floating", "planar")
+    ]
     for joint in loose:
         name, kind = joint.get("name", "without a name"), joint.get("type")
         if wanted is None or name in wanted:
-            remedy = 'write type="fixed" if it does not move in the log, or give only the joints that do (--joints)'
-            raise ModelError(f"joints of {path} to be revolute, continuous, prismatic or fixed", f"{name}, {kind}", remedy)
+            remedy = (
+                'write type="fixed" if it does not move in the log, or give only the joints that do'
+                " (--joints)"
+            )
+            raise ModelError(
+                f"joints of {path} to be revolute, continuous, prismatic or fixed",
+                f"{name}, {kind}",
+                remedy,
+            )
         joint.set("type", "fixed")
-    notes = [f"fixed, for they are not among the joints asked for: {few([j.get('name', '') for j in loose])}"] if loose else []
+    notes = (
+        [
+            "fixed, for they are not among the joints asked for:"
+            f" {few([j.get('name', '') for j in loose])}"
+        ]
+        if loose
+        else []
+    )
     return ET.tostring(root, encoding="unicode") if loose else None, notes
 
 
@@ -101,15 +139,24 @@ def _known(wanted: Sequence[str] | None, names: Sequence[str], path: Path) -> No
         raise ModelError(f"joints of {path} to look at", "none", f"name some of {few(names, 20)}")
     for i, name in enumerate(wanted):
         if name not in names:
-            raise ModelError(f"a joint of {path}", repr(name)[:100], f"choose among {few(names, 20)}")
+            raise ModelError(
+                f"a joint of {path}", repr(name)[:100], f"choose among {few(names, 20)}"
+            )
         if name in wanted[:i]:
             raise ModelError(f"each joint of {path} once", f"{name} twice", "name it once")
 
 
 def _lock(
-    joints: Mapping[str, mujoco.MjsJoint], j: int, names: Sequence[str], at: float, model: mujoco.MjModel, path: Path
+    joints: Mapping[str, mujoco.MjsJoint],
+    j: int,
+    names: Sequence[str],
+    at: float,
+    model: mujoco.MjModel,
+    path: Path,
 ) -> None:
-    """Move a joint's body to where the joint is at ``at`` [m or rad]; the joint itself stays, and must be removed."""
+    """Move a joint's body to where the joint is at ``at`` [m or rad]; the joint itself stays, and
+    must be removed.
+    """
     if int(model.jnt_type[j]) not in _MOVING or at == model.qpos0[model.jnt_qposadr[j]]:
         return
     joint = joints[names[j]]
@@ -117,8 +164,15 @@ def _lock(
     others = [i for i in np.flatnonzero(model.jnt_bodyid == model.jnt_bodyid[j]) if i != j]
     plain = body.alt.type == mujoco.mjtOrientation.mjORIENTATION_QUAT
     if not plain or others or not np.isfinite(at):
-        remedy = f"give its body a quat and no other joint, or lock it at {model.qpos0[model.jnt_qposadr[j]]:g}"
-        raise ModelError(f"joint {names[j]} of {path} to be locked at {at:g}", "a body that is not turned so simply", remedy)
+        remedy = (
+            "give its body a quat and no other joint, or lock it at"
+            f" {model.qpos0[model.jnt_qposadr[j]]:g}"
+        )
+        raise ModelError(
+            f"joint {names[j]} of {path} to be locked at {at:g}",
+            "a body that is not turned so simply",
+            remedy,
+        )
     rotation, shift = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)  # of the body, in its own frame
     if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE:
         shift = move * model.jnt_axis[j]
@@ -134,16 +188,23 @@ def _lock(
 
 
 def _forget(spec: mujoco.MjSpec, gone: set[str]) -> None:
-    """Remove what refers to joints that are ``gone``, and nothing that acts on others too: that is for the caller to refuse."""
+    """Remove what refers to joints that are ``gone``, and nothing that acts on others too: that is
+    for the caller to refuse.
+    """
     tendons = [t for t in spec.tendons if len(t.path) and all(_of(wrap) in gone for wrap in t.path)]
     strings = {tendon.name for tendon in tendons}
     actuators = [
         a
         for a in spec.actuators
-        if (a.trntype in _ON_JOINTS and a.target in gone) or (a.trntype == mujoco.mjtTrn.mjTRN_TENDON and a.target in strings)
+        if (a.trntype in _ON_JOINTS and a.target in gone)
+        or (a.trntype == mujoco.mjtTrn.mjTRN_TENDON and a.target in strings)
     ]
     drives = {actuator.name for actuator in actuators}
-    lost = {mujoco.mjtObj.mjOBJ_JOINT: gone, mujoco.mjtObj.mjOBJ_TENDON: strings, mujoco.mjtObj.mjOBJ_ACTUATOR: drives}
+    lost = {
+        mujoco.mjtObj.mjOBJ_JOINT: gone,
+        mujoco.mjtObj.mjOBJ_TENDON: strings,
+        mujoco.mjtObj.mjOBJ_ACTUATOR: drives,
+    }
     sensors = [s for s in spec.sensors if s.objname in lost.get(s.objtype, ())]
     for element in (*sensors, *_moot(spec, gone, strings), *actuators, *tendons, *spec.keys):
         spec.delete(element)
@@ -157,16 +218,28 @@ def _moot(spec: mujoco.MjSpec, gone: set[str], tendons: set[str]) -> list[mujoco
         if equality.type in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             sites = equality.objtype == mujoco.mjtObj.mjOBJ_SITE
             bodies = [spec.site(name).parent if sites else spec.body(name) for name in names]
-            moot = len({_carrier(body, gone) for body in (*bodies, *[spec.worldbody] * (len(names) == 1))}) == 1
+            moot = (
+                len(
+                    {
+                        _carrier(body, gone)
+                        for body in (*bodies, *[spec.worldbody] * (len(names) == 1))
+                    }
+                )
+                == 1
+            )
         else:
-            moot = names <= {kinds.mjEQ_JOINT: gone, kinds.mjEQ_TENDON: tendons}.get(equality.type, set())
+            moot = names <= {kinds.mjEQ_JOINT: gone, kinds.mjEQ_TENDON: tendons}.get(
+                equality.type, set()
+            )
         if moot:
             found.append(equality)
     return found
 
 
 def _carrier(body: mujoco.MjsBody | None, gone: set[str]) -> str | None:
-    """Name of a joint of the body that carries this one, after the joints that are ``gone``; None if nothing moves it."""
+    """Name of a joint of the body that carries this one, after the joints that are ``gone``; None
+    if nothing moves it.
+    """
     while body is not None and body.name != "world":
         if left := [joint.name for joint in body.joints if joint.name not in gone]:
             return left[0]

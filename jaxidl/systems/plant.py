@@ -11,7 +11,8 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
 
-GAUSS_SEIDEL_ROUNDS = 40  # an arm of two links needs up to 12 to rest without creeping, six coupled joints more
+# an arm of two links needs up to 12 to rest without creeping, six coupled joints more
+GAUSS_SEIDEL_ROUNDS = 40
 
 
 @runtime_checkable
@@ -46,9 +47,11 @@ class Plant(struct.PyTreeNode):
         return tuple(effect.start(q) for effect in self.effects)
 
     def acceleration(self, state: State, tau: Joints, dt: float) -> Joints:
-        """Acceleration (J,) [m/s^2] over a step ``dt`` [s] under the delivered torque ``tau`` (J,) [N].
+        """Acceleration (J,) [m/s^2] over a step ``dt`` [s] under the delivered torque ``tau`` (J,)
+        [N].
 
-        Dry friction takes the velocity towards zero by as much as its level can in one step, and never through it.
+        Dry friction takes the velocity towards zero by as much as its level can in one step, and
+        never through it.
         """
         q, qd = state
         body, total = self.body, tau
@@ -64,16 +67,19 @@ class Plant(struct.PyTreeNode):
         return qdd - mobility @ friction_torque(free / dt, mobility, self.grip(q, qd, tau, free))
 
     def grip(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
-        """Level (J,) [N or Nm] of all dry friction together; see :meth:`jaxidl.effects.Effect.dry`."""
+        """Level (J,) [N or Nm] of all dry friction together; see
+        :meth:`jaxidl.effects.Effect.dry`.
+        """
         levels = (effect.dry(q, qd, tau, direction) for effect in self.effects if _grips(effect))
         return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
-        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state: a corrected model can command as a body does.
+        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state: a corrected model
+        can command as a body does.
 
-        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the encoders do to a command over
-        time (lag, delay, hidden states) has no inverse at one instant and is left out; friction that depends on the torque is
-        that of the torque without it.
+        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the
+        encoders do to a command over time (lag, delay, hidden states) has no inverse at one instant
+        and is left out; friction that depends on the torque is that of the torque without it.
         """
         body, torque = self.body, jnp.zeros_like(qd)
         for effect in self.effects:
@@ -85,10 +91,14 @@ class Plant(struct.PyTreeNode):
         direction = jnp.where(jnp.abs(qd) > 0.0, qd, qdd)
         return needed + self.grip(q, qd, needed, direction) * jnp.sign(direction)
 
-    def step(self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float) -> tuple[State, tuple[Any, ...]]:
-        """State and hidden states one time step ``dt`` [s] later, under the commanded torque ``tau`` (J,) [N].
+    def step(
+        self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float
+    ) -> tuple[State, tuple[Any, ...]]:
+        """State and hidden states one time step ``dt`` [s] later, under the commanded torque
+        ``tau`` (J,) [N].
 
-        The command passes the effects' ``actuate`` in their order; the state then moves by q + dt·qd + dt²·qdd/2, qd + dt·qdd.
+        The command passes the effects' ``actuate`` in their order; the state then moves by q +
+        dt·qd + dt²·qdd/2, qd + dt·qdd.
         """
         after = []
         for effect, memory in zip(self.effects, hidden, strict=True):
@@ -97,7 +107,9 @@ class Plant(struct.PyTreeNode):
         return integrate(state, self.acceleration(state, tau, dt), dt), tuple(after)
 
     def sense(self, hidden: tuple[Any, ...], q: Joints, noise: Joints) -> Joints:
-        """Encoder reading (J,) at ``q`` (J,), given hidden states and standard-normal draws ``noise`` (J,)."""
+        """Encoder reading (J,) at ``q`` (J,), given hidden states and standard-normal draws
+        ``noise`` (J,).
+        """
         for effect, memory in zip(self.effects, hidden, strict=True):
             q = effect.sense(memory, q, noise)
         return q
@@ -111,8 +123,9 @@ def _grips(effect: Effect) -> bool:
 def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:
     """Torque (J,) within ±``level`` that brings the joints to rest, or as near as it can.
 
-    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of ``push`` (J,), the acceleration
-    that would carry on [m/s^2]. One joint needs one round, joints that the inertia couples more.
+    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of
+    ``push`` (J,), the acceleration that would carry on [m/s^2]. One joint needs one round, joints
+    that the inertia couples more.
     """
 
     def around(_: Any, grip: Joints) -> Joints:
@@ -122,10 +135,16 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
         return grip
 
     grip = jnp.zeros_like(push)
-    return around(0, grip) if push.shape[0] == 1 else jax.lax.fori_loop(0, GAUSS_SEIDEL_ROUNDS, around, grip)
+    return (
+        around(0, grip)
+        if push.shape[0] == 1
+        else jax.lax.fori_loop(0, GAUSS_SEIDEL_ROUNDS, around, grip)
+    )
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:
-    """Constant acceleration over one step: the house's integrator, for plants and for desired trajectories."""
+    """Constant acceleration over one step: the house's integrator, for plants and for desired
+    trajectories.
+    """
     q, qd = state
     return State(q + dt * qd + 0.5 * dt**2 * qdd, qd + dt * qdd)

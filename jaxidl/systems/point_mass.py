@@ -8,7 +8,9 @@ from jaxidl.types import Joints, Scalar
 
 
 class PointMass(struct.PyTreeNode):
-    """M·qdd = tau with M diagonal. Bodies of the house share these methods, so a plant does not ask which it has."""
+    """M·qdd = tau with M diagonal. Bodies of the house share these methods, so a plant does not ask
+    which it has.
+    """
 
     mass: Joints  # (J,) mass seen by each axis [kg]
 

@@ -1,4 +1,6 @@
-"""``effects.json`` beside a model: which effects the plant has, and which of them the model's own file does not hold."""
+"""``effects.json`` beside a model: which effects the plant has, and which of them the model's own
+file does not hold.
+"""
 
 import json
 import math
@@ -29,7 +31,8 @@ class Entry(NamedTuple):
 
 
 def read_record(path: Path, joints: int) -> list[Entry]:
-    """Entries of the ``effects.json`` in the folder of the model file ``path``, if it was written for this model.
+    """Entries of the ``effects.json`` in the folder of the model file ``path``, if it was written
+    for this model.
 
     Raises:
         ModelError: if it is damaged, or has effects that do not fit ``joints`` joints.
@@ -43,10 +46,22 @@ def read_record(path: Path, joints: int) -> list[Entry]:
             return []
         return [_entry(entry, joints) for entry in content["effects"]]
     except EffectError as error:
-        raise ModelError(f"{record} as the gap workflow writes it", str(error), "correct it, or remove it") from None
-    except (OSError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise ModelError(
+            f"{record} as the gap workflow writes it", str(error), "correct it, or remove it"
+        ) from None
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         got = " ".join(f"{type(error).__name__} {error}".split())[:300]
-        raise ModelError(f"{record} as the gap workflow writes it", got, "correct it, or remove it") from None
+        raise ModelError(
+            f"{record} as the gap workflow writes it", got, "correct it, or remove it"
+        ) from None
 
 
 def _refuse_constant(name: str) -> float:
@@ -60,7 +75,11 @@ def _entry(entry: dict[str, Any], joints: int) -> Entry:
     for key, value in entry.get("options", {}).items():
         most = {"steps": MOST_STEPS, "joint": joints - 1, "other": joints - 1}.get(key, math.inf)
         kind = int | float if key == "width" else int
-        if not isinstance(value, kind) or not math.isfinite(value) or not (key == "steps") <= value <= most:
+        if (
+            not isinstance(value, kind)
+            or not math.isfinite(value)
+            or not (key == "steps") <= value <= most
+        ):
             raise EffectError(f"an option {key} that fits", repr(value)[:100], "correct it")
     effect = from_dict(entry)
     check_fits(effect, joints)
@@ -93,18 +112,31 @@ class _Probe:
 
 
 def check_fits(effect: Effect, joints: int) -> None:
-    """Raise :class:`EffectError` unless the effect is within its bounds and acts on a mechanism of ``joints`` joints.
+    """Raise :class:`EffectError` unless the effect is within its bounds and acts on a mechanism of
+    ``joints`` joints.
 
     All that it does is traced, not computed, and must have one value per joint.
     """
     effect.check()
-    if isinstance(effect, OnJoint) and not (_whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints):
-        raise EffectError(f"an effect on one of {joints} joints", f"{effect.joint!r} of {effect.joints!r}", "correct the joint")
+    if isinstance(effect, OnJoint) and not (
+        _whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints
+    ):
+        raise EffectError(
+            f"an effect on one of {joints} joints",
+            f"{effect.joint!r} of {effect.joints!r}",
+            "correct the joint",
+        )
 
     def everything(q: Joints) -> tuple[Joints, ...]:
         effect.alter(_Probe(joints))
         tau, memory = effect.actuate(effect.start(q), q, q, q, 1e-3)
-        return tau, effect.torque(q, q, q), effect.dry(q, q, q, q), effect.sense(memory, q, q), 1.0 * effect.holds(q, q, q)
+        return (
+            tau,
+            effect.torque(q, q, q),
+            effect.dry(q, q, q, q),
+            effect.sense(memory, q, q),
+            1.0 * effect.holds(q, q, q),
+        )
 
     name = effect.to_dict()["effect"]
     try:
@@ -112,7 +144,11 @@ def check_fits(effect: Effect, joints: int) -> None:
     except (TypeError, ValueError, IndexError, ZeroDivisionError) as error:
         shapes = {str(error).splitlines()[0][:200]}
     if shapes != {(joints,)}:
-        raise EffectError(f"{name} with one value for each of {joints} joints", str(shapes), "correct its parameters")
+        raise EffectError(
+            f"{name} with one value for each of {joints} joints",
+            str(shapes),
+            "correct its parameters",
+        )
 
 
 def _whole(number: object) -> bool:

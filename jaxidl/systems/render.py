@@ -24,18 +24,35 @@ class NoRenderer(JaxidlError):
 
 
 def scene(pick: Float[np.ndarray, "3"], place: Float[np.ndarray, "3"]) -> mujoco.MjModel:
-    """The arm with a tool on its flange (``held``), one under the ``pick`` (3,), one under the ``place`` (3,) [m]."""
+    """The arm with a tool on its flange (``held``), one under the ``pick`` (3,), one under the
+    ``place`` (3,) [m].
+    """
     spec = mujoco.MjSpec.from_string((files("jaxidl.systems") / "arm.xml").read_text())
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
-    spec.worldbody.add_geom(type=box, size=[0.22, 0.45, TABLE / 2], pos=[0.5, 0.02, TABLE / 2], rgba=[0.75, 0.68, 0.6, 1])
+    spec.worldbody.add_geom(
+        type=box,
+        size=[0.22, 0.45, TABLE / 2],
+        pos=[0.5, 0.02, TABLE / 2],
+        rgba=[0.75, 0.68, 0.6, 1],
+    )
     last = spec.body("link7")
     for name, body, at, down in (
         ("held", last, np.array([0.0, 0.0, 0.06]), 1.0),
         ("at_pick", spec.worldbody, pick, -1.0),
         ("at_place", spec.worldbody, place, -1.0),
     ):
-        body.add_geom(name=f"{name}_grip", type=cylinder, size=[0.025, 0.05, 0], pos=at + np.array([0, 0, 0.05 * down]))
-        body.add_geom(name=f"{name}_head", type=box, size=[0.075, 0.022, 0.022], pos=at + np.array([0.02, 0, 0.085 * down]))
+        body.add_geom(
+            name=f"{name}_grip",
+            type=cylinder,
+            size=[0.025, 0.05, 0],
+            pos=at + np.array([0, 0, 0.05 * down]),
+        )
+        body.add_geom(
+            name=f"{name}_head",
+            type=box,
+            size=[0.075, 0.022, 0.022],
+            pos=at + np.array([0.02, 0, 0.085 * down]),
+        )
     return spec.compile()
 
 
@@ -46,14 +63,17 @@ def film(
     place: Float[np.ndarray, "3"],
     size: tuple[int, int] = (360, 360),
 ) -> UInt8[np.ndarray, "N H W 3"]:
-    """Pictures (N, H, W, 3) of the arm at joint positions ``q`` (N, 7) [rad]; the tool is on the flange where ``held`` (N,).
+    """Pictures (N, H, W, 3) of the arm at joint positions ``q`` (N, 7) [rad]; the tool is on the
+    flange where ``held`` (N,).
 
-    Another process makes them: which graphics MuJoCo takes is settled when it is imported, and drivers may crash.
+    Another process makes them: which graphics MuJoCo takes is settled when it is imported, and
+    drivers may crash.
 
     Raises:
         NoRenderer: where MuJoCo finds no graphics, not even in software.
     """
-    environment = os.environ if sys.platform != "linux" else {"MUJOCO_GL": "egl"} | os.environ  # no screen needed
+    # no screen needed
+    environment = os.environ if sys.platform != "linux" else {"MUJOCO_GL": "egl"} | os.environ
     with tempfile.TemporaryDirectory() as name:
         given, made = Path(name) / "given.npz", Path(name) / "made.npy"
         np.savez(given, q=q, held=held, pick=pick, place=place, size=size)
@@ -62,13 +82,24 @@ def film(
         if made.is_file():
             return np.load(made)
     reason = (said.stderr.strip().splitlines() or ["nothing said"])[-1]
-    raise NoRenderer("a renderer for the pictures", reason[:200], "install software rendering (Mesa) or set MUJOCO_GL")
+    raise NoRenderer(
+        "a renderer for the pictures",
+        reason[:200],
+        "install software rendering (Mesa) or set MUJOCO_GL",
+    )
 
 
-def _render(q: np.ndarray, held: np.ndarray, pick: np.ndarray, place: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+def _render(
+    q: np.ndarray, held: np.ndarray, pick: np.ndarray, place: np.ndarray, size: tuple[int, int]
+) -> np.ndarray:
     model = scene(pick, place)
     data, camera = mujoco.MjData(model), mujoco.MjvCamera()
-    camera.lookat, camera.distance, camera.azimuth, camera.elevation = [0.25, 0.0, 0.35], 1.75, 125.0, -18.0
+    camera.lookat, camera.distance, camera.azimuth, camera.elevation = (
+        [0.25, 0.0, 0.35],
+        1.75,
+        125.0,
+        -18.0,
+    )
     renderer = mujoco.Renderer(model, *size)
     released = np.maximum.accumulate(held) & ~held
     pictures = []
@@ -85,6 +116,8 @@ def _render(q: np.ndarray, held: np.ndarray, pick: np.ndarray, place: np.ndarray
 
 if __name__ == "__main__":
     with np.load(sys.argv[1]) as job:
-        done = _render(job["q"], job["held"], job["pick"], job["place"], tuple(job["size"].tolist()))
+        done = _render(
+            job["q"], job["held"], job["pick"], job["place"], tuple(job["size"].tolist())
+        )
     np.save(sys.argv[2], done)
     os._exit(0)  # some drivers complain when they are taken down

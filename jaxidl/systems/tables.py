@@ -1,4 +1,6 @@
-"""What a rigid body contributes along a log, and how that changes with everything that may be wrong about it."""
+"""What a rigid body contributes along a log, and how that changes with everything that may be wrong
+about it.
+"""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -23,7 +25,8 @@ SMALL = 1e-12  # of the largest: what is smaller is rounding, and no information
 
 
 class Tables(NamedTuple):
-    """One row per instant (T rows, or none inside a ``vmap``). Inverse dynamics is linear in everything but the state.
+    """One row per instant (T rows, or none inside a ``vmap``). Inverse dynamics is linear in
+    everything but the state.
 
     Arrays are NumPy's along a log, and JAX's in what is compiled.
     """
@@ -32,9 +35,12 @@ class Tables(NamedTuple):
     inertia: Float[Any, "*T J J"]  # its derivative by acceleration: the inertia matrix
     by_q: Float[Any, "*T J J"]  # ... by position
     by_qd: Float[Any, "*T J J"]  # ... by velocity
-    by_mass: Float[Any, "*T J J"]  # ... by the mass of each joint's body, whose inertia goes with it
-    by_link: Float[Any, "*T J J 10"]  # ... by the ten inertial parameters of each joint's body (the second J), in its frame
-    by_load: Float[Any, "*T J 10"]  # ... by those of the last body that moves, which may be welded to a joint's
+    # ... by the mass of each joint's body, whose inertia goes with it
+    by_mass: Float[Any, "*T J J"]
+    # ... by the ten inertial parameters of each joint's body (the second J), in its frame
+    by_link: Float[Any, "*T J J 10"]
+    # ... by those of the last body that moves, which may be welded to a joint's
+    by_load: Float[Any, "*T J 10"]
     by_gravity: Float[Any, "*T J 3"]  # ... by gravity
     by_tilt: Float[Any, "*T J 2"]  # ... by small turns of the base
 
@@ -48,8 +54,8 @@ class Tables(NamedTuple):
 def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     """Tables of ``body`` along a log (T, J), in float64 NumPy.
 
-    All are exact at every instant but the derivatives by position and velocity, which are central differences at every
-    ``stride``-th, and interpolated.
+    All are exact at every instant but the derivatives by position and velocity, which are central
+    differences at every ``stride``-th, and interpolated.
     """
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
@@ -59,10 +65,15 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
     by_gravity = _by_gravity(motion, body.source)
     coarse = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
-    along = lambda part: interp1d(coarse, part, axis=0, assume_sorted=True)(np.arange(len(q)))  # noqa: E731
-    by_q, by_qd = (x if len(x) == len(q) else along(x) for x in _differences(body, q[coarse], qd[coarse], qdd[coarse]))
+    along = lambda part: interp1d(coarse, part, axis=0, assume_sorted=True)(np.arange(len(q)))
+    by_q, by_qd = (
+        x if len(x) == len(q) else along(x)
+        for x in _differences(body, q[coarse], qd[coarse], qdd[coarse])
+    )
     by_tilt = by_gravity @ level(body.source)
-    return Tables(motion.torque, motion.inertia, by_q, by_qd, by_mass, by_link, by_load, by_gravity, by_tilt)
+    return Tables(
+        motion.torque, motion.inertia, by_q, by_qd, by_mass, by_link, by_load, by_gravity, by_tilt
+    )
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
@@ -75,14 +86,30 @@ def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
     joints = len(mass)
     eye, none = np.eye(joints), np.zeros((*qdd.shape, joints))
-    by_mass, by_link, by_load = qdd[..., None] * eye, np.zeros((*none.shape, 10)), np.zeros((*qdd.shape, 10))
+    by_mass, by_link, by_load = (
+        qdd[..., None] * eye,
+        np.zeros((*none.shape, 10)),
+        np.zeros((*qdd.shape, 10)),
+    )
     by_link[..., 0], by_load[..., 0] = by_mass, qdd
     gravity = np.zeros((*qdd.shape, 3))
-    return Tables(mass * qdd, none + np.diag(mass), none, none, by_mass, by_link, by_load, gravity, gravity[..., :2])
+    return Tables(
+        mass * qdd,
+        none + np.diag(mass),
+        none,
+        none,
+        by_mass,
+        by_link,
+        by_load,
+        gravity,
+        gravity[..., :2],
+    )
 
 
 class _Motion(NamedTuple):
-    """MuJoCo's data along a log; spatial vectors of B bodies and J joints: angular, then linear at the tree's centre of mass."""
+    """MuJoCo's data along a log; spatial vectors of B bodies and J joints: angular, then linear at
+    the tree's centre of mass.
+    """
 
     torque: np.ndarray  # (T, J)
     inertia: np.ndarray  # (T, J, J)
@@ -102,7 +129,14 @@ def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarr
     torque, inertia, axes, speed, acceleration, place, turn, centre = out
     data = mujoco.MjData(source)
     position, velocity, wanted, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
-    cdof, cvel, cacc, xpos, xmat, subtree = data.cdof, data.cvel, data.cacc, data.xpos, data.xmat, data.subtree_com
+    cdof, cvel, cacc, xpos, xmat, subtree = (
+        data.cdof,
+        data.cvel,
+        data.cacc,
+        data.xpos,
+        data.xmat,
+        data.subtree_com,
+    )
     inverse, accelerations, full = mujoco.mj_inverse, mujoco.mj_rnePostConstraint, mujoco.mj_fullM
     for t in range(T):
         position[:], velocity[:], wanted[:] = q[t], qd[t], qdd[t]
@@ -111,7 +145,9 @@ def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarr
         full(source, data, inertia[t])
         torque[t], axes[t], speed[t], acceleration[t] = force, cdof, cvel, cacc
         place[t], turn[t], centre[t] = xpos, xmat, subtree
-    return _Motion(torque, inertia, axes, speed, acceleration, place, turn.reshape(T, B, 3, 3), centre)
+    return _Motion(
+        torque, inertia, axes, speed, acceleration, place, turn.reshape(T, B, 3, 3), centre
+    )
 
 
 def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
@@ -124,10 +160,12 @@ def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
 
 
 def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
-    """Torque (T, J, 10) per inertial parameter of a body: Newton and Euler about the origin of its frame, along its axes."""
+    """Torque (T, J, 10) per inertial parameter of a body: Newton and Euler about the origin of its
+    frame, along its axes.
+    """
     into = motion.turn[:, b].transpose(0, 2, 1)
     arm = motion.place[:, b] - motion.centre[:, source.body_rootid[b]]
-    local = lambda vectors: np.einsum("tij,t...j->t...i", into, vectors)  # noqa: E731
+    local = lambda vectors: np.einsum("tij,t...j->t...i", into, vectors)
     omega, alpha = motion.speed[:, b, :3], motion.acceleration[:, b, :3]
     speed = motion.speed[:, b, 3:] + np.cross(omega, arm)
     linear = local(motion.acceleration[:, b, 3:] + np.cross(alpha, arm) + np.cross(omega, speed))
@@ -139,12 +177,16 @@ def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
     wrench[:, :3, 1:4] = -_cross(linear)
     wrench[:, :3, 4:] = _inertia_of(alpha) + turn @ spin
     axes = motion.axes * _carries(source, b)[:, None]
-    moves = np.concatenate([local(axes[..., :3]), local(axes[..., 3:] + np.cross(axes[..., :3], arm[:, None]))], 2)
+    moves = np.concatenate(
+        [local(axes[..., :3]), local(axes[..., 3:] + np.cross(axes[..., :3], arm[:, None]))], 2
+    )
     return _without_rounding(moves @ wrench)
 
 
 def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
-    """Torque (T, J, 3) per unit of gravity: minus the mass of each joint's subtree times how its centre moves."""
+    """Torque (T, J, 3) per unit of gravity: minus the mass of each joint's subtree times how its
+    centre moves.
+    """
     on = source.dof_bodyid
     arm = motion.centre[:, on] - motion.centre[:, source.body_rootid[on]]
     moves = motion.axes[..., 3:] + np.cross(motion.axes[..., :3], arm)
@@ -173,7 +215,8 @@ def _without_rounding(x: np.ndarray) -> np.ndarray:
 def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> list[np.ndarray]:
     """Derivatives (T, J, J) by position and by velocity.
 
-    MuJoCo in C does this in seconds where MJX's derivatives take minutes to compile; a test compares both.
+    MuJoCo in C does this in seconds where MJX's derivatives take minutes to compile; a test
+    compares both.
     """
     columns = np.eye(q.shape[1])
 
@@ -198,7 +241,8 @@ def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndar
 
 
 class TabledBody(struct.PyTreeNode):
-    """A body at one instant of a log: it can be altered as any other, and knows by how much its inverse dynamics then differs.
+    """A body at one instant of a log: it can be altered as any other, and knows by how much its
+    inverse dynamics then differs.
 
     Linear: what another gravity does to what was added is left out.
     """
@@ -211,7 +255,9 @@ class TabledBody(struct.PyTreeNode):
         return self.replace(extra=self.extra + extra * self.qdd)
 
     def add_mass(self, extra: Joints | Scalar) -> "TabledBody":
-        return self.replace(extra=self.extra + self.table.by_mass @ (extra + jnp.zeros_like(self.qdd)))
+        return self.replace(
+            extra=self.extra + self.table.by_mass @ (extra + jnp.zeros_like(self.qdd))
+        )
 
     def add_link(self, extra: Float[Array, "J 10"]) -> "TabledBody":
         return self.replace(extra=self.extra + jnp.einsum("ijp,jp->i", self.table.by_link, extra))

@@ -1,4 +1,6 @@
-"""The whole comparison: the law as it is, what descent finds, what random search of equal cost finds, on fresh seeds."""
+"""The whole comparison: the law as it is, what descent finds, what random search of equal cost
+finds, on fresh seeds.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -16,11 +18,24 @@ from jaxidl.jobs.pieces import Arrays
 from jaxidl.jobs.progress import Bar
 from jaxidl.jobs.provenance import provenance, revision
 from jaxidl.tune.problem import FACTOR, ROUNDED, SHORT, SMOOTH, Problem
-from jaxidl.tune.search import LONGEST, RATE, WEIGHT, Search, Trail, as_it_is, descend, judged, sample
+from jaxidl.tune.search import (
+    LONGEST,
+    RATE,
+    WEIGHT,
+    Search,
+    Trail,
+    as_it_is,
+    descend,
+    judged,
+    sample,
+)
 
 
-def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = None, quiet: bool = False) -> dict[str, Any]:
-    """Search twice, compare, and write ``tune.json`` into ``out``; finished points are kept there, and a second call continues.
+def tune(
+    problem: Problem, search: Search, out: Path, *, bound: float | None = None, quiet: bool = False
+) -> dict[str, Any]:
+    """Search twice, compare, and write ``tune.json`` into ``out``; finished points are kept there,
+    and a second call continues.
 
     Args:
         problem: the plant and the law to tune.
@@ -29,13 +44,20 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
         bound: of the mean applied feedback [N or Nm]; that of the law as it is unless given.
 
     Returns:
-        What ``tune.json`` holds: the tuned numbers by name, the course of either search, and the comparison on fresh seeds.
+        What ``tune.json`` holds: the tuned numbers by name, the course of either search, and the
+        comparison on fresh seeds.
 
     Raises:
         StoreError: if the folder cannot be written, or another process is at work in it.
     """
     fixed = {"smooth": SMOOTH, "rounded": ROUNDED, "short": SHORT, "factor": FACTOR}
-    fixed |= {"weight": WEIGHT, "rate": RATE, "longest": LONGEST, "mode": problem.mode, "start": problem.start.tolist()}
+    fixed |= {
+        "weight": WEIGHT,
+        "rate": RATE,
+        "longest": LONGEST,
+        "mode": problem.mode,
+        "start": problem.start.tolist(),
+    }
     fixed |= {"gradient_cost": problem.gradient_cost}
     identity = {"problem": problem.settings, "precision": PRECISION, "bound": bound}
     searched = {name: value for name, value in asdict(search).items() if name != "test_seeds"}
@@ -45,21 +67,32 @@ def tune(problem: Problem, search: Search, out: Path, *, bound: float | None = N
         Pieces(out / "points", identity | {"search": searched, "fixed": fixed}) as parts,
         Bar("learning runs", total * search.seeds, quiet=quiet) as bar,
     ):
-        tick: Callable[[int], None] = lambda runs: bar.advance(runs * search.seeds)  # noqa: E731
+        tick: Callable[[int], None] = lambda runs: bar.advance(runs * search.seeds)
         at = as_it_is(problem, search, parts)
         tick(1)
         limit = float(np.mean(at["effort"])) if bound is None else float(np.log(bound))
-        trails = {"gradient": descend(problem, search, limit, parts, tick), "random": sample(problem, search, parts, tick)}
-        found = {"as it is": problem.start} | {way: trail.logs[trail.best(limit)] for way, trail in trails.items()}
+        trails = {
+            "gradient": descend(problem, search, limit, parts, tick),
+            "random": sample(problem, search, parts, tick),
+        }
+        found = {"as it is": problem.start} | {
+            way: trail.logs[trail.best(limit)] for way, trail in trails.items()
+        }
         fresh = {way: judged(problem, logs[None], search.test()) for way, logs in found.items()}
     costs = {"gradient": search.seeds * (problem.gradient_cost + 1), "random": search.seeds}
     result = {
         "problem": problem.settings,
         "search": asdict(search),
         "bound": float(np.exp(limit)),
-        "numbers": {way: dict(zip(problem.names, np.exp(logs).tolist(), strict=True)) for way, logs in found.items()},
+        "numbers": {
+            way: dict(zip(problem.names, np.exp(logs).tolist(), strict=True))
+            for way, logs in found.items()
+        },
         "course": {way: course(trail, limit, costs[way]) for way, trail in trails.items()},
-        "fresh": {way: {name: np.exp(column[0]).tolist() for name, column in runs.items()} for way, runs in fresh.items()},
+        "fresh": {
+            way: {name: np.exp(column[0]).tolist() for name, column in runs.items()}
+            for way, runs in fresh.items()
+        },
         "compared": {f"{a} / {b}": compared(fresh[a], fresh[b]) for a, b in PAIRS},
         "over_bound": mean_ratio(fresh["gradient"]["effort"][0] - limit),
         **provenance(),
@@ -74,13 +107,21 @@ PAIRS = (("gradient", "as it is"), ("random", "as it is"), ("gradient", "random"
 
 
 def course(trail: Trail, limit: float, each: int) -> dict[str, Any]:
-    """After each point of a search: learning runs so far, error and effort of the best point until then; seconds of it all.
+    """After each point of a search: learning runs so far, error and effort of the best point until
+    then; seconds of it all.
 
     Each point costs ``each`` learning runs.
     """
     best = [trail.best(limit, n) for n in range(1, 1 + len(trail.logs))]
-    error, effort = (np.exp(column.mean(1)[best]).tolist() for column in (trail.error, trail.effort))
-    return {"runs": [each * (n + 1) for n in range(len(best))], "error": error, "effort": effort, "seconds": trail.seconds}
+    error, effort = (
+        np.exp(column.mean(1)[best]).tolist() for column in (trail.error, trail.effort)
+    )
+    return {
+        "runs": [each * (n + 1) for n in range(len(best))],
+        "error": error,
+        "effort": effort,
+        "seconds": trail.seconds,
+    }
 
 
 def compared(a: Arrays, b: Arrays) -> dict[str, Any]:
@@ -90,7 +131,8 @@ def compared(a: Arrays, b: Arrays) -> dict[str, Any]:
 
 
 def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
-    """Geometric mean of ratios given as logarithms, its 95 % interval, how many are below 1, how many have no finite numerator.
+    """Geometric mean of ratios given as logarithms, its 95 % interval, how many are below 1, how
+    many have no finite numerator.
 
     What is not finite is left out of mean and interval; None where fewer than two are left.
     """
@@ -110,7 +152,10 @@ def as_text(result: dict[str, Any]) -> str:
         error = numbers["error"]
         rows.append((pair, *cells, f"{error['wins']} of {error['seeds']}", error["not_finite"]))
     seconds = {way: course["seconds"] for way, course in result["course"].items()}
-    cost = f"Descent took {seconds['gradient']:.0f} s, random search {seconds['random']:.0f} s, compiling included."
+    cost = (
+        f"Descent took {seconds['gradient']:.0f} s, random search {seconds['random']:.0f} s,"
+        " compiling included."
+    )
     heads = ("compared on fresh seeds", "position error", "applied feedback", "wins", "not finite")
     return "\n".join([markdown(heads, rows), "", verdict(result), cost])
 
@@ -122,7 +167,9 @@ def _cell(number: dict[str, Any]) -> str:
 
 
 def verdict(result: dict[str, Any]) -> str:
-    """Do the tuned gains beat the law as it is, and random search, within the bound? If a run diverges they beat nothing."""
+    """Do the tuned gains beat the law as it is, and random search, within the bound? If a run
+    diverges they beat nothing.
+    """
 
     def said(pair: str) -> str:
         error = result["compared"][pair]["error"]
@@ -131,6 +178,13 @@ def verdict(result: dict[str, Any]) -> str:
         return "better than" if better else "worse than" if worse else "not distinguishable from"
 
     over = result["over_bound"]["ratio"]
-    keeps = "within the bound on feedback" if over is not None and over <= 1.0 else "but above the bound on feedback"
+    keeps = (
+        "within the bound on feedback"
+        if over is not None and over <= 1.0
+        else "but above the bound on feedback"
+    )
     first, second = said("gradient / as it is"), said("gradient / random")
-    return f"Gains tuned by gradient are {first} the gains as they are, {keeps}, and {second} those of random search."
+    return (
+        f"Gains tuned by gradient are {first} the gains as they are, {keeps}, and {second} those of"
+        " random search."
+    )

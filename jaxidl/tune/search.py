@@ -1,9 +1,11 @@
 """Gradient descent on learning runs, and random search that may cost as much.
 
-Both look for the numbers of a law with the lowest tracking error after learning whose feedback effort stays within a bound: the
-compliance that one is not willing to give up. Both are judged by the same runs on the true plant with the paper's networks;
-gradients are taken on its smooth form (:data:`jaxidl.tune.problem.SMOOTH`) and a shorter run, where they say what a change does:
-a learning run of four executions with ten epochs between them is chaotic, and its derivatives are of size 1e4 to 1e10.
+Both look for the numbers of a law with the lowest tracking error after learning whose feedback
+effort stays within a bound: the compliance that one is not willing to give up. Both are judged by
+the same runs on the true plant with the paper's networks; gradients are taken on its smooth form
+(:data:`jaxidl.tune.problem.SMOOTH`) and a shorter run, where they say what a change does: a
+learning run of four executions with ten epochs between them is chaotic, and its derivatives are of
+size 1e4 to 1e10.
 """
 
 import time
@@ -41,24 +43,34 @@ class Search:
     def __post_init__(self) -> None:
         for name, least in (("steps", 1), ("seeds", 1), ("test_seeds", 2), ("seed", 0)):
             if getattr(self, name) < least:
-                raise ConfigurationError(f"{name} >= {least}", str(getattr(self, name)), "correct it")
+                raise ConfigurationError(
+                    f"{name} >= {least}", str(getattr(self, name)), "correct it"
+                )
 
     def points(self, problem: Problem) -> int:
-        """Points of random search that cost as much as the descent: each of its steps is one gradient and one judgement."""
+        """Points of random search that cost as much as the descent: each of its steps is one
+        gradient and one judgement.
+        """
         return self.steps * (problem.gradient_cost + 1)
 
     def train(self) -> Integer[np.ndarray, " S"]:
         """Seeds below 2^30 that points are judged by."""
-        return np.random.default_rng([self.seed, 0]).integers(2**30, size=self.seeds, dtype=np.uint32)
+        return np.random.default_rng([self.seed, 0]).integers(
+            2**30, size=self.seeds, dtype=np.uint32
+        )
 
     def test(self) -> Integer[np.ndarray, " S"]:
         """Seeds from 2^30 on that what was found is compared by."""
-        return np.random.default_rng([self.seed, 1]).integers(2**30, 2**31, size=self.test_seeds, dtype=np.uint32)
+        return np.random.default_rng([self.seed, 1]).integers(
+            2**30, 2**31, size=self.test_seeds, dtype=np.uint32
+        )
 
 
 @dataclass
 class Trail:
-    """Points (N, P) as logarithms, with error and effort of each seed (N, S), in the order in which they were tried."""
+    """Points (N, P) as logarithms, with error and effort of each seed (N, S), in the order in which
+    they were tried.
+    """
 
     logs: Float[np.ndarray, "N P"]
     error: Float[np.ndarray, "N S"]
@@ -66,13 +78,18 @@ class Trail:
     seconds: float = 0.0  # that all of it took, compiling included
 
     def best(self, bound: float, upto: int | None = None) -> int:
-        """The point with the lowest mean error among those within ``bound`` (log), or the one that exceeds it least."""
+        """The point with the lowest mean error among those within ``bound`` (log), or the one that
+        exceeds it least.
+        """
         error, over = self.error[:upto].mean(1), np.maximum(self.effort[:upto].mean(1) - bound, 0.0)
         return int(np.lexsort((error, over))[0])
 
 
-def descend(problem: Problem, search: Search, bound: float, parts: Pieces, tick: Callable[[int], None]) -> Trail:
-    """Projected Adam on error + WEIGHT · max(0, effort − limit)², both in logarithms and of the smooth form.
+def descend(
+    problem: Problem, search: Search, bound: float, parts: Pieces, tick: Callable[[int], None]
+) -> Trail:
+    """Projected Adam on error + WEIGHT · max(0, effort − limit)², both in logarithms and of the
+    smooth form.
 
     Its limit is as far from its effort at the beginning as ``bound`` is from the true plant's.
     """
@@ -87,7 +104,12 @@ def descend(problem: Problem, search: Search, bound: float, parts: Pieces, tick:
         if piece is None:
             began = time.monotonic()
             slopes, smooth = map(np.asarray, wait(gradients(problem)(logs, seeds, limit)))
-            piece = {"logs": logs, "slopes": slopes, "smooth": smooth, **judged(problem, logs[None], seeds)}
+            piece = {
+                "logs": logs,
+                "slopes": slopes,
+                "smooth": smooth,
+                **judged(problem, logs[None], seeds),
+            }
             piece["seconds"] = np.array(time.monotonic() - began)
             parts.save(name, piece)
         if number == 0:
@@ -114,7 +136,9 @@ def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
 def sample(problem: Problem, search: Search, parts: Pieces, tick: Callable[[int], None]) -> Trail:
     """Random search: the law as it is, then points drawn evenly between the bounds."""
     low, high = problem.bounds()
-    draws = np.random.default_rng(search.seed).uniform(low, high, (search.points(problem), len(low)))
+    draws = np.random.default_rng(search.seed).uniform(
+        low, high, (search.points(problem), len(low))
+    )
     draws[0] = problem.start
     rows: list[Arrays] = []
     for begin in range(0, len(draws), BATCH):
@@ -139,12 +163,16 @@ def as_it_is(problem: Problem, search: Search, parts: Pieces) -> Arrays:
     return piece
 
 
-def judged(problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]) -> Arrays:
+def judged(
+    problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]
+) -> Arrays:
     """Error and effort (N, S) on the true plant; of a run that did not stay finite infinite."""
     shape = (len(points), len(seeds))
     pairs = np.repeat(points, len(seeds), axis=0), np.tile(seeds, len(points))
     found: Outcome = jax.tree.map(np.asarray, wait(values(problem)(*pairs)))
-    error, effort = (np.where(found.finite, x, np.inf).reshape(shape) for x in (found.error, found.effort))
+    error, effort = (
+        np.where(found.finite, x, np.inf).reshape(shape) for x in (found.error, found.effort)
+    )
     return {"error": error, "effort": effort}
 
 
@@ -156,24 +184,32 @@ def values(problem: Problem) -> Callable[..., Any]:
 
 @cache
 def gradients(problem: Problem) -> Callable[..., Any]:
-    """Compiled: one point (P,), seeds (S,), a limit -> gradients (S, P) of each seed's penalised error, and its effort (S,)."""
+    """Compiled: one point (P,), seeds (S,), a limit -> gradients (S, P) of each seed's penalised
+    error, and its effort (S,).
+    """
 
     def penalised(logs: Any, seed: Any, limit: Any) -> Any:
         out = problem.run(logs, seed, True, problem.mode)
         return out.error + WEIGHT * jnp.maximum(out.effort - limit, 0.0) ** 2, out.effort
 
     each = _spread((jax.jacfwd if problem.mode == "forward" else jax.grad)(penalised, has_aux=True))
-    return lambda logs, seeds, limit: each(np.tile(logs, (len(seeds), 1)), seeds, np.full(len(seeds), limit))
+    return lambda logs, seeds, limit: each(
+        np.tile(logs, (len(seeds), 1)), seeds, np.full(len(seeds), limit)
+    )
 
 
 def _spread(one: Callable[..., Any]) -> Callable[..., Any]:
-    """``one`` mapped over the rows of its arguments, shared out over all devices; padded to a multiple of them."""
+    """``one`` mapped over the rows of its arguments, shared out over all devices; padded to a
+    multiple of them.
+    """
     devices = len(jax.devices())
     program = mapped(lambda row: one(*row), devices)
 
     def call(*rows: Any) -> Any:
         count = len(rows[0])
-        padded = tuple(np.concatenate([row, np.repeat(row[-1:], -count % devices, axis=0)]) for row in rows)
+        padded = tuple(
+            np.concatenate([row, np.repeat(row[-1:], -count % devices, axis=0)]) for row in rows
+        )
         return jax.tree.map(lambda leaf: leaf[:count], program(padded))
 
     return call

@@ -1,8 +1,10 @@
-"""Whole robots in motion: MuJoCo in C at a step finer than the controller's, which is no slower than the log.
+"""Whole robots in motion: MuJoCo in C at a step finer than the controller's, which is no slower
+than the log.
 
-As :mod:`.engine` for one or two joints, with three differences: dry friction of many joints at once is MuJoCo's own constraint,
-its levels set anew at every step; the controller runs at its own rate, faster than a slow log; and what each hidden effect does
-to each joint is noted at every logged instant, so that its worth is known.
+As :mod:`.engine` for one or two joints, with three differences: dry friction of many joints at once
+is MuJoCo's own constraint, its levels set anew at every step; the controller runs at its own rate,
+faster than a slow log; and what each hidden effect does to each joint is noted at every logged
+instant, so that its worth is known.
 """
 
 import math
@@ -19,8 +21,10 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
 
 SLOWEST, FINEST = 500, 2000  # Hz; the controller's and the engine's rates are at least these
-NATURAL, FASTEST, DAMPING, DERIVATIVE = 2 * math.pi * 4.0, 2 * math.pi * 12.0, 0.8, 60.0  # rad/s, 1, Hz; joint controllers
-SAG = 0.05  # rad; a controller is made stiffer until the torque that the joint needs bends it no further
+# rad/s, 1, Hz; joint controllers
+NATURAL, FASTEST, DAMPING, DERIVATIVE = 2 * math.pi * 4.0, 2 * math.pi * 12.0, 0.8, 60.0
+# rad; a controller is made stiffer until the torque that the joint needs bends it no further
+SAG = 0.05
 ASTRAY = 0.4  # rad; a joint further than this from its reference is lost
 STOP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance of dry friction: as hard as MuJoCo has it
 
@@ -50,22 +54,36 @@ class ArmRun:
     clean: Array  # (T, J) true positions
     speed: Array  # (T, J) true speeds
     command: Array  # (T, J) torques without noise
-    acts: list[Array]  # of each hidden effect, (T, J): the torque that it adds to what the motor is asked for
+    # of each hidden effect, (T, J): the torque that it adds to what the motor is asked for
+    acts: list[Array]
 
     def log(self) -> dict[str, Array]:
         """``time``, ``q0``, …, ``tau0``, …, each (T,)."""
         joints = range(self.q.shape[1])
-        return {"time": self.time, **{f"q{j}": self.q[:, j] for j in joints}, **{f"tau{j}": self.tau[:, j] for j in joints}}
+        return {
+            "time": self.time,
+            **{f"q{j}": self.q[:, j] for j in joints},
+            **{f"tau{j}": self.tau[:, j] for j in joints},
+        }
 
 
 def rates(rate: float) -> tuple[int, int]:
-    """How many times the controller runs for one sample of a log at ``rate`` [Hz], and how many steps each of those has."""
+    """How many times the controller runs for one sample of a log at ``rate`` [Hz], and how many
+    steps each of those has.
+    """
     often = math.ceil(SLOWEST / rate)
     return often, max(2, math.ceil(FINEST / (rate * often)))
 
 
-def run_arm(xml: str, hidden: Sequence[Injected], wanted: tuple[Array, Array, Array], rate: float, sensors: Sensors) -> ArmRun:
-    """Let the arm ``xml`` with the ``hidden`` effects follow ``wanted``: positions, speeds and accelerations (T', J).
+def run_arm(
+    xml: str,
+    hidden: Sequence[Injected],
+    wanted: tuple[Array, Array, Array],
+    rate: float,
+    sensors: Sensors,
+) -> ArmRun:
+    """Let the arm ``xml`` with the ``hidden`` effects follow ``wanted``: positions, speeds and
+    accelerations (T', J).
 
     Args:
         xml: the model one believes in.
@@ -84,7 +102,9 @@ def run_arm(xml: str, hidden: Sequence[Injected], wanted: tuple[Array, Array, Ar
     ahead = inverse_dynamics(believed, q_wanted, qd_wanted, qdd_wanted)
     plant = _Arm(xml, hidden, 1 / (control * finer), q_wanted[0], ahead[0])
     inertias = plant.inertia()
-    gain = np.clip(np.sqrt((ahead**2).mean(axis=0)) / SAG, inertias * NATURAL**2, inertias * FASTEST**2)
+    gain = np.clip(
+        np.sqrt((ahead**2).mean(axis=0)) / SAG, inertias * NATURAL**2, inertias * FASTEST**2
+    )
     damp = 2 * DAMPING * gain / NATURAL
     share = -math.expm1(-2 * math.pi * DERIVATIVE / control)
     noise = np.random.default_rng(sensors.seed)
@@ -94,7 +114,8 @@ def run_arm(xml: str, hidden: Sequence[Injected], wanted: tuple[Array, Array, Ar
     for k in range(len(q_wanted)):
         true = plant.position()
         reading = sensors.quantum * np.round(
-            (plant.read() + 0.2 * sensors.quantum * noise.standard_normal(len(gain))) / sensors.quantum
+            (plant.read() + 0.2 * sensors.quantum * noise.standard_normal(len(gain)))
+            / sensors.quantum
         )
         off = q_wanted[k] - reading
         if not (np.abs(off) < ASTRAY).all():
@@ -109,7 +130,9 @@ def run_arm(xml: str, hidden: Sequence[Injected], wanted: tuple[Array, Array, Ar
         if logged:
             acts.append(noted)
     q, clean, qd, command = (np.array(column) for column in zip(*rows, strict=True))
-    tau = command + sensors.torque_noise * np.random.default_rng([sensors.seed, 1]).standard_normal(command.shape)
+    tau = command + sensors.torque_noise * np.random.default_rng([sensors.seed, 1]).standard_normal(
+        command.shape
+    )
     time = np.arange(len(q)) / rate
     return ArmRun(time, q, tau, clean, qd, command, list(np.array(acts).transpose(1, 0, 2)))
 
@@ -117,7 +140,9 @@ def run_arm(xml: str, hidden: Sequence[Injected], wanted: tuple[Array, Array, Ar
 class _Arm:
     """The true arm; it starts at rest where the encoders read ``position`` (J,)."""
 
-    def __init__(self, xml: str, hidden: Sequence[Injected], step: float, position: Array, command: Array):
+    def __init__(
+        self, xml: str, hidden: Sequence[Injected], step: float, position: Array, command: Array
+    ):
         spec = mujoco.MjSpec.from_string(xml)
         for effect in hidden:
             effect.alter(spec)
@@ -129,7 +154,9 @@ class _Arm:
         self.step, self.count, self.hidden = step, 0, list(hidden)
         joints = range(self.model.nv)
         self.bias = np.array([sum(e.encoder()[1] for e in hidden if e.joint == j) for j in joints])
-        self.late = [round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints]
+        self.late = [
+            round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints
+        ]
         position = position - self.bias
         for effect in hidden:
             position[effect.joint] -= effect.misread(float(position[effect.joint]))
@@ -160,14 +187,18 @@ class _Arm:
         """What perfect encoders would read (J,)."""
         true = self.data.qpos
         if self.path:
-            true = np.array([self.path[max(0, self.count - late)][j] for j, late in enumerate(self.late)])
+            true = np.array(
+                [self.path[max(0, self.count - late)][j] for j, late in enumerate(self.late)]
+            )
         reading = true + self.bias
         for j, misread in self.wrong:
             reading[j] += misread(float(true[j]))
         return reading
 
     def advance(self, command: list[float], steps: int, note: bool) -> Array:
-        """Hold ``command`` (J,) for ``steps`` steps; where ``note``, return what each effect did at the first, (E, J)."""
+        """Hold ``command`` (J,) for ``steps`` steps; where ``note``, return what each effect did at
+        the first, (E, J).
+        """
         model, data, rest = self.model, self.data, range(len(command))
         noted = np.zeros((len(self.hidden), len(command)))
         for k in range(steps):
@@ -207,8 +238,17 @@ class _Arm:
                 self.path.append(data.qpos.copy())
         return noted
 
-    def _rub(self, q: list[float], qd: list[float], delivered: list[float], noting: Array | None, joints: range) -> None:
-        """Set the levels of dry friction for this step; levels of several effects on one joint add up."""
+    def _rub(
+        self,
+        q: list[float],
+        qd: list[float],
+        delivered: list[float],
+        noting: Array | None,
+        joints: range,
+    ) -> None:
+        """Set the levels of dry friction for this step; levels of several effects on one joint add
+        up.
+        """
         sliding, bears = [0.0] * len(q), [0.0] * len(q)
         for n, j, dry in self.rough:
             forward, backward, rest = dry(q[j], qd[j], delivered[j])
@@ -218,4 +258,6 @@ class _Arm:
             if noting is not None and abs(qd[j]) > 1e-3:
                 noting[n, j] -= math.copysign(level, qd[j])
         still = 1e-5  # rad/s
-        self.model.dof_frictionloss[:] = [max(sliding[j], bears[j]) if abs(qd[j]) < still else sliding[j] for j in joints]
+        self.model.dof_frictionloss[:] = [
+            max(sliding[j], bears[j]) if abs(qd[j]) < still else sliding[j] for j in joints
+        ]

@@ -9,13 +9,17 @@ import numpy as np
 from jaxidl.gap.benchmark.injected import Floats
 from jaxidl.gap.benchmark.reference import Array, reference
 
-mujoco: Any = _mujoco  # its names are made when it is imported, where a type checker does not see them
+# its names are made when it is imported, where a type checker does not see them
+mujoco: Any = _mujoco
 
 SPAN = {"slide": 0.35, "hinge": 1.2}  # m, rad; the range of motion to either side
-NOISE, QUANTUM = {"slide": 5e-6, "hinge": 2e-5}, {"slide": 1e-5, "hinge": 5e-5}  # m, rad; of the encoder
-NATURAL, DAMPING = 2 * math.pi * 2.6, 0.7  # rad/s, 1; bandwidth 5.4 Hz, crossover 4 Hz, so that the loop bears 35 ms of delay
+# m, rad; of the encoder
+NOISE, QUANTUM = {"slide": 5e-6, "hinge": 2e-5}, {"slide": 1e-5, "hinge": 5e-5}
+# rad/s, 1; bandwidth 5.4 Hz, crossover 4 Hz, so that the loop bears 35 ms of delay
+NATURAL, DAMPING = 2 * math.pi * 2.6, 0.7
 DERIVATIVE = 30.0  # Hz, low-pass of the measured speed
-ASTRAY = 0.6  # a run whose reading is further than this share of the span from its reference is no measurement
+# a run whose reading is further than this share of the span from its reference is no measurement
+ASTRAY = 0.6
 
 
 class Diverged(RuntimeError):
@@ -28,7 +32,9 @@ def believe(model_xml: str) -> Any:
 
 
 def inverse_dynamics(model: Any, q: Array, qd: Array, qdd: Array) -> Array:
-    """The torques (T, J) [N or Nm] that ``model`` needs for positions, speeds and accelerations, each (T, J)."""
+    """The torques (T, J) [N or Nm] that ``model`` needs for positions, speeds and accelerations,
+    each (T, J).
+    """
     data, tau = mujoco.MjData(model), np.empty_like(q)
     for k in range(len(q)):
         data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
@@ -41,11 +47,14 @@ def inertia(model: Any, q: Array) -> Array:
     """The mass matrix (J, J) [kg or kg m²] at position ``q`` (J,)."""
     rest, still = np.zeros_like(q), np.eye(len(q))
     weight = inverse_dynamics(model, q[None], rest[None], rest[None])
-    return inverse_dynamics(model, np.tile(q, (len(q), 1)), np.zeros((len(q), len(q))), still) - weight
+    return (
+        inverse_dynamics(model, np.tile(q, (len(q), 1)), np.zeros((len(q), len(q))), still) - weight
+    )
 
 
 class Controller:
-    """Feed-forward of the believed model and proportional-derivative feedback of the encoders, sample by sample.
+    """Feed-forward of the believed model and proportional-derivative feedback of the encoders,
+    sample by sample.
 
     Attributes:
         wanted: the reference (T, J) [m or rad], a motion of its own for every seed.
@@ -54,12 +63,21 @@ class Controller:
 
     def __init__(self, model_xml: str, seed: int, duration: float, rate: float):
         model, rng = believe(model_xml), np.random.default_rng(seed)
-        kinds = ["slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in model.jnt_type]
-        self.wanted, speed, acceleration = reference(rng, np.array([SPAN[kind] for kind in kinds]), duration, rate)
+        kinds = [
+            "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in model.jnt_type
+        ]
+        self.wanted, speed, acceleration = reference(
+            rng, np.array([SPAN[kind] for kind in kinds]), duration, rate
+        )
         self.ahead = inverse_dynamics(model, self.wanted, speed, acceleration)
         noise = rng.standard_normal(self.wanted.shape) * [NOISE[kind] for kind in kinds]
-        self._samples = list(zip(*(x.tolist() for x in (self.wanted, speed, self.ahead, noise)), strict=True))
-        self._quantum, self._astray = [QUANTUM[kind] for kind in kinds], [ASTRAY * SPAN[kind] for kind in kinds]
+        self._samples = list(
+            zip(*(x.tolist() for x in (self.wanted, speed, self.ahead, noise)), strict=True)
+        )
+        self._quantum, self._astray = (
+            [QUANTUM[kind] for kind in kinds],
+            [ASTRAY * SPAN[kind] for kind in kinds],
+        )
         self._gain = [float(m) * NATURAL**2 for m in np.diag(inertia(model, self.wanted[0]))]
         self._damp = [2 * DAMPING * gain / NATURAL for gain in self._gain]
         self._rate, self._share = rate, -math.expm1(-2 * math.pi * DERIVATIVE / rate)
@@ -67,19 +85,27 @@ class Controller:
         self._speed = [0.0] * len(kinds)
 
     def __call__(self, k: int, true: Floats) -> tuple[Floats, Floats]:
-        """The readings (J,) of the noisy, quantised encoders at sample ``k``, and the commands (J,) they lead to.
+        """The readings (J,) of the noisy, quantised encoders at sample ``k``, and the commands (J,)
+        they lead to.
 
         Raises:
             Diverged: where a reading is far from the reference.
         """
         wanted, speed, ahead, noise = self._samples[k]
-        reading = [h * round((x + e) / h) for x, e, h in zip(true, noise, self._quantum, strict=True)]
+        reading = [
+            h * round((x + e) / h) for x, e, h in zip(true, noise, self._quantum, strict=True)
+        ]
         command = []
         for j, (y, before) in enumerate(zip(reading, self._before or reading, strict=True)):
             off = wanted[j] - y
             if not abs(off) < self._astray[j]:
-                raise Diverged(f"joint {j} reads {y:.3g} where {wanted[j]:.3g} is wanted, {k / self._rate:.3f} s into the run")
+                raise Diverged(
+                    f"joint {j} reads {y:.3g} where {wanted[j]:.3g} is wanted, {k / self._rate:.3f}"
+                    " s into the run"
+                )
             self._speed[j] += self._share * ((y - before) * self._rate - self._speed[j])
-            command.append(ahead[j] + self._gain[j] * off + self._damp[j] * (speed[j] - self._speed[j]))
+            command.append(
+                ahead[j] + self._gain[j] * off + self._damp[j] * (speed[j] - self._speed[j])
+            )
         self._before = reading
         return reading, command

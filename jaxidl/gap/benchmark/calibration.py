@@ -15,11 +15,14 @@ BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Of confidence; each without its upper end but the last."""
 
 STRENGTH = 0.3  # of the ridge on the weights
-SELDOM = {"outside": 0.05}  # logs with one effect, which the catalogue has not, are so much less frequent than others
+# logs with one effect, which the catalogue has not, are so much less frequent than others
+SELDOM = {"outside": 0.05}
 
 
 def is_right(truth: Record, report: Record, effect: Record) -> bool:
-    """Return whether an effect of a report is hidden there; for a whole robot by the equivalences of :mod:`.robot_judge`."""
+    """Return whether an effect of a report is hidden there; for a whole robot by the equivalences
+    of :mod:`.robot_judge`.
+    """
     if truth["family"] == "robot":
         return robot_judge.right(truth, report, effect)
     hidden = {judge.key(h) for h in truth["hidden"]}
@@ -28,40 +31,74 @@ def is_right(truth: Record, report: Record, effect: Record) -> bool:
 
 
 def calibration(
-    pairs: Iterable[tuple[Record, Record | None]], share: Callable[[Iterable[float]], dict[str, float]]
+    pairs: Iterable[tuple[Record, Record | None]],
+    share: Callable[[Iterable[float]], dict[str, float]],
 ) -> dict[str, dict[str, float]]:
-    """Return the share right of the reported effects in each bin of confidence, ``"0.9-1.0"`` and so on."""
-    rows = [(judge.confidence(e), float(is_right(t, r, e))) for t, r in pairs if r is not None for e in r["effects"]]
+    """Return the share right of the reported effects in each bin of confidence, ``"0.9-1.0"`` and
+    so on.
+    """
+    rows = [
+        (judge.confidence(e), float(is_right(t, r, e)))
+        for t, r in pairs
+        if r is not None
+        for e in r["effects"]
+    ]
     last = BINS[-1]
-    return {f"{low}-{high}": share(ok for c, ok in rows if low <= c and (c < high or (low, high) == last)) for low, high in BINS}
+    return {
+        f"{low}-{high}": share(
+            ok for c, ok in rows if low <= c and (c < high or (low, high) == last)
+        )
+        for low, high in BINS
+    }
 
 
-def training_rows(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> Iterator[dict[str, Any]]:
-    """Yield a row for each reported effect: ``case``, ``family``, ``effect``, ``joint``, every number of its entry, ``right``.
+def training_rows(
+    truth: Mapping[str, Record], reports: Mapping[str, Record | None]
+) -> Iterator[dict[str, Any]]:
+    """Yield a row for each reported effect: ``case``, ``family``, ``effect``, ``joint``, every
+    number of its entry, ``right``.
 
-    Numbers deeper in an entry have dotted names, such as ``parameters.level.stderr``; lists are left out.
+    Numbers deeper in an entry have dotted names, such as ``parameters.level.stderr``; lists are
+    left out.
     """
     for name, record in truth.items():
         report = reports.get(name)
         for effect in report["effects"] if report else ():
             numbers = {key: value for key, value in _numbers(effect) if key != "joint"}
-            head = {"case": name, "family": record["family"], "effect": effect["effect"], "joint": effect["joint"]}
-            kept = {"joints": record.get("joints", len(report["gap"]["noise_floor"]) if report else None)}
+            head = {
+                "case": name,
+                "family": record["family"],
+                "effect": effect["effect"],
+                "joint": effect["joint"],
+            }
+            kept = {
+                "joints": record.get(
+                    "joints", len(report["gap"]["noise_floor"]) if report else None
+                )
+            }
             yield head | kept | numbers | {"right": int(is_right(record, report or {}, effect))}
 
 
-def fitted(rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: float = STRENGTH) -> dict[str, float]:
+def fitted(
+    rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: float = STRENGTH
+) -> dict[str, float]:
     """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
 
     Args:
-        rows: family, signs and whether it is right, of each finding. Families weigh alike, but for ``SELDOM``.
+        rows: family, signs and whether it is right, of each finding. Families weigh alike, but for
+            ``SELDOM``.
         strength: of the ridge on the weights.
     """
     every = list(rows)
     x = np.array([[signs[name] for name in SIGNS] + [1.0] for _, signs, _ in every])
     y = np.array([right for _, _, right in every], float)
     counts = Counter(family for family, _, _ in every)
-    weight = np.array([SELDOM.get(family, 1.0) * len(every) / len(counts) / counts[family] for family, _, _ in every])
+    weight = np.array(
+        [
+            SELDOM.get(family, 1.0) * len(every) / len(counts) / counts[family]
+            for family, _, _ in every
+        ]
+    )
 
     def loss(w: np.ndarray) -> tuple[float, np.ndarray]:
         z = x @ w
@@ -70,7 +107,9 @@ def fitted(rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: floa
         return float(weight @ (np.logaddexp(0.0, z) - y * z) + 0.5 * ridge @ w), slope + ridge
 
     ways = [{1: (0.0, None), -1: (None, 0.0), 0: (None, None)}[way] for way in SIGNS.values()]
-    best = minimize(loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B", bounds=[*ways, (None, None)]).x
+    best = minimize(
+        loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B", bounds=[*ways, (None, None)]
+    ).x
     return dict(zip((*SIGNS, "constant"), best.tolist(), strict=True))
 
 

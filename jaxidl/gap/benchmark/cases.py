@@ -1,4 +1,6 @@
-"""The cases of the benchmark: every effect alone at three severities, pairs, nothing, and effects outside the catalogue."""
+"""The cases of the benchmark: every effect alone at three severities, pairs, nothing, and effects
+outside the catalogue.
+"""
 
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -19,7 +21,10 @@ from jaxidl.gap.benchmark.severity import SIZES
 EXCLUDED: dict[tuple[str, str], str] = {
     ("coupled_friction", "slider"): "there is no other joint",
     ("coupled_friction", "pendulum"): "there is no other joint",
-    ("payload", "slider"): "the same motion as with an inertia error: no gravity along the slide, no other joint",
+    (
+        "payload",
+        "slider",
+    ): "the same motion as with an inertia error: no gravity along the slide, no other joint",
     ("position_bias", "slider"): "nothing on a horizontal slide depends on the position",
     ("com_error", "slider"): "a body that only slides has no lever arms",
     ("inertia_tensor_error", "slider"): "a body that only slides does not turn",
@@ -35,10 +40,20 @@ EXCLUDED: dict[tuple[str, str], str] = {
 """What cannot show on a mechanism, and why."""
 
 VARIANTS = {"inertia_error": ["", "/mass"], "position_dependent_friction": ["", "/viscous"]}
-"""Kinds that take turns from draw to draw; a body on a slide has no other inertia than its joint."""
+"""Kinds that take turns from draw to draw; a body on a slide has no other inertia than its
+joint.
+"""
 
 MERGING: tuple[frozenset[str], ...] = (
-    frozenset({"coulomb_friction", "asymmetric_friction", "stribeck_friction", "position_dependent_friction", "constant_offset"}),
+    frozenset(
+        {
+            "coulomb_friction",
+            "asymmetric_friction",
+            "stribeck_friction",
+            "position_dependent_friction",
+            "constant_offset",
+        }
+    ),
     frozenset({"stribeck_friction", "stiction"}),
     frozenset({"viscous_friction", "position_dependent_friction", "coupled_friction"}),
     frozenset({"inertia_error", "torque_scale", "payload"}),
@@ -46,33 +61,77 @@ MERGING: tuple[frozenset[str], ...] = (
     frozenset({"inertia_error", "joint_elasticity"}),
     frozenset({"inertia_error", "backlash"}),
 )
-"""No pairs of these on one joint: two of a group are, or nearly are, a single effect of the catalogue, or upset the loop
-together; and a rotor's inertia is not to be wrong and behind a spring at once."""
+"""No pairs of these on one joint: two of a group are, or nearly are, a single effect of the
+catalogue, or upset the loop together; and a rotor's inertia is not to be wrong and behind a spring
+at once.
+"""
 
 MERGING_LATER: tuple[frozenset[str], ...] = (
     *MERGING,
-    frozenset({"inertia_error", "payload", "com_error", "inertia_tensor_error", "position_bias", "spring", "torque_scale"}),
-    frozenset({"load_dependent_friction", "directional_load_friction", "coulomb_friction", "asymmetric_friction"}),
-    frozenset({"viscous_friction", "thermal_friction", "sublinear_friction", "quadratic_drag", "coulomb_friction"}),
-    frozenset({"viscous_friction", "coupled_friction", "coupled_joint_friction", "coulomb_friction", "sublinear_friction"}),
+    frozenset(
+        {
+            "inertia_error",
+            "payload",
+            "com_error",
+            "inertia_tensor_error",
+            "position_bias",
+            "spring",
+            "torque_scale",
+        }
+    ),
+    frozenset(
+        {
+            "load_dependent_friction",
+            "directional_load_friction",
+            "coulomb_friction",
+            "asymmetric_friction",
+        }
+    ),
+    frozenset(
+        {
+            "viscous_friction",
+            "thermal_friction",
+            "sublinear_friction",
+            "quadratic_drag",
+            "coulomb_friction",
+        }
+    ),
+    frozenset(
+        {
+            "viscous_friction",
+            "coupled_friction",
+            "coupled_joint_friction",
+            "coulomb_friction",
+            "sublinear_friction",
+        }
+    ),
     frozenset({"torque_scale", "torque_curve", "torque_saturation", "directional_load_friction"}),
 )
 """The same for the later pairs, of which at least one effect is of the wider catalogue."""
 
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism
 
-ONCE: dict[str, tuple[str, ...]] = {"inertia_tensor_error": ("two_link 1",), "coupled_joint_friction": ("two_link 0",)}
-"""Joints on which an effect shows if not on all: the inertia of a first link is that of its rotor; a coupling has two joints."""
+ONCE: dict[str, tuple[str, ...]] = {
+    "inertia_tensor_error": ("two_link 1",),
+    "coupled_joint_friction": ("two_link 0",),
+}
+"""Joints on which an effect shows if not on all: the inertia of a first link is that of its rotor;
+a coupling has two joints.
+"""
 
 LATER = ("torque_ripple/harmonics", "payload/inertia")
 """Kinds of effects that have cases besides those of their effects."""
 
-DRAWS, NONE, PAIRS, MORE = 2, 34, 22, 10  # draws of each single effect and severity; cases, later pairs of each mechanism
-FIRST = 22  # effects of the catalogue that there were first; pairs drawn from them stay what they are
+# draws of each single effect and severity; cases, later pairs of each mechanism
+DRAWS, NONE, PAIRS, MORE = 2, 34, 22, 10
+# effects of the catalogue that there were first; pairs drawn from them stay what they are
+FIRST = 22
 
 
 class Hidden(NamedTuple):
-    """A hidden effect; ``joint`` is None for one of the whole mechanism. ``"outside"`` has its kind among the parameters."""
+    """A hidden effect; ``joint`` is None for one of the whole mechanism. ``"outside"`` has its kind
+    among the parameters.
+    """
 
     effect: str
     joint: int | None
@@ -110,25 +169,41 @@ class Case:
         Raises:
             Diverged: if the controller lost the mechanism, as a case or two of most roots does.
         """
-        return run(MECHANISMS[self.mechanism], [make(*hidden) for hidden in self.hidden], self.seed, duration)
+        return run(
+            MECHANISMS[self.mechanism],
+            [make(*hidden) for hidden in self.hidden],
+            self.seed,
+            duration,
+        )
 
 
 def all_cases(root: int = 2026) -> list[Case]:
-    """Every case, in an order without meaning for the workflow; the same for the same ``root``, whatever else is in the list."""
+    """Every case, in an order without meaning for the workflow; the same for the same ``root``,
+    whatever else is in the list.
+    """
     cases = []
     for mechanism in MECHANISMS:
         for label, severity, rows in _rows(mechanism, root):
             rng = _rng(root, mechanism, label)
             seed = int(rng.integers(2**31))
-            hidden = tuple(_hidden(row, joint, severity, rng, mechanism, seed) for row, joint in rows)
+            hidden = tuple(
+                _hidden(row, joint, severity, rng, mechanism, seed) for row, joint in rows
+            )
             cases.append(
-                Case(f"{mechanism}-{_number(root, mechanism, label):08x}", mechanism, seed, hidden, severity if rows else None)
+                Case(
+                    f"{mechanism}-{_number(root, mechanism, label):08x}",
+                    mechanism,
+                    seed,
+                    hidden,
+                    severity if rows else None,
+                )
             )
     return cases
 
 
 def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
-    """Measure ``case`` and write ``folder/log.csv`` or ``folder/log.npz`` and ``folder/model.xml``, and no word of the truth.
+    """Measure ``case`` and write ``folder/log.csv`` or ``folder/log.npz`` and ``folder/model.xml``,
+    and no word of the truth.
 
     Raises:
         Diverged: if the controller lost the mechanism.
@@ -140,42 +215,67 @@ def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
     else:
         form = ["%.8g" if name.startswith("tau") else "%.6f" for name in columns]
         table = np.column_stack(list(columns.values()))
-        np.savetxt(folder / case.log, table, fmt=form, delimiter=",", header=",".join(columns), comments="")
+        np.savetxt(
+            folder / case.log, table, fmt=form, delimiter=",", header=",".join(columns), comments=""
+        )
     (folder / "model.xml").write_text(MECHANISMS[case.mechanism])
 
 
 def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
-    """What is hidden, by the cases' identities: ``mechanism``, ``family``, ``severity`` and ``hidden`` of each."""
+    """What is hidden, by the cases' identities: ``mechanism``, ``family``, ``severity`` and
+    ``hidden`` of each.
+    """
     return {
         case.id: {
             "mechanism": case.mechanism,
             "family": case.family,
             "severity": case.severity,
-            "hidden": [{"effect": h.effect, "joint": h.joint, "parameters": dict(h.parameters)} for h in case.hidden],
+            "hidden": [
+                {"effect": h.effect, "joint": h.joint, "parameters": dict(h.parameters)}
+                for h in case.hidden
+            ],
         }
         for case in cases
     }
 
 
 def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str, int]]]]:
-    """Label, severity and (row of the severity table, joint) of each hidden effect, case after case."""
+    """Label, severity and (row of the severity table, joint) of each hidden effect, case after
+    case.
+    """
     for name, joint in _singles(mechanism):
         for severity in ("weak", "medium", "clear"):
             for draw in range(DRAWS):
-                yield f"{name} {joint} {severity} {draw}", severity, [(_variant(name, mechanism, draw), joint)]
+                yield (
+                    f"{name} {joint} {severity} {draw}",
+                    severity,
+                    [(_variant(name, mechanism, draw), joint)],
+                )
     for draw in range(NONE):
         yield f"none {draw}", "", []
     for kind in OUTSIDE:
         for joint in range(JOINTS[mechanism]):
             if _size(f"outside/{kind}", mechanism, joint):
                 for severity in ("medium", "clear"):
-                    yield f"outside {kind} {joint} {severity}", severity, [(f"outside/{kind}", joint)]
+                    yield (
+                        f"outside {kind} {joint} {severity}",
+                        severity,
+                        [(f"outside/{kind}", joint)],
+                    )
     first = [single for single in _singles(mechanism) if single[0] in list(INJECTED)[:FIRST]]
     for draw in range(PAIRS):
-        yield f"pair {draw}", "clear", _pair(_rng(root, mechanism, f"pick {draw}"), mechanism, first, first)
+        yield (
+            f"pair {draw}",
+            "clear",
+            _pair(_rng(root, mechanism, f"pick {draw}"), mechanism, first, first),
+        )
     later = [single for single in _singles(mechanism) if single not in first]
     for draw in range(MORE):
-        yield f"later pair {draw}", "clear", _pair(_rng(root, mechanism, f"later {draw}"), mechanism, later, first + later)
+        yield (
+            f"later pair {draw}",
+            "clear",
+            _pair(_rng(root, mechanism, f"later {draw}"), mechanism, later, first + later),
+        )
     for row in LATER:
         for joint in range(JOINTS[mechanism]):
             if _size(row, mechanism, joint):
@@ -186,8 +286,16 @@ def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str,
 def _singles(mechanism: str) -> list[tuple[str, int]]:
     """Effects and joints that can show on the mechanism."""
     names = [name for name in INJECTED if (name, mechanism) not in EXCLUDED]
-    singles = [(name, joint) for name in names for joint in range(1 if name in WHOLE else JOINTS[mechanism])]
-    return [(name, joint) for name, joint in singles if name not in ONCE or f"{mechanism} {joint}" in ONCE[name]]
+    singles = [
+        (name, joint)
+        for name in names
+        for joint in range(1 if name in WHOLE else JOINTS[mechanism])
+    ]
+    return [
+        (name, joint)
+        for name, joint in singles
+        if name not in ONCE or f"{mechanism} {joint}" in ONCE[name]
+    ]
 
 
 def _size(row: str, mechanism: str, joint: int) -> tuple[float | int, ...] | None:
@@ -196,18 +304,33 @@ def _size(row: str, mechanism: str, joint: int) -> tuple[float | int, ...] | Non
 
 
 def _pair(
-    rng: np.random.Generator, mechanism: str, ones: list[tuple[str, int]], others: list[tuple[str, int]]
+    rng: np.random.Generator,
+    mechanism: str,
+    ones: list[tuple[str, int]],
+    others: list[tuple[str, int]],
 ) -> list[tuple[str, int]]:
-    """Two different effects that are not one, the first of ``ones`` and the second of ``others``."""
+    """Two different effects that are not one, the first of ``ones`` and the second of
+    ``others``.
+    """
     merging = MERGING if ones is others else MERGING_LATER
     while True:
         if ones is others:
             one, other = (ones[k] for k in rng.choice(len(ones), 2, replace=False))
         else:
             one, other = ones[rng.integers(len(ones))], others[rng.integers(len(others))]
-        near = one[1] == other[1] or {one[0], other[0]} & {"payload", "com_error", "coupled_joint_friction", "motor_coupling"}
-        if one[0] != other[0] and not (near and any({one[0], other[0]} <= group for group in merging)):
-            return [(_variant(name, mechanism, int(rng.integers(2))), joint) for name, joint in (one, other)]
+        near = one[1] == other[1] or {one[0], other[0]} & {
+            "payload",
+            "com_error",
+            "coupled_joint_friction",
+            "motor_coupling",
+        }
+        if one[0] != other[0] and not (
+            near and any({one[0], other[0]} <= group for group in merging)
+        ):
+            return [
+                (_variant(name, mechanism, int(rng.integers(2))), joint)
+                for name, joint in (one, other)
+            ]
 
 
 def _variant(name: str, mechanism: str, draw: int) -> str:
@@ -216,19 +339,27 @@ def _variant(name: str, mechanism: str, draw: int) -> str:
     return name if row == "inertia_error/mass" and mechanism == "slider" else row
 
 
-def _hidden(row: str, joint: int, severity: str, rng: np.random.Generator, mechanism: str, seed: int) -> Hidden:
+def _hidden(
+    row: str, joint: int, severity: str, rng: np.random.Generator, mechanism: str, seed: int
+) -> Hidden:
     """The effect of the table's ``row`` with parameters drawn within 25 % of the table's size."""
     sizes = _size(row, mechanism, joint)
     assert sizes is not None, f"{row} cannot show on joint {joint} of {mechanism}"
-    size = sizes[("weak", "medium", "clear").index(severity)] * float(np.exp(rng.uniform(np.log(0.8), np.log(1.25))))
+    size = sizes[("weak", "medium", "clear").index(severity)] * float(
+        np.exp(rng.uniform(np.log(0.8), np.log(1.25)))
+    )
     name = row.partition("/")[0]
     if name == "torque_saturation":
         size = clipping(size, Controller(MECHANISMS[mechanism], seed, 24.0, 100.0).ahead[:, joint])
-    return Hidden(name, None if name in WHOLE else joint, parameters(row, size, rng, mechanism, joint))
+    return Hidden(
+        name, None if name in WHOLE else joint, parameters(row, size, rng, mechanism, joint)
+    )
 
 
 def _rng(root: int, mechanism: str, label: str) -> np.random.Generator:
-    """Chance that belongs to a case by its name, so that cases can be added without changing the others."""
+    """Chance that belongs to a case by its name, so that cases can be added without changing the
+    others.
+    """
     return np.random.default_rng([root, zlib.crc32(f"{mechanism} {label}".encode())])
 
 

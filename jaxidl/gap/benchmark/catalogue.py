@@ -44,7 +44,11 @@ INJECTED: dict[str, type[Injected]] = {
 
 
 def make(name: str, joint: int | None, parameters: Mapping[str, Any]) -> Injected:
-    """The effect ``name`` on ``joint`` (None: the whole mechanism); ``"outside"`` says which one as ``kind``."""
+    """The effect ``name`` on ``joint`` (None: the whole mechanism); ``"outside"`` says which one as
+    ``kind``.
+    """
     if name == "outside":
-        return OUTSIDE[parameters["kind"]](joint or 0, **{key: value for key, value in parameters.items() if key != "kind"})
+        return OUTSIDE[parameters["kind"]](
+            joint or 0, **{key: value for key, value in parameters.items() if key != "kind"}
+        )
     return INJECTED[name](joint or 0, **parameters)

@@ -1,4 +1,6 @@
-"""Parameters of hidden effects, drawn at random around a size that sets how strong the effect is."""
+"""Parameters of hidden effects, drawn at random around a size that sets how strong the effect
+is.
+"""
 
 import math
 from collections.abc import Mapping
@@ -29,19 +31,32 @@ PLACES: dict[tuple[str, int], Place] = {
 FINE = 2e-4  # s, the engine's step at 500 Hz; dead times are whole steps
 
 
-def parameters(row: str, size: float, rng: np.random.Generator, mechanism: str, joint: int) -> Mapping[str, Any]:
-    """Parameters of the effect in the severity table's ``row``, ``"name"`` or ``"name/kind"``, at ``size``."""
+def parameters(
+    row: str, size: float, rng: np.random.Generator, mechanism: str, joint: int
+) -> Mapping[str, Any]:
+    """Parameters of the effect in the severity table's ``row``, ``"name"`` or ``"name/kind"``, at
+    ``size``.
+    """
     place, (name, _, kind) = PLACES[mechanism, joint], row.partition("/")
     if name == "outside":
         return {"kind": kind} | (
-            _imitable(kind, size, rng, place, joint) if kind in IMITABLE else _outside(kind, size, rng, place)
+            _imitable(kind, size, rng, place, joint)
+            if kind in IMITABLE
+            else _outside(kind, size, rng, place)
         )
     if name == "inertia_error":  # may be too large as well as too small, but has to stay an inertia
         most = 0.6 if kind else 0.8 * place.rotor
-        return {"extra": size * float(rng.choice([-1, 1])) if size < most else size, "kind": kind or "rotor"}
+        return {
+            "extra": size * float(rng.choice([-1, 1])) if size < most else size,
+            "kind": kind or "rotor",
+        }
     if wide := _wide(row, size, rng, place, joint):
         return wide
-    drawn = _plain(name, size, rng) or _shaped(name, size, rng, place) or _hidden_rotor(name, size, rng, place)
+    drawn = (
+        _plain(name, size, rng)
+        or _shaped(name, size, rng, place)
+        or _hidden_rotor(name, size, rng, place)
+    )
     if name == "coupled_friction":
         drawn["other"] = 1 - joint
     return drawn | ({"kind": kind} if kind else {})
@@ -73,7 +88,9 @@ def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def clipping(share: float, torque: Array) -> float:
-    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks differ between motions."""
+    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks
+    differ between motions.
+    """
     low, high = 0.0, float(np.abs(torque).max())
     for _ in range(40):
         limit = (low + high) / 2
@@ -85,17 +102,28 @@ def clipping(share: float, torque: Array) -> float:
 def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
     """Effects that have a shape besides their size."""
     phase = float(rng.uniform(0, 2 * math.pi))
-    wave = {"variation": _in(rng, 0.7, 0.95), "period": place.span * _in(rng, 0.7, 1.6), "phase": phase}
+    wave = {
+        "variation": _in(rng, 0.7, 0.95),
+        "period": place.span * _in(rng, 0.7, 1.6),
+        "phase": phase,
+    }
     match name:
         case "asymmetric_friction":
             sides = size * (1 + _in(rng, 0.4, 0.8) * np.array([1, -1]) * rng.choice([-1, 1]))
             return {"positive": float(sides[0]), "negative": float(sides[1])}
         case "stribeck_friction":
-            return {"sliding": size, "excess": size * _in(rng, 0.9, 1.5), "speed": place.span * _in(rng, 0.1, 0.25)}
+            return {
+                "sliding": size,
+                "excess": size * _in(rng, 0.9, 1.5),
+                "speed": place.span * _in(rng, 0.1, 0.25),
+            }
         case "position_dependent_friction" | "coupled_friction":
             return {"level": size} | wave
         case "payload":
-            return {"mass": size, "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)]}
+            return {
+                "mass": size,
+                "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)],
+            }
         case "spring":
             return {"stiffness": size, "rest": place.span * _in(rng, -0.3, 0.3)}
         case "torque_ripple":
@@ -103,11 +131,14 @@ def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> d
     return {}
 
 
-def _wide(row: str, size: float, rng: np.random.Generator, place: Place, joint: int) -> dict[str, Any]:
+def _wide(
+    row: str, size: float, rng: np.random.Generator, place: Place, joint: int
+) -> dict[str, Any]:
     """The wider catalogue."""
     match row:
         case "com_error":
-            turn = _in(rng, -0.15, 0.15) + math.pi * int(rng.integers(2))  # sideways: along the link it is an inertia as well
+            # sideways: along the link it is an inertia as well
+            turn = _in(rng, -0.15, 0.15) + math.pi * int(rng.integers(2))
             return {"moment": [size * math.cos(turn), 0.0, size * math.sin(turn)]}
         case "inertia_tensor_error":
             return {"tensor": [size, size, 0.0, 0.0, 0.0, 0.0]}
@@ -126,15 +157,25 @@ def _wide(row: str, size: float, rng: np.random.Generator, place: Place, joint: 
             return {"other": 1 - joint, "share": size * float(rng.choice([-1, 1]))}
         case "torque_ripple/harmonics":
             waves = {"amplitude": [size, size * _in(rng, 0.4, 0.8), size * _in(rng, 0.2, 0.5)]}
-            return waves | {"period": place.span * _in(rng, 0.4, 0.7), "phase": rng.uniform(0, 2 * math.pi, 3).tolist()}
+            return waves | {
+                "period": place.span * _in(rng, 0.4, 0.7),
+                "phase": rng.uniform(0, 2 * math.pi, 3).tolist(),
+            }
         case "payload/inertia":
-            load = {"mass": size, "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)]}
-            return load | {"inertia": [size * (place.arm * _in(rng, 0.1, 0.3)) ** 2] * 3 + [0.0] * 3}
+            load = {
+                "mass": size,
+                "com": [place.arm * _in(rng, -0.15, 0.15), 0.0, -place.arm * _in(rng, 0.6, 1.1)],
+            }
+            return load | {
+                "inertia": [size * (place.arm * _in(rng, 0.1, 0.3)) ** 2] * 3 + [0.0] * 3
+            }
     return {}
 
 
 def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
-    """Elasticity of stiffness ``size``, or backlash of gap ``size`` between stiff ends; the damping keeps the loop stable."""
+    """Elasticity of stiffness ``size``, or backlash of gap ``size`` between stiff ends; the damping
+    keeps the loop stable.
+    """
     reduced = place.rotor * place.link / (place.rotor + place.link)
     stiffness = size if name == "joint_elasticity" else reduced * (2 * math.pi * 50) ** 2
     drawn = {
@@ -160,11 +201,18 @@ def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> 
         case "memory_drag":
             return {"coefficient": size, "memory": _in(rng, 0.25, 0.35)}
         case "dropouts":
-            return {"depth": _in(rng, 0.8, 1.0), "length": size, "interval": _in(rng, 1.2, 1.8), "phase": phase}
+            return {
+                "depth": _in(rng, 0.8, 1.0),
+                "length": size,
+                "interval": _in(rng, 1.2, 1.8),
+                "phase": phase,
+            }
     raise KeyError(kind)
 
 
-def _imitable(kind: str, size: float, rng: np.random.Generator, place: Place, joint: int) -> dict[str, Any]:
+def _imitable(
+    kind: str, size: float, rng: np.random.Generator, place: Place, joint: int
+) -> dict[str, Any]:
     """Effects outside the catalogue that follow from the state."""
     phase = {"phase": float(rng.uniform(0, 2 * math.pi))}
     match kind:
@@ -179,7 +227,11 @@ def _imitable(kind: str, size: float, rng: np.random.Generator, place: Place, jo
         case "cable_drag":
             return {"other": 1 - joint, "coefficient": size}
         case "coupled_ripple":
-            return {"other": 1 - joint, "amplitude": size, "period": place.span * _in(rng, 0.5, 1.0)} | phase
+            return {
+                "other": 1 - joint,
+                "amplitude": size,
+                "period": place.span * _in(rng, 0.5, 1.0),
+            } | phase
         case "encoder_eccentricity":
             return {"error": size, "period": place.span * _in(rng, 1.5, 2.5)} | phase
         case "fading_motor":

@@ -1,4 +1,6 @@
-"""What lies between the controller and the joint: motors that deliver less or later, encoders that read late or too much."""
+"""What lies between the controller and the joint: motors that deliver less or later, encoders that
+read late or too much.
+"""
 
 import math
 from collections import deque

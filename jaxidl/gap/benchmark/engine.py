@@ -1,7 +1,9 @@
-"""Measured data from an engine that shares nothing with the code under test: MuJoCo in C, ten steps per sample.
+"""Measured data from an engine that shares nothing with the code under test: MuJoCo in C, ten steps
+per sample.
 
-A controller that believes the model without the hidden effects runs at the log's rate, reads a noisy and quantised encoder
-and holds its command until the next sample. The log is what such a controller could write: instants, readings, commands.
+A controller that believes the model without the hidden effects runs at the log's rate, reads a
+noisy and quantised encoder and holds its command until the next sample. The log is what such a
+controller could write: instants, readings, commands.
 """
 
 from collections.abc import Sequence
@@ -31,12 +33,18 @@ class Run:
     def log(self) -> dict[str, Array]:
         """``time``, ``q0``, …, ``tau0``, …, each (T,)."""
         joints = range(self.q.shape[1])
-        columns = {f"q{j}": self.q[:, j] for j in joints} | {f"tau{j}": self.tau[:, j] for j in joints}
+        columns = {f"q{j}": self.q[:, j] for j in joints} | {
+            f"tau{j}": self.tau[:, j] for j in joints
+        }
         return {"time": self.time, **columns}
 
 
 def simulate(
-    model_xml: str, hidden: Sequence[Injected], seed: int, duration: float = 24.0, rate: float = 500.0
+    model_xml: str,
+    hidden: Sequence[Injected],
+    seed: int,
+    duration: float = 24.0,
+    rate: float = 500.0,
 ) -> dict[str, Array]:
     """The log of :func:`run`.
 
@@ -46,8 +54,15 @@ def simulate(
     return run(model_xml, hidden, seed, duration, rate).log()
 
 
-def run(model_xml: str, hidden: Sequence[Injected], seed: int, duration: float = 24.0, rate: float = 500.0) -> Run:
-    """Run the mechanism ``model_xml`` with the ``hidden`` effects for ``duration`` s and sample it at ``rate`` Hz.
+def run(
+    model_xml: str,
+    hidden: Sequence[Injected],
+    seed: int,
+    duration: float = 24.0,
+    rate: float = 500.0,
+) -> Run:
+    """Run the mechanism ``model_xml`` with the ``hidden`` effects for ``duration`` s and sample it
+    at ``rate`` Hz.
 
     Motion and noise follow from ``seed`` alone, so effects can be compared on the same motion.
 
@@ -63,13 +78,26 @@ def run(model_xml: str, hidden: Sequence[Injected], seed: int, duration: float =
         readings.append(reading)
         commands.append(command)
         plant.advance(command)
-    return Run(np.arange(len(clean)) / rate, np.array(readings), np.array(commands), np.array(clean), control.wanted)
+    return Run(
+        np.arange(len(clean)) / rate,
+        np.array(readings),
+        np.array(commands),
+        np.array(clean),
+        control.wanted,
+    )
 
 
 class _Plant:
     """The true mechanism in motion; it starts at rest where the encoders read ``position`` (J,)."""
 
-    def __init__(self, model_xml: str, hidden: Sequence[Injected], step: float, position: Array, command: Array):
+    def __init__(
+        self,
+        model_xml: str,
+        hidden: Sequence[Injected],
+        step: float,
+        position: Array,
+        command: Array,
+    ):
         spec = mujoco.MjSpec.from_string(model_xml)
         for effect in hidden:
             effect.alter(spec)
@@ -77,7 +105,9 @@ class _Plant:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
         joints = range(self.model.nv)
-        self.late = [round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints]
+        self.late = [
+            round(sum(e.encoder()[0] for e in hidden if e.joint == j) / step) for j in joints
+        ]
         self.bias = [sum(e.encoder()[1] for e in hidden if e.joint == j) for j in joints]
         position = position - np.array(self.bias)
         for effect in hidden:
@@ -132,7 +162,10 @@ class _Plant:
         """Add dry friction to ``force``; levels of several effects on one joint add up."""
         levels: dict[int, Level] = {}
         for j, dry in self.rough:
-            more, (forward, backward, rest) = dry(q[j], qd[j], delivered[j]), levels.get(j, (0.0, 0.0, 0.0))
+            more, (forward, backward, rest) = (
+                dry(q[j], qd[j], delivered[j]),
+                levels.get(j, (0.0, 0.0, 0.0)),
+            )
             levels[j] = forward + more[0], backward + more[1], max(rest, more[2])
         net = [f - b for f, b in zip(force, self.data.qfrc_bias.tolist(), strict=True)]
         m = self.data.M.tolist()  # lower triangle, row after row

@@ -61,7 +61,9 @@ class Stiction(Injected):
 
 @dataclass
 class PositionDependentFriction(Injected):
-    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own position."""
+    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own
+    position.
+    """
 
     level: float
     variation: float
@@ -70,7 +72,9 @@ class PositionDependentFriction(Injected):
     kind: str = "coulomb"
 
     def coefficient(self, q: float) -> float:
-        return self.level * (1 + self.variation * math.sin(2 * math.pi * q / self.period + self.phase))
+        return self.level * (
+            1 + self.variation * math.sin(2 * math.pi * q / self.period + self.phase)
+        )
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         return -self.coefficient(q[self.joint]) * qd[self.joint] if self.kind == "viscous" else 0.0

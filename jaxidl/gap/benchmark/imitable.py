@@ -1,4 +1,6 @@
-"""Effects outside the catalogue that follow from the state, and so can be imitated: the harder half."""
+"""Effects outside the catalogue that follow from the state, and so can be imitated: the harder
+half.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -28,7 +30,9 @@ class _Accelerated(Injected):
 
 @dataclass
 class AccelerationFriction(_Accelerated):
-    """Dry friction in proportion to the acceleration: gear teeth pressed together by the inertia behind them."""
+    """Dry friction in proportion to the acceleration: gear teeth pressed together by the inertia
+    behind them.
+    """
 
     coefficient: float = 0.0
 
@@ -39,7 +43,9 @@ class AccelerationFriction(_Accelerated):
 
 @dataclass
 class PositionInertia(_Accelerated):
-    """An inertia that varies with the joint's own position, as of a crank: ``inertia`` · sin(2π q / ``period`` + ``phase``)."""
+    """An inertia that varies with the joint's own position, as of a crank: ``inertia`` · sin(2π q /
+    ``period`` + ``phase``).
+    """
 
     inertia: float = 0.0
     period: float = 1.0
@@ -85,7 +91,9 @@ class ElasticCoupling(Injected):
 
 @dataclass
 class CableDrag(Injected):
-    """Drag of a cable that is the more bent the further two joints are out of the middle together."""
+    """Drag of a cable that is the more bent the further two joints are out of the middle
+    together.
+    """
 
     other: int
     coefficient: float
@@ -110,7 +118,9 @@ class CoupledRipple(Injected):
 
 @dataclass
 class EncoderEccentricity(Injected):
-    """An encoder disc that sits off its centre: a reading that is wrong once a turn, of its shaft, by up to ``error``."""
+    """An encoder disc that sits off its centre: a reading that is wrong once a turn, of its shaft,
+    by up to ``error``.
+    """
 
     error: float
     period: float
@@ -122,7 +132,9 @@ class EncoderEccentricity(Injected):
 
 @dataclass
 class FadingMotor(Injected):
-    """A motor constant that falls with the speed: the share ``loss`` · |speed| of the torque is missing."""
+    """A motor constant that falls with the speed: the share ``loss`` · |speed| of the torque is
+    missing.
+    """
 
     loss: float
 

@@ -1,7 +1,8 @@
-"""The catalogue's effects as they are put into MuJoCo, in plain floats, written apart from the code that is to find them.
+"""The catalogue's effects as they are put into MuJoCo, in plain floats, written apart from the code
+that is to find them.
 
-Each acts on one joint ``joint`` through the hooks of :class:`Injected` that it overrides; the engine calls them at every fine
-step. Positions in m or rad, torques in N or Nm, times in s.
+Each acts on one joint ``joint`` through the hooks of :class:`Injected` that it overrides; the
+engine calls them at every fine step. Positions in m or rad, torques in N or Nm, times in s.
 """
 
 import math
@@ -53,7 +54,9 @@ class Injected:
         """Change the true mechanism before it is compiled."""
 
     def start(self, step: float, position: float, command: float) -> None:
-        """Forget everything: a run with the fine step ``step`` [s] starts at rest at ``position`` under ``command``."""
+        """Forget everything: a run with the fine step ``step`` [s] starts at rest at ``position``
+        under ``command``.
+        """
 
     def encoder(self) -> tuple[float, float]:
         """How late the reading is, and how much it reads too much."""
@@ -64,7 +67,9 @@ class Injected:
         return 0.0
 
     def actuate(self, t: float, command: float) -> float:
-        """The torque that the motor delivers for ``command``, or for what the stage before it delivers."""
+        """The torque that the motor delivers for ``command``, or for what the stage before it
+        delivers.
+        """
         return command
 
     def spread(self, delivered: Floats) -> tuple[int, float]:
@@ -76,17 +81,22 @@ class Injected:
         return 0.0
 
     def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        """Dry friction: its level when moving forward, backward, and what it bears at rest if that is more."""
+        """Dry friction: its level when moving forward, backward, and what it bears at rest if that
+        is more.
+        """
         return 0.0, 0.0, 0.0
 
     def passive(self, qd: Floats) -> dict[int, float]:
-        """The torques by joint of what :meth:`alter` has made the engine do; only for keeping account of them."""
+        """The torques by joint of what :meth:`alter` has made the engine do; only for keeping
+        account of them.
+        """
         return {}
 
 
 @dataclass
 class InertiaError(Injected):
-    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 + ``extra``) times as large.
+    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 +
+    ``extra``) times as large.
 
     ``mass`` [kg] comes on top of a body's, whose inertia grows in proportion.
     """
@@ -111,7 +121,8 @@ class InertiaError(Injected):
 class Payload(Injected):
     """A load on the last body with its centre of mass at ``com``, in that body's frame.
 
-    ``inertia`` is about the load's own centre: xx, yy, zz, xy, xz, yz [kg m²]; a point mass without it.
+    ``inertia`` is about the load's own centre: xx, yy, zz, xy, xz, yz [kg m²]; a point mass without
+    it.
     """
 
     mass: float
@@ -145,7 +156,9 @@ class Spring(Injected):
 
 @dataclass
 class TorqueRipple(Injected):
-    """A sine of the position, or several: ``amplitude`` and ``phase`` of one, two, … waves in a ``period``."""
+    """A sine of the position, or several: ``amplitude`` and ``phase`` of one, two, … waves in a
+    ``period``.
+    """
 
     amplitude: float | Floats
     period: float

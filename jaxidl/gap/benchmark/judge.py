@@ -1,4 +1,6 @@
-"""What one report is worth against the truth. A report is the workflow's ``report.json``, or None where it gave none."""
+"""What one report is worth against the truth. A report is the workflow's ``report.json``, or None
+where it gave none.
+"""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -15,8 +17,10 @@ COMPANIONS: Mapping[str, tuple[str, ...]] = {
     "com_error": ("inertia_error", "inertia_tensor_error"),
     "directional_load_friction": ("load_dependent_friction",),
 }
-"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, a centre of mass that is off with the
-link's own inertia kept, and friction under load that differs by direction, as a sum of several of its effects."""
+"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, a centre
+of mass that is off with the link's own inertia kept, and friction under load that differs by
+direction, as a sum of several of its effects.
+"""
 
 SUMS: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("coulomb_friction", "constant_offset"),
@@ -25,16 +29,24 @@ SUMS: Mapping[str, tuple[str, ...]] = {
 """Effects that are exactly others together: either way of saying it is right."""
 
 CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
-WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism, on whatever joint a report puts them
+# effects of the whole mechanism, on whatever joint a report puts them
+WHOLE = {"payload", "base_tilt"}
 TIED = {
-    "slider": {"inertia_error", "torque_scale", "actuator_delay", "sensor_delay", "directional_load_friction"},
+    "slider": {
+        "inertia_error",
+        "torque_scale",
+        "actuator_delay",
+        "sensor_delay",
+        "directional_load_friction",
+    },
     "pendulum": {"actuator_delay", "sensor_delay", "payload", "directional_load_friction"},
     "two_link": {"payload", "directional_load_friction"},
 }
-"""Effects with a double that no log of the mechanism tells apart: a torque m·a/s is that of another mass or of another motor
-constant, with a single joint nobody knows on which side the time was lost, and a load on the last link is an error of that
-link. Friction under load that differs by direction is friction under load and another motor constant. To say so is all one can
-do."""
+"""Effects with a double that no log of the mechanism tells apart: a torque m·a/s is that of another
+mass or of another motor constant, with a single joint nobody knows on which side the time was lost,
+and a load on the last link is an error of that link. Friction under load that differs by direction
+is friction under load and another motor constant. To say so is all one can do.
+"""
 
 
 def key(record: Record) -> Key:
@@ -43,26 +55,38 @@ def key(record: Record) -> Key:
 
 
 def confidence(effect: Record) -> float:
-    """Return the reported confidence in [0, 1] that the effect is there; 1 where a report gives none."""
+    """Return the reported confidence in [0, 1] that the effect is there; 1 where a report gives
+    none.
+    """
     value = effect.get("confidence")
     return 1.0 if value is None else float(value)
 
 
 def named(report: Record | None) -> list[Key]:
-    """Return the effects that a report names with confidence, in the order in which they were added."""
-    return [key(effect) for effect in report["effects"] if confidence(effect) >= CONFIDENT] if report else []
+    """Return the effects that a report names with confidence, in the order in which they were
+    added.
+    """
+    return (
+        [key(effect) for effect in report["effects"] if confidence(effect) >= CONFIDENT]
+        if report
+        else []
+    )
 
 
 def misnamed(report: Record | None) -> bool:
-    """Return whether a report names an effect with confidence on a joint that it does not call unexplained or ambiguous.
+    """Return whether a report names an effect with confidence on a joint that it does not call
+    unexplained or ambiguous.
 
-    A report without ``unexplained_joints`` that is unexplained is so on every joint; so is an ambiguous one without candidates.
+    A report without ``unexplained_joints`` that is unexplained is so on every joint; so is an
+    ambiguous one without candidates.
     """
     if report is None:
         return False
     groups = set().union(*candidates(report))
     joints = report.get("unexplained_joints")
-    if (report["verdict"] == "unexplained" and joints is None) or (report["verdict"] == "ambiguous" and not groups):
+    if (report["verdict"] == "unexplained" and joints is None) or (
+        report["verdict"] == "ambiguous" and not groups
+    ):
         return False
     unsure = {joint for _, joint in groups} | set(joints or ())
     return any(joint not in unsure and not (joint is None and unsure) for _, joint in named(report))
@@ -70,11 +94,16 @@ def misnamed(report: Record | None) -> bool:
 
 def candidates(report: Record | None) -> list[set[Key]]:
     """The sets of effects that a report cannot tell apart."""
-    return [{key(one) for one in entry["candidates"]} for entry in report.get("ambiguous", [])] if report else []
+    return (
+        [{key(one) for one in entry["candidates"]} for entry in report.get("ambiguous", [])]
+        if report
+        else []
+    )
 
 
 def single_credit(hidden: Record, report: Record | None) -> float:
-    """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing outside that set is named.
+    """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing
+    outside that set is named.
 
     What may be named beside it does not count.
     """
@@ -83,7 +112,10 @@ def single_credit(hidden: Record, report: Record | None) -> float:
     for group in candidates(report):
         if truth in group:
             return 0.5 if set(names) - beside <= group else 0.0
-    return float((truth in names and set(names) - beside == {truth}) or (bool(names) and set(names) == sums(hidden)))
+    return float(
+        (truth in names and set(names) - beside == {truth})
+        or (bool(names) and set(names) == sums(hidden))
+    )
 
 
 def sums(hidden: Record) -> set[Key]:
@@ -92,27 +124,37 @@ def sums(hidden: Record) -> set[Key]:
 
 
 def tied(truth: Record) -> bool:
-    """Whether the only hidden effect of a case has a double that no log of this mechanism tells apart.
+    """Whether the only hidden effect of a case has a double that no log of this mechanism tells
+    apart.
 
-    On a pendulum a payload at the right place also scales inertia and weight alike, as a heavier body or a weaker motor does.
+    On a pendulum a payload at the right place also scales inertia and weight alike, as a heavier
+    body or a weaker motor does.
     """
     effect, parameters = truth["hidden"][0]["effect"], truth["hidden"][0]["parameters"]
     heavier = parameters.get("kind") == "mass" and parameters["extra"] > 0
     weaker = effect == "torque_scale" and parameters["scale"] < 1
-    return effect in TIED[truth["mechanism"]] or (truth["mechanism"] == "pendulum" and (heavier or weaker))
+    return effect in TIED[truth["mechanism"]] or (
+        truth["mechanism"] == "pendulum" and (heavier or weaker)
+    )
 
 
 def pair_credits(hidden: Iterable[Record], report: Record | None) -> list[float]:
-    """For each hidden effect: 1 named, itself or those that are it together, 1/2 in an ambiguity set, 0 neither."""
+    """For each hidden effect: 1 named, itself or those that are it together, 1/2 in an ambiguity
+    set, 0 neither.
+    """
     unsure, names = set().union(*candidates(report)), set(named(report))
-    return [0.5 if key(h) in unsure else float(key(h) in names or (bool(sums(h)) and sums(h) <= names)) for h in hidden]
+    return [
+        0.5 if key(h) in unsure else float(key(h) in names or (bool(sums(h)) and sums(h) <= names))
+        for h in hidden
+    ]
 
 
 def column(truth: Record, report: Record | None) -> str:
     """The column of the confusion matrix: what the report says, in one word.
 
-    That is the first effect named, since it is the strongest, unless the report is ``"ambiguous"``, ``"unexplained"`` with
-    no effect, or names ``"none"``; ``"other joint"`` for the right effect on the wrong joint, ``"failed"`` without a report.
+    That is the first effect named, since it is the strongest, unless the report is ``"ambiguous"``,
+    ``"unexplained"`` with no effect, or names ``"none"``; ``"other joint"`` for the right effect on
+    the wrong joint, ``"failed"`` without a report.
     """
     if report is None:
         return "failed"
@@ -127,21 +169,32 @@ def column(truth: Record, report: Record | None) -> str:
     return names[0][0]
 
 
-def parameter_errors(hidden: Record, effect: Record, mechanism: str) -> dict[str, tuple[float, list[float]]]:
-    """Return the relative error of each parameter that truth and report share, and its components in standard errors."""
+def parameter_errors(
+    hidden: Record, effect: Record, mechanism: str
+) -> dict[str, tuple[float, list[float]]]:
+    """Return the relative error of each parameter that truth and report share, and its components
+    in standard errors.
+    """
     return errors(expected(hidden, mechanism), effect.get("parameters", {}), hidden["joint"])
 
 
 def removed(truth: Record, report: Record | None) -> float | None:
-    """Share of the held-out torque error above the noise floor that is gone, on the joints with hidden effects.
+    """Share of the held-out torque error above the noise floor that is gone, on the joints with
+    hidden effects.
 
     None where nothing is named, or where there was no error above the noise floor.
     """
     if not named(report) or report is None:
         return None
-    joints = [h["parameters"]["other"] if h["effect"] == "motor_coupling" else h["joint"] for h in truth["hidden"]]
+    joints = [
+        h["parameters"]["other"] if h["effect"] == "motor_coupling" else h["joint"]
+        for h in truth["hidden"]
+    ]
     gap = report["gap"]
-    rms = [np.asarray(x, float) for x in (gap["before"]["torque_rms"], gap["after"]["torque_rms"], gap["noise_floor"])]
+    rms = [
+        np.asarray(x, float)
+        for x in (gap["before"]["torque_rms"], gap["after"]["torque_rms"], gap["noise_floor"])
+    ]
     if None not in joints:
         rms = [x[sorted(set(joints))] for x in rms]
     before, after, floor = (float(np.sqrt((x**2).sum())) for x in rms)

@@ -1,8 +1,10 @@
-"""Errors of links, which a log tells apart only in combinations: judged by the torque that they make, not by their names.
+"""Errors of links, which a log tells apart only in combinations: judged by the torque that they
+make, not by their names.
 
-The truth holds the Gram matrix of the regressor of all links' inertial parameters on the case's own motion, so what a motion
-cannot tell apart is decided by its rank and not by a list: an inertia about the joint's axis is a rotor's, a load is a wrong last
-link, the mass of a link may stand in another link's parameters.
+The truth holds the Gram matrix of the regressor of all links' inertial parameters on the case's own
+motion, so what a motion cannot tell apart is decided by its rank and not by a list: an inertia
+about the joint's axis is a rotor's, a load is a wrong last link, the mass of a link may stand in
+another link's parameters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,9 +19,11 @@ TEN = 10  # parameters of a link before its rotor's
 
 
 class Links:
-    """The true errors of a robot's links, and what effects of that kind can explain of their torque.
+    """The true errors of a robot's links, and what effects of that kind can explain of their
+    torque.
 
-    Errors are vectors (P,) of all links' inertial parameters, in the order of :func:`.worth.columns`.
+    Errors are vectors (P,) of all links' inertial parameters, in the order of
+    :func:`.worth.columns`.
     """
 
     def __init__(self, record: Mapping[str, Any]):
@@ -32,7 +36,9 @@ class Links:
         self.error = np.array(record["error"], float)
 
     def directions(self, name: str, joint: int | None) -> dict[str, Array]:
-        """Return the directions (P, n) in which each parameter of the effect ``name`` on ``joint`` changes the links."""
+        """Return the directions (P, n) in which each parameter of the effect ``name`` on ``joint``
+        changes the links.
+        """
         last = len(self.believed) - 1
         start = (TEN + 1) * (last if joint is None or name == "payload" else joint)
         unit = np.eye(self.size)
@@ -48,7 +54,9 @@ class Links:
         return {"ten": unit[:, start : start + TEN]}
 
     def vector(self, record: Mapping[str, Any]) -> Array:
-        """Return the change (P,) of the links that an effect with its parameters makes, hidden or reported."""
+        """Return the change (P,) of the links that an effect with its parameters makes, hidden or
+        reported.
+        """
         name, total = record["effect"], np.zeros(self.size)
         given = {key: _value(value) for key, value in record["parameters"].items()}
         for key, block in self.directions(name, record["joint"]).items():
@@ -56,40 +64,58 @@ class Links:
                 total += block @ load(given)
             elif key in given:
                 values = given[key]
-                if len(values) != block.shape[1] and len(values) == len(self.believed) * block.shape[1]:
+                if (
+                    len(values) != block.shape[1]
+                    and len(values) == len(self.believed) * block.shape[1]
+                ):
                     values = values.reshape(len(self.believed), -1)[record["joint"] or 0]
                 total += block @ values
         return total
 
     def energy(self, error: Array) -> float:
-        """Return the mean square of the torque of an ``error`` (P,), in shares of the joints' commands, added over joints."""
+        """Return the mean square of the torque of an ``error`` (P,), in shares of the joints'
+        commands, added over joints.
+        """
         return float(max(error @ self.gram @ error, 0.0))
 
     def left(self, error: Array, names: Sequence[tuple[str, int | None]]) -> float:
-        """Return the root mean square of the torque of ``error`` (P,) that effects of these names cannot take over."""
+        """Return the root mean square of the torque of ``error`` (P,) that effects of these names
+        cannot take over.
+        """
         blocks = [block for name in names for block in self.directions(*name).values()]
         if not blocks:
             return self.energy(error) ** 0.5
         basis = np.concatenate(blocks, axis=1)
         return self.energy(error - basis @ self._fit(basis, error)[0]) ** 0.5
 
-    def fitted(self, names: Sequence[tuple[str, int | None]]) -> dict[tuple[str, int | None], dict[str, Array]]:
-        """Return the parameters that a perfect fit with effects of these names has; NaN for those that the motion leaves open."""
-        parts = [(name, key, block) for name in names for key, block in self.directions(*name).items()]
+    def fitted(
+        self, names: Sequence[tuple[str, int | None]]
+    ) -> dict[tuple[str, int | None], dict[str, Array]]:
+        """Return the parameters that a perfect fit with effects of these names has; NaN for those
+        that the motion leaves open.
+        """
+        parts = [
+            (name, key, block) for name in names for key, block in self.directions(*name).items()
+        ]
         found: dict[tuple[str, int | None], dict[str, Array]] = {name: {} for name in names}
         if not parts:
             return found
-        values, known = self._fit(np.concatenate([block for *_, block in parts], axis=1), self.error)
+        values, known = self._fit(
+            np.concatenate([block for *_, block in parts], axis=1), self.error
+        )
         values = np.where(known, values, np.nan)
         for name, key, block in parts:
             found[name][key], values = values[: block.shape[1]], values[block.shape[1] :]
         return found
 
     def _fit(self, basis: Array, error: Array) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
-        """Least squares of the torque of ``error`` by that of the ``basis`` (P, n): values (n,), and which of them are unique."""
+        """Least squares of the torque of ``error`` by that of the ``basis`` (P, n): values (n,),
+        and which of them are unique.
+        """
         normal = basis.T @ self.gram @ basis
         size = np.diag(normal)
-        seen = size > 1e-10 * size.max()  # a first moment about a vertical axis, for one, makes no torque at all
+        # a first moment about a vertical axis, for one, makes no torque at all
+        seen = size > 1e-10 * size.max()
         scale = np.where(seen, np.sqrt(np.maximum(size, 0)), np.inf)
         eigen, turn = np.linalg.eigh(normal / np.outer(scale, scale))
         large = eigen > 1e-9 * eigen[-1]
@@ -100,16 +126,24 @@ class Links:
 
 
 def load(given: Mapping[str, Array]) -> Array:
-    """Return the ten parameters of a load about the body's origin, from its mass, centre and inertia about that."""
+    """Return the ten parameters of a load about the body's origin, from its mass, centre and
+    inertia about that.
+    """
     mass, centre = float(given.get("mass", np.zeros(1))[0]), given.get("com", np.zeros(3))
     six = given.get("inertia", np.zeros(6))
     xx, yy, zz, xy, xz, yz = six if len(six) == 6 else np.zeros(6)
     x, y, z = centre
     about = [xx + mass * (y * y + z * z), yy + mass * (x * x + z * z), zz + mass * (x * x + y * y)]
-    return np.array([mass, *(mass * centre), *about, xy - mass * x * y, xz - mass * x * z, yz - mass * y * z])
+    return np.array(
+        [mass, *(mass * centre), *about, xy - mass * x * y, xz - mass * x * z, yz - mass * y * z]
+    )
 
 
 def _value(value: Any) -> Array:
     """The numbers of a parameter, hidden (plain) or reported (with unit and standard error)."""
     given = value.get("value") if isinstance(value, Mapping) else value
-    return np.zeros(0) if given is None or isinstance(given, str) else np.ravel(np.asarray(given, float))
+    return (
+        np.zeros(0)
+        if given is None or isinstance(given, str)
+        else np.ravel(np.asarray(given, float))
+    )

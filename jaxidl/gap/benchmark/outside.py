@@ -9,7 +9,9 @@ from jaxidl.gap.benchmark.injected import Floats, Injected
 
 @dataclass
 class Hysteresis(Injected):
-    """Dahl's friction with a long presliding distance: a spring that forgets, neither dry friction nor a spring [N or Nm]."""
+    """Dahl's friction with a long presliding distance: a spring that forgets, neither dry friction
+    nor a spring [N or Nm].
+    """
 
     level: float
     distance: float
@@ -51,7 +53,9 @@ class ScaleDrift(Injected):
     phase: float
 
     def actuate(self, t: float, command: float) -> float:
-        return command * (1 + self.amplitude * math.sin(2 * math.pi * self.frequency * t + self.phase))
+        return command * (
+            1 + self.amplitude * math.sin(2 * math.pi * self.frequency * t + self.phase)
+        )
 
 
 @dataclass
@@ -82,7 +86,9 @@ class MemoryDrag(Injected):
 
 @dataclass
 class Dropouts(Injected):
-    """The motor loses a share ``depth`` of its torque for ``length`` s at irregular moments, ``interval`` s apart on average."""
+    """The motor loses a share ``depth`` of its torque for ``length`` s at irregular moments,
+    ``interval`` s apart on average.
+    """
 
     depth: float
     length: float
@@ -91,7 +97,8 @@ class Dropouts(Injected):
 
     def actuate(self, t: float, command: float) -> float:
         count = t / self.interval
-        moment = 0.5 + 0.3 * math.sin(12.9898 * math.floor(count) + self.phase)  # irregular, and the same in every run
+        # irregular, and the same in every run
+        moment = 0.5 + 0.3 * math.sin(12.9898 * math.floor(count) + self.phase)
         out = 0 <= (count - math.floor(count) - moment) * self.interval < self.length
         return command * (1 - self.depth) if out else command
 

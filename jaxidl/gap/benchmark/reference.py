@@ -1,4 +1,6 @@
-"""Motions that make hidden effects visible: reversals, standstill under load, slow and fast, both directions, the whole range."""
+"""Motions that make hidden effects visible: reversals, standstill under load, slow and fast, both
+directions, the whole range.
+"""
 
 from typing import Any
 
@@ -6,16 +8,22 @@ import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-ROUND = 12.0  # s; every round holds every kind of motion, so that a part kept aside has seen them all
+# s; every round holds every kind of motion, so that a part kept aside has seen them all
+ROUND = 12.0
 SHARES = (("multisine", 0.34), ("slow", 0.21), ("points", 0.30), ("fast", 0.15))
 REST, MOVE = 0.4, 0.5  # s of standstill at the start; of the move to a segment's centre
-BOXES = (0.2, 0.1)  # s; averaging a ramp over the first makes its speed a trapezoid, over the second its acceleration
+# s; averaging a ramp over the first makes its speed a trapezoid, over the second its acceleration
+BOXES = (0.2, 0.1)
 
 
-def reference(rng: np.random.Generator, span: Array, duration: float, rate: float) -> tuple[Array, Array, Array]:
-    """Positions, speeds and accelerations, each (T, J), within about ± ``span`` (J,) [m or rad], from rest.
+def reference(
+    rng: np.random.Generator, span: Array, duration: float, rate: float
+) -> tuple[Array, Array, Array]:
+    """Positions, speeds and accelerations, each (T, J), within about ± ``span`` (J,) [m or rad],
+    from rest.
 
-    Every joint moves at the same time with amplitudes, frequencies and phases of its own; standstill is shared by all.
+    Every joint moves at the same time with amplitudes, frequencies and phases of its own;
+    standstill is shared by all.
     """
     time = np.arange(round(duration * rate)) / rate
     x = np.zeros((len(time), len(span)))
@@ -28,9 +36,18 @@ def reference(rng: np.random.Generator, span: Array, duration: float, rate: floa
         else:
             inside = (time >= start) & (time < end)
             x[inside] += _oscillation(rng, name, time[inside] - start, end - start, len(span))
-    base = np.stack([np.interp(time, [t for t, _ in knots], column) for column in np.array([p for _, p in knots]).T], axis=1)
+    base = np.stack(
+        [
+            np.interp(time, [t for t, _ in knots], column)
+            for column in np.array([p for _, p in knots]).T
+        ],
+        axis=1,
+    )
     for width in BOXES:
-        base, x = _box(base, round(width * rate)), x if width == BOXES[0] else _box(x, round(width * rate))
+        base, x = (
+            _box(base, round(width * rate)),
+            x if width == BOXES[0] else _box(x, round(width * rate)),
+        )
     q = (base + x) * span
     qd = np.gradient(q, 1 / rate, axis=0)
     return q, qd, np.gradient(qd, 1 / rate, axis=0)
@@ -47,20 +64,34 @@ def _segments(duration: float) -> list[tuple[str, float, float]]:
     return segments
 
 
-def _points(rng: np.random.Generator, start: float, end: float, position: Array) -> list[tuple[float, Array]]:
-    """Moves from point to point with dwells, as knots; some are long and some so short that the joint just creeps."""
+def _points(
+    rng: np.random.Generator, start: float, end: float, position: Array
+) -> list[tuple[float, Array]]:
+    """Moves from point to point with dwells, as knots; some are long and some so short that the
+    joint just creeps.
+    """
     knots = []
     while start + 0.9 < end:
         dwell, move = rng.uniform(0.35, 0.6), rng.uniform(0.3, 0.5)
-        target = np.clip(position + rng.choice([-1, 1], len(position)) * rng.uniform(0.15, 1.0, len(position)), -0.9, 0.9)
+        target = np.clip(
+            position + rng.choice([-1, 1], len(position)) * rng.uniform(0.15, 1.0, len(position)),
+            -0.9,
+            0.9,
+        )
         knots += [(start + dwell, position), (start + dwell + move, target)]
         start, position = start + dwell + move, target
     return knots
 
 
-def _oscillation(rng: np.random.Generator, name: str, time: Array, length: float, joints: int) -> Array:
+def _oscillation(
+    rng: np.random.Generator, name: str, time: Array, length: float, joints: int
+) -> Array:
     """(T, J) an oscillation that starts and ends at rest, in shares of the span."""
-    low, high, count, peak = {"multisine": (0.1, 1.5, 8, 0.62), "slow": (0.3, 0.7, 2, 0.18), "fast": (1.5, 3.0, 3, 0.14)}[name]
+    low, high, count, peak = {
+        "multisine": (0.1, 1.5, 8, 0.62),
+        "slow": (0.3, 0.7, 2, 0.18),
+        "fast": (1.5, 3.0, 3, 0.14),
+    }[name]
     window = np.sin(np.pi / 2 * np.clip(np.minimum(time, length - time) / 0.5, 0, 1)) ** 2
     columns = []
     for _ in range(joints):

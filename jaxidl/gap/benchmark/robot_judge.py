@@ -1,4 +1,6 @@
-"""What a report on a whole robot is worth: which names are right, which effects are found, how far off the parameters are."""
+"""What a report on a whole robot is worth: which names are right, which effects are found, how far
+off the parameters are.
+"""
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache
@@ -12,8 +14,12 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.translate import True_, errors, expected
 
 WORTH = 0.03  # of a joint's command: an effect that a workflow has to find
-MATTERS = 0.01  # of the joints' commands: what a link's effect has to take over of the true torque for its name to be right
-SCALE_OFF = 0.02  # 1; a torque scale named that is further from the true one is wrong, for every true one is a little off 1
+# of the joints' commands: what a link's effect has to take over of the true torque for its name to
+# be right
+MATTERS = 0.01
+# 1; a torque scale named that is further from the true one is wrong, for every true one is a little
+# off 1
+SCALE_OFF = 0.02
 
 CONTAINS: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("coulomb_friction", "constant_offset", "viscous_friction"),
@@ -25,19 +31,38 @@ CONTAINS: Mapping[str, tuple[str, ...]] = {
     "directional_load_friction": ("load_dependent_friction",),
     "spring": ("constant_offset",),
 }
-"""Effects that have others within them by their formulas: who names the first has found the second on that joint, too."""
+"""Effects that have others within them by their formulas: who names the first has found the second
+on that joint, too.
+"""
 
 TORQUES = {
-    *("level", "excess", "positive", "negative", "coefficient", "extra", "offset", "stiffness", "sine", "cosine"),
+    *(
+        "level",
+        "excess",
+        "positive",
+        "negative",
+        "coefficient",
+        "extra",
+        "offset",
+        "stiffness",
+        "sine",
+        "cosine",
+    ),
     *("warm", "damping", "motor_inertia"),
 }
-"""Parameters in proportion to the joint's torque: a log whose torque scale is off shows them so much larger."""
+"""Parameters in proportion to the joint's torque: a log whose torque scale is off shows them so
+much larger.
+"""
 
 
 def names_of(record: Record) -> list[Key]:
-    """Return effect and joint of a hidden or reported effect; a coupling of two joints goes by either."""
+    """Return effect and joint of a hidden or reported effect; a coupling of two joints goes by
+    either.
+    """
     effect, joint = judge.key(record)
-    other = record.get("other", record.get("options", {}).get("other", record["parameters"].get("other")))
+    other = record.get(
+        "other", record.get("options", {}).get("other", record["parameters"].get("other"))
+    )
     other = other.get("value") if isinstance(other, Mapping) else other
     if effect in ("coupled_joint_friction", "motor_coupling") and other is not None:
         return [(effect, joint), (effect, int(np.ravel(other)[0]))]
@@ -45,23 +70,35 @@ def names_of(record: Record) -> list[Key]:
 
 
 def right(truth: Record, report: Record, effect: Record) -> bool:
-    """Return whether ``effect`` of the report is there: hidden on that joint, or the same thing by another name."""
+    """Return whether ``effect`` of the report is there: hidden on that joint, or the same thing by
+    another name.
+    """
     hidden = {name: h for h in truth["hidden"] for name in names_of(h)}
     for name in names_of(effect):
         if name == judge.key(effect) and name[0] == "torque_scale":
-            value = np.ravel(np.asarray(effect["parameters"].get("scale", {}).get("value", 1.0), float))
+            value = np.ravel(
+                np.asarray(effect["parameters"].get("scale", {}).get("value", 1.0), float)
+            )
             true = hidden[name]["parameters"]["scale"] if name in hidden else 1.0
-            return bool(abs(value[0 if len(value) == 1 else name[1] or 0] - true) <= SCALE_OFF + 0.2 * abs(true - 1))
+            return bool(
+                abs(value[0 if len(value) == 1 else name[1] or 0] - true)
+                <= SCALE_OFF + 0.2 * abs(true - 1)
+            )
         if name in hidden:
             return True
-        if any((whole, name[1]) in hidden and name[0] in parts for whole, parts in judge.SUMS.items()):
+        if any(
+            (whole, name[1]) in hidden and name[0] in parts for whole, parts in judge.SUMS.items()
+        ):
             return True
         if name[0] in judge.SUMS and all((part, name[1]) in hidden for part in judge.SUMS[name[0]]):
             return True
         if name[0] in INERTIAL:
             links = _links(truth)
             others = [n for n in _inertial(judge.named(report)) if n != name]
-            with_it, without = links.left(links.error, [*others, name]), links.left(links.error, others)
+            with_it, without = (
+                links.left(links.error, [*others, name]),
+                links.left(links.error, others),
+            )
             after, change = _left(truth, report), links.vector(effect)
             better = links.energy(after) < links.energy(after + change)
             return better and without**2 - with_it**2 >= MATTERS**2
@@ -69,10 +106,14 @@ def right(truth: Record, report: Record, effect: Record) -> bool:
 
 
 def found(truth: Record, report: Record | None, hidden: Record) -> bool:
-    """Return whether what ``hidden`` does is named: itself, what contains it, or links' effects that can do the same."""
+    """Return whether what ``hidden`` does is named: itself, what contains it, or links' effects
+    that can do the same.
+    """
     names = set(judge.named(report)) if report else set()
     for effect, joint in names_of(hidden):
-        if (effect, joint) in names or any((whole, joint) in names for whole, parts in CONTAINS.items() if effect in parts):
+        if (effect, joint) in names or any(
+            (whole, joint) in names for whole, parts in CONTAINS.items() if effect in parts
+        ):
             return True
         if effect in judge.SUMS and all((part, joint) in names for part in judge.SUMS[effect]):
             return True
@@ -87,11 +128,15 @@ def worth(hidden: Record) -> float:
     return max(hidden["worth"])
 
 
-def parameter_errors(truth: Record, report: Record, effect: Record) -> dict[str, tuple[float, list[float]]]:
-    """Return relative errors and errors in standard errors of what ``effect`` says, as :func:`.translate.errors`.
+def parameter_errors(
+    truth: Record, report: Record, effect: Record
+) -> dict[str, tuple[float, list[float]]]:
+    """Return relative errors and errors in standard errors of what ``effect`` says, as
+    :func:`.translate.errors`.
 
-    The truth is what a perfect fit with the named effects has: a coulomb friction within a Stribeck curve that is named belongs
-    to its level; a rotor takes over what no named link's effect can take; values are in the log's torques.
+    The truth is what a perfect fit with the named effects has: a coulomb friction within a Stribeck
+    curve that is named belongs to its level; a rotor takes over what no named link's effect can
+    take; values are in the log's torques.
     """
     name, names = judge.key(effect), judge.named(report)
     if name[0] in INERTIAL:
@@ -99,15 +144,23 @@ def parameter_errors(truth: Record, report: Record, effect: Record) -> dict[str,
         true: dict[str, True_] = dict(fitted)
     else:
         true = _merged(truth, name, names)
-    scales = {h["joint"]: h["parameters"]["scale"] for h in truth["hidden"] if h["effect"] == "torque_scale"}
+    scales = {
+        h["joint"]: h["parameters"]["scale"]
+        for h in truth["hidden"]
+        if h["effect"] == "torque_scale"
+    }
     scale = 1.0 if ("torque_scale", name[1]) in names else scales.get(name[1], 1.0)
     if name[0] not in ("load_dependent_friction", "directional_load_friction", "torque_scale"):
-        true = {key: _over(value, scale) if key in TORQUES else value for key, value in true.items()}
+        true = {
+            key: _over(value, scale) if key in TORQUES else value for key, value in true.items()
+        }
     return errors(true, effect["parameters"], name[1])
 
 
 def link_error(truth: Record, report: Record | None) -> float:
-    """Return the RMS torque of what is still wrong about the links after what a report says, over that before."""
+    """Return the RMS torque of what is still wrong about the links after what a report says, over
+    that before.
+    """
     links = _links(truth)
     before = links.energy(links.error)
     return (links.energy(_left(truth, report)) / before) ** 0.5 if before else 0.0
@@ -116,30 +169,51 @@ def link_error(truth: Record, report: Record | None) -> float:
 def _left(truth: Record, report: Record | None) -> Array:
     """What is wrong about the links (P,) after all that a report names with confidence."""
     links = _links(truth)
-    said = [e for e in (report or {}).get("effects", []) if e["effect"] in INERTIAL and judge.confidence(e) >= judge.CONFIDENT]
+    said = [
+        e
+        for e in (report or {}).get("effects", [])
+        if e["effect"] in INERTIAL and judge.confidence(e) >= judge.CONFIDENT
+    ]
     return links.error - sum((links.vector(e) for e in said), np.zeros(links.size))
 
 
 def _merged(truth: Record, name: Key, names: list[Key]) -> dict[str, True_]:
-    """The true parameters of ``name``, with what else is hidden on its joint, is not named, and has its form."""
-    here = {h["effect"]: expected(h) for h in truth["hidden"] if name in [(name[0], joint) for _, joint in names_of(h)]}
+    """The true parameters of ``name``, with what else is hidden on its joint, is not named, and has
+    its form.
+    """
+    here = {
+        h["effect"]: expected(h)
+        for h in truth["hidden"]
+        if name in [(name[0], joint) for _, joint in names_of(h)]
+    }
     unnamed = {effect: p for effect, p in here.items() if (effect, name[1]) not in names}
     true = dict(here.get(name[0], {}))
     if "sublinear_friction" in here and name[0] in judge.COMPANIONS["sublinear_friction"]:
-        return {}  # where a bent friction is hidden, its line depends on the speeds that a report fits it over
-    dry, offset = _one(unnamed, "coulomb_friction", "level"), _one(unnamed, "constant_offset", "offset")
+        # where a bent friction is hidden, its line depends on the speeds that a report fits it over
+        return {}
+    dry, offset = (
+        _one(unnamed, "coulomb_friction", "level"),
+        _one(unnamed, "constant_offset", "offset"),
+    )
     sides = "asymmetric_friction" in unnamed
     if name[0] in ("stribeck_friction", "position_dependent_friction") and "level" in true:
         true["level"] = _plus(true["level"], dry)
     elif name[0] == "thermal_friction" and true:
-        true["warm"] = _one(unnamed, "viscous_friction", "coefficient") + _one(here, "thermal_friction", "warm")
+        true["warm"] = _one(unnamed, "viscous_friction", "coefficient") + _one(
+            here, "thermal_friction", "warm"
+        )
     elif name[0] == "asymmetric_friction":
         both = true or {"positive": 0.0, "negative": 0.0}
-        true = {"positive": _plus(both["positive"], dry - offset), "negative": _plus(both["negative"], dry + offset)}
+        true = {
+            "positive": _plus(both["positive"], dry - offset),
+            "negative": _plus(both["negative"], dry + offset),
+        }
     elif name[0] == "spring" and true and offset:
         true["rest"] = _plus(true["rest"], offset / _one(here, "spring", "stiffness"))
     elif name[0] in ("coulomb_friction", "constant_offset") and sides:
-        forward, backward = (_one(unnamed, "asymmetric_friction", side) for side in ("positive", "negative"))
+        forward, backward = (
+            _one(unnamed, "asymmetric_friction", side) for side in ("positive", "negative")
+        )
         if name[0] == "coulomb_friction":
             true = {"level": _plus(true.get("level", 0.0), (forward + backward) / 2)}
         else:

@@ -1,4 +1,6 @@
-"""Whole robots as cases: their logs, and the truth about them with what each hidden effect is worth."""
+"""Whole robots as cases: their logs, and the truth about them with what each hidden effect is
+worth.
+"""
 
 import json
 import math
@@ -24,7 +26,8 @@ from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial,
 
 RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
 COARSE = 50.0  # Hz; of the motion that the effects are sized on
-INSTANTS, DENSE = 300, 1500  # of a run, at which the links' regressor is taken, and the worth of a changed body
+# of a run, at which the links' regressor is taken, and the worth of a changed body
+INSTANTS, DENSE = 300, 1500
 SCALE, MOST = 0.015, 0.029  # standard deviation and largest error of a joint's torque constant
 
 
@@ -42,7 +45,9 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Robot:
-    """A whole robot as a case. The identity says nothing of what is hidden; ``number`` of the draw."""
+    """A whole robot as a case. The identity says nothing of what is hidden; ``number`` of the
+    draw.
+    """
 
     root: int
     number: int
@@ -61,9 +66,15 @@ class Robot:
 
     def draw(self, attempt: int = 0) -> Drawn:
         """Draw arm, motion, sensors and hidden effects."""
-        rng = np.random.default_rng([self.root, zlib.crc32(f"robot {self.number}".encode()), attempt])
+        rng = np.random.default_rng(
+            [self.root, zlib.crc32(f"robot {self.number}".encode()), attempt]
+        )
         arm = random_arm(rng)
-        joints, rate, duration = len(arm.masses), float(rng.choice(RATES)), float(rng.uniform(30, 60))
+        joints, rate, duration = (
+            len(arm.masses),
+            float(rng.choice(RATES)),
+            float(rng.uniform(30, 60)),
+        )
         if self.log == "log.csv":
             rate = min(rate, 250.0)  # a larger one is a nuisance as text
         motions = int(rng.integers(2**31))  # the same motion at whatever rate
@@ -79,11 +90,16 @@ class Robot:
                 hidden.append(Part("torque_scale", j, {"scale": 1 + off}))
         quantum = np.asarray(2 * math.pi / 2.0 ** rng.integers(17, 22, joints), np.float64)
         noise = rms(need).max() * 0.02 + rms(need)
-        sensors = Sensors(quantum, noise * np.exp(rng.uniform(np.log(0.002), np.log(0.02))), int(rng.integers(2**31)))
+        sensors = Sensors(
+            quantum,
+            noise * np.exp(rng.uniform(np.log(0.002), np.log(0.02))),
+            int(rng.integers(2**31)),
+        )
         return Drawn(arm, tuple(hidden), tuple(remainder), wanted, rate, sensors)
 
     def measure(self) -> tuple[Drawn, ArmRun]:
-        """Draw and run the robot; one that the controller loses is drawn anew, since nobody would log it.
+        """Draw and run the robot; one that the controller loses is drawn anew, since nobody would
+        log it.
 
         Raises:
             Diverged: if ten draws are lost.
@@ -92,13 +108,16 @@ class Robot:
             drawn = self.draw(attempt)
             effects = [make(*part) for part in drawn.hidden + drawn.remainder]
             try:
-                return drawn, run_arm(drawn.arm.xml, effects, drawn.wanted, drawn.rate, drawn.sensors)
+                return drawn, run_arm(
+                    drawn.arm.xml, effects, drawn.wanted, drawn.rate, drawn.sensors
+                )
             except Diverged:
                 continue
         raise Diverged(f"{self.id}: ten draws were lost")
 
     def write(self, folder: Path) -> Mapping[str, Any]:
-        """Run the robot, write ``folder/model.xml`` and its log, and return the truth, which belongs elsewhere.
+        """Run the robot, write ``folder/model.xml`` and its log, and return the truth, which
+        belongs elsewhere.
 
         Raises:
             Diverged: see :meth:`measure`.
@@ -121,14 +140,23 @@ def write_log(path: Path, log: Mapping[str, Array]) -> None:
         np.savez(path, **log)  # pyright: ignore[reportArgumentType]
         return
     form = ["%.8g" if name.startswith("tau") else "%.8f" for name in log]
-    np.savetxt(path, np.column_stack(list(log.values())), fmt=form, delimiter=",", header=",".join(log), comments="")
+    np.savetxt(
+        path,
+        np.column_stack(list(log.values())),
+        fmt=form,
+        delimiter=",",
+        header=",".join(log),
+        comments="",
+    )
 
 
 def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
-    """Return what is hidden, what each effect is worth on each joint, and what the links' errors do together; as JSON.
+    """Return what is hidden, what each effect is worth on each joint, and what the links' errors do
+    together; as JSON.
 
-    ``worth`` (J,) is the RMS of the effect's torque over the RMS of the joint's command. ``inertial`` holds the Gram matrix of
-    the links' regressor, lower triangle row by row, in shares of each joint's command, and the true ``error`` of each parameter.
+    ``worth`` (J,) is the RMS of the effect's torque over the RMS of the joint's command.
+    ``inertial`` holds the Gram matrix of the links' regressor, lower triangle row by row, in shares
+    of each joint's command, and the true ``error`` of each parameter.
     """
     qdd = np.gradient(run.speed, run.time, axis=0)
     motion = Motion(run.time, run.clean, run.speed, qdd, run.command)
@@ -140,14 +168,27 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
     records = []
     for part, effect, noted in zip(parts, effects, run.acts, strict=True):
         worth = rms(_torque(effect, noted, xml, motion, thin)) / command
-        records.append({"effect": part.effect, "joint": part.joint, "parameters": dict(part.parameters), "worth": _short(worth)})
-    bodies = [e for e in effects if has(e, "alter") and not has(e, "passive") and not isinstance(e, JointElasticity)]
+        records.append(
+            {
+                "effect": part.effect,
+                "joint": part.joint,
+                "parameters": dict(part.parameters),
+                "worth": _short(worth),
+            }
+        )
+    bodies = [
+        e
+        for e in effects
+        if has(e, "alter") and not has(e, "passive") and not isinstance(e, JointElasticity)
+    ]
     names, table = columns(xml, Motion(*(x[few] for x in motion)))
     flat = (table / command[:, None]).reshape(-1, len(names))
     gram = flat.T @ flat / len(few)
     error = (inertial(altered(xml, bodies)) - inertial(altered(xml, []))).ravel()
     believed = inertial(altered(xml, []))
-    _about_origin(records, believed, inertial(altered(xml, [e for e in bodies if not isinstance(e, Payload)])))
+    _about_origin(
+        records, believed, inertial(altered(xml, [e for e in bodies if not isinstance(e, Payload)]))
+    )
     return {
         "mechanism": case.mechanism,
         "family": case.family,
@@ -168,25 +209,37 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
 
 
 def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -> None:
-    """Say first moments and tensors about the bodies' origins, as changes besides that in proportion to the mass.
+    """Say first moments and tensors about the bodies' origins, as changes besides that in
+    proportion to the mass.
 
-    So they are linear, and what the mass error, the shift and the change of inertia of one link do together is in them in full.
+    So they are linear, and what the mass error, the shift and the change of inertia of one link do
+    together is in them in full.
     """
     for record in records:
         if record["effect"] in ("com_error", "inertia_tensor_error"):
             before, after = believed[record["joint"]], true[record["joint"]]
             besides = after - before * (after[0] / before[0])
-            name, columns = ("moment", slice(1, 4)) if record["effect"] == "com_error" else ("tensor", slice(4, 10))
+            name, columns = (
+                ("moment", slice(1, 4))
+                if record["effect"] == "com_error"
+                else ("tensor", slice(4, 10))
+            )
             record["parameters"][name] = _short(besides[columns])
 
 
 def _torque(effect: Injected, noted: Array, xml: str, motion: Motion, thin: Motion) -> Array:
-    """What an effect did (T, J): as the engine noted it, or at fewer instants by inverse dynamics."""
+    """What an effect did (T, J): as the engine noted it, or at fewer instants by inverse
+    dynamics.
+    """
     if isinstance(effect, JointElasticity):
         rotor = np.zeros_like(noted)
         rotor[:, effect.joint] = effect.motor_inertia * motion.qdd[:, effect.joint]
         return noted + rotor
-    changes = (has(effect, "alter") and not has(effect, "passive")) or has(effect, "encoder") or has(effect, "misread")
+    changes = (
+        (has(effect, "alter") and not has(effect, "passive"))
+        or has(effect, "encoder")
+        or has(effect, "misread")
+    )
     return acts(effect, xml, thin) if changes else noted
 
 

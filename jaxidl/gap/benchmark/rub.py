@@ -1,4 +1,6 @@
-"""Dry friction as a true stop: within a fine step it takes what brings the joint to rest, if its level allows, else its level."""
+"""Dry friction as a true stop: within a fine step it takes what brings the joint to rest, if its
+level allows, else its level.
+"""
 
 import math
 from collections.abc import Mapping
@@ -8,10 +10,13 @@ from jaxidl.gap.benchmark.injected import Floats
 Level = tuple[float, float, float]  # moving forward, backward, and at rest if that is more; N or Nm
 
 
-def rub(levels: Mapping[int, Level], qd: Floats, net: Floats, mass: list[Floats], step: float) -> Floats:
+def rub(
+    levels: Mapping[int, Level], qd: Floats, net: Floats, mass: list[Floats], step: float
+) -> Floats:
     """Friction (J,) of one or two joints.
 
-    Two rough joints act on each other through the mass matrix: unless both can be stopped at once, each is improved in turn.
+    Two rough joints act on each other through the mass matrix: unless both can be stopped at once,
+    each is improved in turn.
 
     Args:
         levels: by joint, for the rough ones.
@@ -28,14 +33,22 @@ def rub(levels: Mapping[int, Level], qd: Floats, net: Floats, mass: list[Floats]
     inverse = _inverse(mass)
     for _ in range(1 if len(levels) == 1 else 4):
         for j, level in levels.items():
-            free = qd[j] + step * sum(inverse[j][k] * (net[k] + (friction[k] if k != j else 0.0)) for k in joints)
+            free = qd[j] + step * sum(
+                inverse[j][k] * (net[k] + (friction[k] if k != j else 0.0)) for k in joints
+            )
             stopping, side = -free / (step * inverse[j][j]), level[0] if free > 0 else level[1]
-            friction[j] = stopping if abs(stopping) <= _bears(level, qd[j], free, free) else math.copysign(side, stopping)
+            friction[j] = (
+                stopping
+                if abs(stopping) <= _bears(level, qd[j], free, free)
+                else math.copysign(side, stopping)
+            )
     return friction
 
 
 def _bears(level: Level, speed: float, free: float, push: float) -> float:
-    """What the friction bears against ``push``: more at rest, or where the joint would turn round to the speed ``free``."""
+    """What the friction bears against ``push``: more at rest, or where the joint would turn round
+    to the speed ``free``.
+    """
     side = level[0] if push > 0 else level[1]
     return max(side, level[2]) if abs(speed) < 1e-9 or speed * free <= 0 else side
 

@@ -1,4 +1,6 @@
-"""Run the benchmark: make each case's log, let the workflow read it, keep its report; then the score."""
+"""Run the benchmark: make each case's log, let the workflow read it, keep its report; then the
+score.
+"""
 
 import csv
 import io
@@ -26,7 +28,9 @@ ROBOTS = 60
 AnyCase = Case | Robot
 
 
-def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int, root: int = DEVELOPMENT) -> list[AnyCase]:
+def chosen(
+    families: tuple[str, ...], severities: tuple[str, ...], every: int, root: int = DEVELOPMENT
+) -> list[AnyCase]:
     """Return the cases asked for: of each family and severity each ``every``-th.
 
     Raises:
@@ -45,7 +49,9 @@ def chosen(families: tuple[str, ...], severities: tuple[str, ...], every: int, r
     for case in [*small, *robots(root, ROBOTS)]:
         if case.family in families and (case.family != "single" or case.severity in severities):
             groups.setdefault((case.family, case.severity), []).append(case)
-    order = sorted(groups, key=lambda key: (FAMILIES.index(key[0]), -SEVERITIES.index(key[1] or "clear")))
+    order = sorted(
+        groups, key=lambda key: (FAMILIES.index(key[0]), -SEVERITIES.index(key[1] or "clear"))
+    )
     found = [case for key in order for case in groups[key][::every]]
     if not found:
         raise ConfigurationError("at least one case", "none", "name families and severities")
@@ -61,14 +67,17 @@ def run_benchmark(
     overwrite: bool = False,
     root: int = DEVELOPMENT,
 ) -> dict[str, Any]:
-    """Run what has no report yet, each case in its own process, and return the score, which is in ``out/benchmark.json``, too.
+    """Run what has no report yet, each case in its own process, and return the score, which is in
+    ``out/benchmark.json``, too.
 
-    The truth lies in ``out/truth.json`` (of each robot also in ``out/truth``), which no diagnosis reads; ``out/cases/ID`` holds
-    log and model, ``out/reports/ID.json`` the report. A case that fails counts as wrong, with its error in its report's place.
-    One whose mechanism its controller lost is no case, and the score says how many there were.
+    The truth lies in ``out/truth.json`` (of each robot also in ``out/truth``), which no diagnosis
+    reads; ``out/cases/ID`` holds log and model, ``out/reports/ID.json`` the report. A case that
+    fails counts as wrong, with its error in its report's place. One whose mechanism its controller
+    lost is no case, and the score says how many there were.
 
     Raises:
-        ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of another root.
+        ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of
+            another root.
     """
     cases = chosen(families, severities, every, root)
     _claim(out, root)
@@ -78,7 +87,9 @@ def run_benchmark(
     driven = [case for case in cases if "lost" not in json.loads(_report(out, case).read_text())]
     known = _truth(driven, out)
     write_bytes(out / "truth.json", json.dumps(known, indent=1).encode())
-    result = {"root": root, "lost": len(cases) - len(driven)} | score(known, _reports(out, list(known)))
+    result = {"root": root, "lost": len(cases) - len(driven)} | score(
+        known, _reports(out, list(known))
+    )
     write_bytes(out / "benchmark.json", as_json(result).encode())
     return result
 
@@ -91,7 +102,8 @@ def generate(
     processes: int = 1,
     root: int = DEVELOPMENT,
 ) -> list[Path]:
-    """Make the cases' logs and models and ``out/truth.json``, without any diagnosis; return the cases' folders.
+    """Make the cases' logs and models and ``out/truth.json``, without any diagnosis; return the
+    cases' folders.
 
     Raises:
         ConfigurationError: as :func:`run_benchmark`.
@@ -104,16 +116,20 @@ def generate(
 
 
 def training_table(out: Path, path: Path | None = None) -> Path:
-    """Write one row for each effect of each finished report in ``out`` as CSV (default: ``out/training.csv``); return its path.
+    """Write one row for each effect of each finished report in ``out`` as CSV (default:
+    ``out/training.csv``); return its path.
 
-    Columns are those of :func:`.calibration.training_rows`; a number that an entry has not is left empty.
+    Columns are those of :func:`.calibration.training_rows`; a number that an entry has not is left
+    empty.
 
     Raises:
         ConfigurationError: where ``out`` holds no finished benchmark.
     """
     path = path or out / "training.csv"
     if not (out / "truth.json").is_file():
-        raise ConfigurationError(f"a benchmark in {out}", "no truth.json", "run jaxidl gap-benchmark with --out there")
+        raise ConfigurationError(
+            f"a benchmark in {out}", "no truth.json", "run jaxidl gap-benchmark with --out there"
+        )
     known = json.loads((out / "truth.json").read_text())
     names = [name for name in known if (out / "reports" / f"{name}.json").is_file()]
     rows = list(training_rows({name: known[name] for name in names}, _reports(out, names)))
@@ -155,7 +171,13 @@ def judge_case(case: AnyCase, out: Path) -> None:
     write_bytes(_report(out, case), json.dumps(found, allow_nan=False).encode())
 
 
-def _each(work: Callable[[AnyCase, Path], None], cases: list[AnyCase], out: Path, processes: int, done: Any) -> None:
+def _each(
+    work: Callable[[AnyCase, Path], None],
+    cases: list[AnyCase],
+    out: Path,
+    processes: int,
+    done: Any,
+) -> None:
     """Do ``work`` for each case that is not ``done``, in processes."""
     left = [case for case in cases if not done(case)]
     each(partial(_at, work, out), left, processes, "hidden cases", len(cases))
@@ -170,7 +192,11 @@ def _claim(out: Path, root: int) -> None:
     path = out / "root.json"
     held = json.loads(path.read_text())["root"] if path.is_file() else root
     if held != root:
-        raise ConfigurationError(f"cases of root {root} in {out}", f"cases of root {held}", "give another --out or --root")
+        raise ConfigurationError(
+            f"cases of root {root} in {out}",
+            f"cases of root {held}",
+            "give another --out or --root",
+        )
     path.parent.mkdir(parents=True, exist_ok=True)
     write_bytes(path, json.dumps({"root": root}).encode())
 
@@ -193,7 +219,11 @@ def _reports(out: Path, names: list[str]) -> dict[str, Any]:
 def _made(out: Path, case: AnyCase) -> bool:
     """Whether a case's files are there; a robot's truth is written last, a small case's model."""
     truth_too = isinstance(case, Case) or (out / "truth" / f"{case.id}.json").is_file()
-    return (out / "cases" / case.id / "model.xml").is_file() and (out / "cases" / case.id / case.log).is_file() and truth_too
+    return (
+        (out / "cases" / case.id / "model.xml").is_file()
+        and (out / "cases" / case.id / case.log).is_file()
+        and truth_too
+    )
 
 
 def _report(out: Path, case: AnyCase) -> Path:

@@ -1,4 +1,6 @@
-"""The score of a workflow on the benchmark: pure functions of the truth and of the reports, both by the cases' identities."""
+"""The score of a workflow on the benchmark: pure functions of the truth and of the reports, both by
+the cases' identities.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Mapping
@@ -16,13 +18,16 @@ Z95 = 1.959963984540054
 
 
 def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> dict[str, Any]:
-    """Everything that the benchmark says; shares are dictionaries as :func:`share` makes them. A missing report is a wrong one.
+    """Everything that the benchmark says; shares are dictionaries as :func:`share` makes them. A
+    missing report is a wrong one.
 
     Args:
         truth: what :func:`jaxidl.gap.benchmark.cases.truth` says of each case that counts.
         reports: the ``report.json`` of each case.
     """
-    families: dict[str, list[Pair]] = {name: [] for name in ("single", "none", "outside", "pair", "robot")}
+    families: dict[str, list[Pair]] = {
+        name: [] for name in ("single", "none", "outside", "pair", "robot")
+    }
     for name, record in truth.items():
         families[record["family"]].append((record, reports.get(name)))
     return {
@@ -41,7 +46,9 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
 
 
 def share(credits: Iterable[float]) -> dict[str, float]:
-    """``share`` of right answers among ``n``, and Wilson's 95 % interval ``low`` to ``high``; half credits count half."""
+    """``share`` of right answers among ``n``, and Wilson's 95 % interval ``low`` to ``high``; half
+    credits count half.
+    """
     values = list(credits)
     n, k = len(values), float(sum(values))
     if not n:
@@ -60,7 +67,9 @@ def quartiles(values: Iterable[float]) -> dict[str, float | int]:
 
 
 def confusion(pairs: Iterable[Pair]) -> dict[str, dict[str, int]]:
-    """How often each hidden effect, ``"none"`` or ``"outside"`` (rows) is called what (columns, see :func:`judge.column`)."""
+    """How often each hidden effect, ``"none"`` or ``"outside"`` (rows) is called what (columns, see
+    :func:`judge.column`).
+    """
     counts: dict[str, dict[str, int]] = {}
     for truth, report in pairs:
         row = counts.setdefault(truth["hidden"][0]["effect"] if truth["hidden"] else "none", {})
@@ -70,7 +79,9 @@ def confusion(pairs: Iterable[Pair]) -> dict[str, dict[str, int]]:
 
 
 def _singles(pairs: list[Pair]) -> dict[str, Any]:
-    """``right`` overall and by severity, mechanism and effect; ``right_or_tied`` counts an ambiguity that is physical in full."""
+    """``right`` overall and by severity, mechanism and effect; ``right_or_tied`` counts an
+    ambiguity that is physical in full.
+    """
     credits = [judge.single_credit(truth["hidden"][0], report) for truth, report in pairs]
     rows = list(zip((truth for truth, _ in pairs), credits, strict=True))
     return {
@@ -83,7 +94,9 @@ def _singles(pairs: list[Pair]) -> dict[str, Any]:
     }
 
 
-def _by(rows: list[tuple[Record, float]], group: Callable[[Record], str]) -> dict[str, dict[str, float]]:
+def _by(
+    rows: list[tuple[Record, float]], group: Callable[[Record], str]
+) -> dict[str, dict[str, float]]:
     names = dict.fromkeys(group(truth) for truth, _ in rows)
     return {name: share(credit for truth, credit in rows if group(truth) == name) for name in names}
 
@@ -94,23 +107,30 @@ def _verdicts(pairs: list[Pair]) -> dict[str, int]:
 
 
 def _none(pairs: list[Pair]) -> dict[str, Any]:
-    """``false_alarm``: an effect is named where none is hidden; ``not_nothing``: any other verdict than nothing missing."""
+    """``false_alarm``: an effect is named where none is hidden; ``not_nothing``: any other verdict
+    than nothing missing.
+    """
     return {
         "false_alarm": share(float(bool(judge.named(report))) for _, report in pairs),
-        "not_nothing": share(float(report is None or report["verdict"] != "nothing_missing") for _, report in pairs),
+        "not_nothing": share(
+            float(report is None or report["verdict"] != "nothing_missing") for _, report in pairs
+        ),
         "verdicts": _verdicts(pairs),
     }
 
 
 def _outside(pairs: list[Pair]) -> dict[str, Any]:
-    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence; overall and by kind.
+    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence;
+    overall and by kind.
 
     ``imitable``: of the kinds that follow from the state.
     """
     rows = [(truth, float(judge.misnamed(report))) for truth, report in pairs]
     return {
         "misnamed": share(wrong for _, wrong in rows),
-        "imitable": share(wrong for truth, wrong in rows if truth["hidden"][0]["parameters"]["kind"] in IMITABLE),
+        "imitable": share(
+            wrong for truth, wrong in rows if truth["hidden"][0]["parameters"]["kind"] in IMITABLE
+        ),
         "by_kind": _by(rows, lambda truth: truth["hidden"][0]["parameters"]["kind"]),
         "by_severity": _by(rows, lambda truth: truth["severity"]),
         "verdicts": _verdicts(pairs),
@@ -118,11 +138,18 @@ def _outside(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _pairs(pairs: list[Pair]) -> dict[str, Any]:
-    """``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: of all effects; ``exact``: named
-    both and no other."""
+    """``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: of
+    all effects; ``exact``: named both and no other.
+    """
     credits = [judge.pair_credits(truth["hidden"], report) for truth, report in pairs]
-    rows = [(truth, float(np.mean(c)) if min(c) > 0 else 0.0) for (truth, _), c in zip(pairs, credits, strict=True)]
-    exact = [{judge.key(h) for h in truth["hidden"]} == set(judge.named(report)) for truth, report in pairs]
+    rows = [
+        (truth, float(np.mean(c)) if min(c) > 0 else 0.0)
+        for (truth, _), c in zip(pairs, credits, strict=True)
+    ]
+    exact = [
+        {judge.key(h) for h in truth["hidden"]} == set(judge.named(report))
+        for truth, report in pairs
+    ]
     return {
         "both": share(credit for _, credit in rows),
         "found": share(credit for both in credits for credit in both),
@@ -133,18 +160,35 @@ def _pairs(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _robots(pairs: list[Pair]) -> dict[str, Any]:
-    """``precision``: of what is named with confidence; ``recall``: of hidden effects worth 3 % of a joint's command.
+    """``precision``: of what is named with confidence; ``recall``: of hidden effects worth 3 % of a
+    joint's command.
 
-    Both also by effect. ``parameters`` of the names that are right, and ``links``: what is left of the links' errors.
+    Both also by effect. ``parameters`` of the names that are right, and ``links``: what is left of
+    the links' errors.
     """
-    named = [(e, robot_judge.right(t, r, e), t, r) for t, r in pairs if r for e in r["effects"] if _sure(e)]
-    hidden = [(h, robot_judge.found(t, r, h)) for t, r in pairs for h in t["hidden"] if robot_judge.worth(h) >= robot_judge.WORTH]
+    named = [
+        (e, robot_judge.right(t, r, e), t, r)
+        for t, r in pairs
+        if r
+        for e in r["effects"]
+        if _sure(e)
+    ]
+    hidden = [
+        (h, robot_judge.found(t, r, h))
+        for t, r in pairs
+        for h in t["hidden"]
+        if robot_judge.worth(h) >= robot_judge.WORTH
+    ]
     errors = [(e["effect"], robot_judge.parameter_errors(t, r, e)) for e, ok, t, r in named if ok]
     return {
         "precision": share(float(ok) for _, ok, *_ in named),
         "recall": share(float(ok) for _, ok in hidden),
-        "precision_by_effect": _by([(e, float(ok)) for e, ok, *_ in named], lambda effect: effect["effect"]),
-        "recall_by_effect": _by([(h, float(ok)) for h, ok in hidden], lambda effect: effect["effect"]),
+        "precision_by_effect": _by(
+            [(e, float(ok)) for e, ok, *_ in named], lambda effect: effect["effect"]
+        ),
+        "recall_by_effect": _by(
+            [(h, float(ok)) for h, ok in hidden], lambda effect: effect["effect"]
+        ),
         "names_of_a_robot": quartiles(sum(map(_sure, r["effects"])) for _, r in pairs if r),
         "parameters": _summary(errors),
         "links": quartiles(robot_judge.link_error(t, r) for t, r in pairs),
@@ -157,19 +201,25 @@ def _sure(effect: Record) -> bool:
 
 
 def _parameters(pairs: list[Pair]) -> dict[str, Any]:
-    """Relative errors where a single effect is named right: of all parameters, by effect and parameter; and their honesty."""
+    """Relative errors where a single effect is named right: of all parameters, by effect and
+    parameter; and their honesty.
+    """
     errors: list[tuple[str, dict[str, tuple[float, list[float]]]]] = []
     for truth, report in pairs:
         hidden = truth["hidden"][0]
         if report is not None and judge.single_credit(hidden, report) == 1:
             effect = next((e for e in report["effects"] if judge.key(e) == judge.key(hidden)), None)
             if effect is not None:  # named by itself, not by what it is the sum of
-                errors.append((hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"])))
+                errors.append(
+                    (hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"]))
+                )
     return _summary(errors)
 
 
 def _summary(errors: list[tuple[str, dict[str, tuple[float, list[float]]]]]) -> dict[str, Any]:
-    """Quartiles of relative errors, and the share of true values within two standard errors; of all and by effect."""
+    """Quartiles of relative errors, and the share of true values within two standard errors; of all
+    and by effect.
+    """
     grouped: dict[str, dict[str, list[float]]] = {}
     within: dict[str, list[float]] = {}
     for effect, found in errors:
@@ -177,16 +227,31 @@ def _summary(errors: list[tuple[str, dict[str, tuple[float, list[float]]]]]) -> 
             grouped.setdefault(effect, {}).setdefault(name, []).append(error)
             within.setdefault(effect, []).extend(float(d <= 2) for d in deviations)
     return {
-        "all": quartiles(e for parts in grouped.values() for values in parts.values() for e in values),
-        "by_effect": {effect: {name: quartiles(values) for name, values in parts.items()} for effect, parts in grouped.items()},
+        "all": quartiles(
+            e for parts in grouped.values() for values in parts.values() for e in values
+        ),
+        "by_effect": {
+            effect: {name: quartiles(values) for name, values in parts.items()}
+            for effect, parts in grouped.items()
+        },
         "within_two_stderr": share(ok for values in within.values() for ok in values),
-        "within_two_stderr_by_effect": {effect: share(values) for effect, values in within.items() if values},
+        "within_two_stderr_by_effect": {
+            effect: share(values) for effect, values in within.items() if values
+        },
     }
 
 
 def _gap_removed(families: Mapping[str, list[Pair]]) -> dict[str, Any]:
-    """Share of the excess held-out gap removed, where something is named: singles, those of them named right, and pairs."""
-    values = {name: [judge.removed(*pair) for pair in families[name]] for name in ("single", "pair")}
-    right = [judge.single_credit(truth["hidden"][0], report) == 1 for truth, report in families["single"]]
-    values["single_right"] = [v for v, is_right in zip(values["single"], right, strict=True) if is_right]
+    """Share of the excess held-out gap removed, where something is named: singles, those of them
+    named right, and pairs.
+    """
+    values = {
+        name: [judge.removed(*pair) for pair in families[name]] for name in ("single", "pair")
+    }
+    right = [
+        judge.single_credit(truth["hidden"][0], report) == 1 for truth, report in families["single"]
+    ]
+    values["single_right"] = [
+        v for v, is_right in zip(values["single"], right, strict=True) if is_right
+    ]
     return {name: quartiles(v for v in found if v is not None) for name, found in values.items()}

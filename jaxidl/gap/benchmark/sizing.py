@@ -8,10 +8,14 @@ from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
 
-def sized(effect: Callable[[float], Injected], xml: str, motion: Motion, aim: float, start: float = 1.0) -> float:
-    """Return the size with which ``effect(size)`` is worth ``aim`` on ``motion`` of the model ``xml``: see :func:`strength`.
+def sized(
+    effect: Callable[[float], Injected], xml: str, motion: Motion, aim: float, start: float = 1.0
+) -> float:
+    """Return the size with which ``effect(size)`` is worth ``aim`` on ``motion`` of the model
+    ``xml``: see :func:`strength`.
 
-    Sizes are corrected in proportion four times: exact at once for what is in proportion to its size.
+    Sizes are corrected in proportion four times: exact at once for what is in proportion to its
+    size.
 
     Raises:
         ValueError: where it does nothing at all.
@@ -28,5 +32,7 @@ def sized(effect: Callable[[float], Injected], xml: str, motion: Motion, aim: fl
 
 
 def strength(effect: Injected, xml: str, motion: Motion) -> float:
-    """Return RMS torque over RMS command, on the joint where ``effect`` does most in proportion to it."""
+    """Return RMS torque over RMS command, on the joint where ``effect`` does most in proportion to
+    it.
+    """
     return float((rms(acts(effect, xml, motion)) / rms(motion.tau)).max())

@@ -1,4 +1,6 @@
-"""The true parameters of hidden effects in the catalogue's terms: where names differ, and as functions where it has tables."""
+"""The true parameters of hidden effects in the catalogue's terms: where names differ, and as
+functions where it has tables.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -11,13 +13,16 @@ from jaxidl.gap.benchmark.reference import Array
 
 True_ = float | Array | Callable[[Array], Array]
 
-ASIDE = {"kind", "other", "difference", "power"}  # which effect it is, and what a report need not say as a number
+# which effect it is, and what a report need not say as a number
+ASIDE = {"kind", "other", "difference", "power"}
 AMPLITUDES = {"sine": ("sine", "cosine"), "cosine": ("sine", "cosine")}
 """Parameters that are judged by the size of several together."""
 
 
 def expected(hidden: Mapping[str, Any], mechanism: str = "robot") -> dict[str, True_]:
-    """Return the parameters that a right report has: numbers, arrays, or functions of the position for tables."""
+    """Return the parameters that a right report has: numbers, arrays, or functions of the position
+    for tables.
+    """
     given: dict[str, Any] = dict(hidden["parameters"])
     name, kind = hidden["effect"], given.get("kind", "")
     if name == "stribeck_friction":
@@ -35,11 +40,14 @@ def expected(hidden: Mapping[str, Any], mechanism: str = "robot") -> dict[str, T
     return {key: _plain(value) for key, value in given.items() if key not in ASIDE}
 
 
-def errors(true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | None) -> dict[str, tuple[float, list[float]]]:
-    """Return the relative error of each parameter that truth and report share, and its components in standard errors.
+def errors(
+    true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | None
+) -> dict[str, tuple[float, list[float]]]:
+    """Return the relative error of each parameter that truth and report share, and its components
+    in standard errors.
 
-    A scale is compared by its distance from 1, a table by its values over the positions that it covers; standard errors that a
-    report has not, or that are zero, give no components.
+    A scale is compared by its distance from 1, a table by its values over the positions that it
+    covers; standard errors that a report has not, or that are zero, give no components.
     """
     found: dict[str, tuple[float, list[float]]] = {}
     for name, value in true.items():
@@ -53,7 +61,10 @@ def errors(true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | 
             if len(wanted) == 1 and len(got) > 1:
                 got = got[[joint or 0]]  # one value for each joint
         if wanted is not None and name in AMPLITUDES and len(got) != len(wanted):
-            got, wanted = (np.pad(x, (0, max(len(got), len(wanted)) - len(x))) for x in (got, wanted))  # other harmonics are zero
+            # other harmonics are zero
+            got, wanted = (
+                np.pad(x, (0, max(len(got), len(wanted)) - len(x))) for x in (got, wanted)
+            )
         if wanted is None or len(got) != len(wanted):
             continue
         open_ = ~np.isfinite(wanted)  # what the motion leaves open has no true value
@@ -64,9 +75,13 @@ def errors(true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | 
             found[name] = abs(math.remainder(float(off[0]), 2 * math.pi)) / math.pi, []
             continue
         together = (
-            [np.ravel(np.asarray(true[one], float)) for one in AMPLITUDES.get(name, (name,))] if not callable(value) else [wanted]
+            [np.ravel(np.asarray(true[one], float)) for one in AMPLITUDES.get(name, (name,))]
+            if not callable(value)
+            else [wanted]
         )
-        scale = float(np.linalg.norm(np.nan_to_num(np.concatenate(together)) - (1 if name == "scale" else 0)))
+        scale = float(
+            np.linalg.norm(np.nan_to_num(np.concatenate(together)) - (1 if name == "scale" else 0))
+        )
         found[name] = (
             (float(np.linalg.norm(off[~open_])) / scale if scale else math.inf),
             _deviations(off, reported[name].get("stderr"), joint),
@@ -82,18 +97,31 @@ def _deviations(off: Array, stderr: Any, joint: int | None) -> list[float]:
     if len(sizes) > 1 and len(off) == 1:
         sizes = sizes[[joint or 0]]
     sizes = np.broadcast_to(sizes, off.shape) if len(sizes) in (1, len(off)) else np.zeros_like(off)
-    return [abs(float(o / s)) for o, s in zip(off, sizes, strict=True) if np.isfinite(o) and np.isfinite(s) and s > 0]
+    return [
+        abs(float(o / s))
+        for o, s in zip(off, sizes, strict=True)
+        if np.isfinite(o) and np.isfinite(s) and s > 0
+    ]
 
 
 def _over(value: Callable[[Array], Array], reported: Mapping[str, Any], knots: int) -> Array | None:
     """A function's values at the knots of the reported table."""
-    ends = [np.ravel(np.asarray(reported.get(end, {}).get("value", np.nan), float)) for end in ("lower", "upper")]
+    ends = [
+        np.ravel(np.asarray(reported.get(end, {}).get("value", np.nan), float))
+        for end in ("lower", "upper")
+    ]
     low, high = (float(end[0]) for end in ends)
-    return value(np.linspace(low, high, knots)) if math.isfinite(low) and math.isfinite(high) and knots > 1 else None
+    return (
+        value(np.linspace(low, high, knots))
+        if math.isfinite(low) and math.isfinite(high) and knots > 1
+        else None
+    )
 
 
 def _wave(given: Mapping[str, Any]) -> Callable[[Array], Array]:
-    level, variation, period, phase = (float(given[key]) for key in ("level", "variation", "period", "phase"))
+    level, variation, period, phase = (
+        float(given[key]) for key in ("level", "variation", "period", "phase")
+    )
     return lambda q: level * (1 + variation * np.sin(2 * math.pi * q / period + phase))
 
 

@@ -9,7 +9,8 @@ from jaxidl.gap.benchmark.injected import Injected
 
 @dataclass
 class JointElasticity(Injected):
-    """A rotor of ``motor_inertia``, taken from the link so that the total stays, behind a spring and a damper.
+    """A rotor of ``motor_inertia``, taken from the link so that the total stays, behind a spring
+    and a damper.
 
     Units: N/m or Nm/rad, N s/m or Nm s/rad, kg or kg m².
     """
@@ -24,7 +25,10 @@ class JointElasticity(Injected):
     def alter(self, spec: Any) -> None:
         joint = spec.joints[self.joint]
         if joint.armature < self.motor_inertia - 1e-12:
-            raise ValueError(f"a rotor of {self.motor_inertia:g} cannot be taken from an armature of {joint.armature:g}")
+            raise ValueError(
+                f"a rotor of {self.motor_inertia:g} cannot be taken from an armature of"
+                f" {joint.armature:g}"
+            )
         joint.armature = max(0.0, joint.armature - self.motor_inertia)
 
     def start(self, step: float, position: float, command: float) -> None:
@@ -42,13 +46,17 @@ class JointElasticity(Injected):
         return torque
 
     def bear(self, ahead: float, speed: float) -> float:
-        """The torque transmitted when the rotor is ``ahead`` of the link and gets ahead at ``speed``."""
+        """The torque transmitted when the rotor is ``ahead`` of the link and gets ahead at
+        ``speed``.
+        """
         return self.stiffness * ahead + self.damping * speed
 
 
 @dataclass
 class Backlash(JointElasticity):
-    """The same with a dead zone of width ``gap`` [m or rad]; stiff and damped contact at its two ends, which never pulls."""
+    """The same with a dead zone of width ``gap`` [m or rad]; stiff and damped contact at its two
+    ends, which never pulls.
+    """
 
     gap: float
 

@@ -1,4 +1,6 @@
-"""What is hidden in a whole robot: everything common on every joint at once, up to two exotic effects, and a remainder."""
+"""What is hidden in a whole robot: everything common on every joint at once, up to two exotic
+effects, and a remainder.
+"""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +14,9 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.sizing import sized
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
-TINY = 0.03  # of the largest joint torque: what even a joint needs on which nothing weighs, for the sizes of its friction
+# of the largest joint torque: what even a joint needs on which nothing weighs, for the sizes of its
+# friction
+TINY = 0.03
 EXOTIC = (
     "asymmetric_friction",
     "stribeck_friction",
@@ -41,21 +45,29 @@ WHOLE = ("payload", "base_tilt")
 
 
 class Part(NamedTuple):
-    """A hidden effect or, as ``"outside"``, a part of the remainder; ``joint`` is None for one of the whole robot."""
+    """A hidden effect or, as ``"outside"``, a part of the remainder; ``joint`` is None for one of
+    the whole robot.
+    """
 
     effect: str
     joint: int | None
     parameters: Mapping[str, Any]
 
 
-def draw(rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int) -> tuple[list[Part], list[Part]]:
-    """Draw the hidden effects, ``exotic`` of them uncommon, and the remainder, for the ``motion`` of the believed ``arm``.
+def draw(
+    rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int
+) -> tuple[list[Part], list[Part]]:
+    """Draw the hidden effects, ``exotic`` of them uncommon, and the remainder, for the ``motion``
+    of the believed ``arm``.
 
-    Sizes are shares of what each joint's motion needs, with friction and errors of links as they are found on real arms.
+    Sizes are shares of what each joint's motion needs, with friction and errors of links as they
+    are found on real arms.
     """
     need = rms(motion.tau)
     need = np.maximum(need, TINY * need.max())
-    common = [part for j in range(len(need)) for part in _common(rng, arm, motion, j, float(need[j]))]
+    common = [
+        part for j in range(len(need)) for part in _common(rng, arm, motion, j, float(need[j]))
+    ]
     whole = _command(arm, motion, common)
     odd: list[Part] = []
     for name in rng.permutation(EXOTIC):
@@ -67,33 +79,59 @@ def draw(rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int) -> tup
 
 
 def _common(rng: np.random.Generator, arm: Arm, motion: Motion, j: int, need: float) -> list[Part]:
-    """Friction, rotor, offset on some, and errors of the link: a few to 20 % of its mass and size."""
+    """Friction, rotor, offset on some, and errors of the link: a few to 20 % of its mass and
+    size.
+    """
     speed, acceleration = rms(motion.qd)[j], rms(motion.qdd)[j]
     mass = arm.masses[j] * rng.uniform(0.03, 0.2) * rng.choice([-1, 1])
-    error = arm.inertias[j] * (1 + mass / arm.masses[j]) * rng.uniform(0.05, 0.2) * rng.choice([-1, 1])
+    error = (
+        arm.inertias[j] * (1 + mass / arm.masses[j]) * rng.uniform(0.05, 0.2) * rng.choice([-1, 1])
+    )
     parts = [
         Part("viscous_friction", j, {"coefficient": need * _log(rng, 0.07, 0.6) / speed}),
         Part("coulomb_friction", j, {"level": need * _log(rng, 0.07, 0.6)}),
-        Part("inertia_error", j, {"extra": need * _log(rng, 0.05, 0.4) / acceleration, "mass": mass}),
-        Part("com_error", j, {"moment": _list((arm.masses[j] + mass) * arm.lengths[j] * rng.normal(0, 0.07, 3))}),
+        Part(
+            "inertia_error", j, {"extra": need * _log(rng, 0.05, 0.4) / acceleration, "mass": mass}
+        ),
+        Part(
+            "com_error",
+            j,
+            {"moment": _list((arm.masses[j] + mass) * arm.lengths[j] * rng.normal(0, 0.07, 3))},
+        ),
         Part("inertia_tensor_error", j, {"tensor": [*_list(error), 0.0, 0.0, 0.0]}),
     ]
     if rng.uniform() < 0.4:
-        parts.append(Part("constant_offset", j, {"offset": need * _log(rng, 0.02, 0.15) * float(rng.choice([-1, 1]))}))
+        parts.append(
+            Part(
+                "constant_offset",
+                j,
+                {"offset": need * _log(rng, 0.02, 0.15) * float(rng.choice([-1, 1]))},
+            )
+        )
     return parts
 
 
 def _command(arm: Arm, motion: Motion, parts: list[Part]) -> Motion:
     """The motion with the torques that it needs with the hidden ``parts``."""
-    return motion._replace(tau=motion.tau - sum(acts(make(*part), arm.xml, motion) for part in parts))
+    return motion._replace(
+        tau=motion.tau - sum(acts(make(*part), arm.xml, motion) for part in parts)
+    )
 
 
-def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, common: list[Part]) -> list[Part]:
-    """The exotic effect ``name``, worth 5 to 15 % of a joint's command; nothing where it cannot be that on this joint."""
+def _odd(
+    rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, common: list[Part]
+) -> list[Part]:
+    """The exotic effect ``name``, worth 5 to 15 % of a joint's command; nothing where it cannot be
+    that on this joint.
+    """
     aim, joints = _log(rng, 0.05, 0.15), len(arm.masses)
     other = j - 1 if j else 1
     tau, span = motion.tau[:, j], float(np.ptp(motion.q[:, j]))
-    period, phase, sign = span * rng.uniform(0.3, 0.8), float(rng.uniform(0, 2 * math.pi)), float(rng.choice([-1, 1]))
+    period, phase, sign = (
+        span * rng.uniform(0.3, 0.8),
+        float(rng.uniform(0, 2 * math.pi)),
+        float(rng.choice([-1, 1])),
+    )
     shapes: dict[str, dict[str, Any]] = {
         "asymmetric_friction": {"positive": ("size", 1.5), "negative": ("size", 0.5)},
         "stribeck_friction": {
@@ -103,10 +141,24 @@ def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, 
         },
         "quadratic_drag": {"coefficient": ("size", 1.0)},
         "sublinear_friction": {"coefficient": ("size", 1.0), "power": rng.uniform(0.4, 0.6)},
-        "position_dependent_friction": {"level": ("size", 1.0), "variation": 0.9, "period": period * 2, "phase": phase},
-        "coupled_friction": {"other": other, "level": ("size", 1.0), "variation": 0.9, "period": period * 2, "phase": phase},
+        "position_dependent_friction": {
+            "level": ("size", 1.0),
+            "variation": 0.9,
+            "period": period * 2,
+            "phase": phase,
+        },
+        "coupled_friction": {
+            "other": other,
+            "level": ("size", 1.0),
+            "variation": 0.9,
+            "period": period * 2,
+            "phase": phase,
+        },
         "load_dependent_friction": {"coefficient": ("size", 1.0)},
-        "directional_load_friction": {"driving": ("size", 1.0), "driven": ("size", rng.uniform(0.2, 0.6))},
+        "directional_load_friction": {
+            "driving": ("size", 1.0),
+            "driven": ("size", rng.uniform(0.2, 0.6)),
+        },
         "coupled_joint_friction": {
             "other": other,
             "coefficient": ("size", 1.0),
@@ -115,9 +167,15 @@ def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, 
         },
         "motor_coupling": {"other": other, "share": ("size", sign)},
         "thermal_friction": {"excess": ("size", 1.0), "time_constant": rng.uniform(12.0, 25.0)},
-        "payload": {"mass": ("size", 1.0), "com": _list(arm.lengths[-1] * rng.uniform([-0.3, -0.3, 0.6], [0.3, 0.3, 1.2]))},
+        "payload": {
+            "mass": ("size", 1.0),
+            "com": _list(arm.lengths[-1] * rng.uniform([-0.3, -0.3, 0.6], [0.3, 0.3, 1.2])),
+        },
         "base_tilt": {"angles": (("size", math.cos(phase)), ("size", math.sin(phase)))},
-        "spring": {"stiffness": ("size", 1.0), "rest": float(motion.q[:, j].mean() + 0.2 * span * sign)},
+        "spring": {
+            "stiffness": ("size", 1.0),
+            "rest": float(motion.q[:, j].mean() + 0.2 * span * sign),
+        },
         "torque_ripple": {
             "amplitude": (("size", 1.0), ("size", 0.5), ("size", 0.3)),
             "period": period,
@@ -135,7 +193,11 @@ def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, 
     if name == "joint_elasticity":
         shape = _spring(rng, j, common)
     joint = None if name in WHOLE else j
-    start = 0.01 if name in ("torque_curve", "base_tilt", "position_bias", "actuator_lag", "actuator_delay") else 0.1
+    start = (
+        0.01
+        if name in ("torque_curve", "base_tilt", "position_bias", "actuator_lag", "actuator_delay")
+        else 0.1
+    )
     if name in ("actuator_lag", "actuator_delay"):
         size = min(0.015, aim * float(np.std(tau) / np.std(np.gradient(tau, motion.time))))
     elif "size" not in str(shape):
@@ -153,7 +215,9 @@ def _odd(rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, 
 
 
 def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
-    """Whether the effect would have to be larger than it ever is, to be worth something on this joint."""
+    """Whether the effect would have to be larger than it ever is, to be worth something on this
+    joint.
+    """
     match name:
         case "payload":
             return parameters["mass"] > 0.5 * float(arm.masses.sum())
@@ -170,17 +234,31 @@ def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
 
 def _spring(rng: np.random.Generator, j: int, common: list[Part]) -> dict[str, Any]:
     """A rotor that is behind a spring: the whole of what the rotor's inertia is wrong by."""
-    rotor = next(part.parameters["extra"] for part in common if part.effect == "inertia_error" and part.joint == j)
+    rotor = next(
+        part.parameters["extra"]
+        for part in common
+        if part.effect == "inertia_error" and part.joint == j
+    )
     stiffness = rotor * (2 * math.pi * rng.uniform(9, 16)) ** 2
-    return {"stiffness": stiffness, "damping": 2 * 0.3 * math.sqrt(stiffness * rotor), "motor_inertia": rotor}
+    return {
+        "stiffness": stiffness,
+        "damping": 2 * 0.3 * math.sqrt(stiffness * rotor),
+        "motor_inertia": rotor,
+    }
 
 
 def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> list[Part]:
-    """What no effect has: hysteresis, drift and a ripple of two positions together, of 0.7 to 2.5 % of the command each."""
+    """What no effect has: hysteresis, drift and a ripple of two positions together, of 0.7 to 2.5 %
+    of the command each.
+    """
     span, phase = float(np.ptp(motion.q[:, j])), float(rng.uniform(0, 2 * math.pi))
     shapes: dict[str, dict[str, Any]] = {
         "hysteresis": {"level": ("size", 1.0), "distance": span * rng.uniform(0.02, 0.1)},
-        "offset_drift": {"amplitude": ("size", 1.0), "frequency": rng.uniform(0.01, 0.04), "phase": phase},
+        "offset_drift": {
+            "amplitude": ("size", 1.0),
+            "frequency": rng.uniform(0.01, 0.04),
+            "phase": phase,
+        },
         "coupled_ripple": {
             "other": j - 1 if j else 1,
             "amplitude": ("size", 1.0),
@@ -193,7 +271,9 @@ def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> li
         shape = {"kind": str(kind)} | shapes[str(kind)]
         aim = _log(rng, 0.007, 0.025)
         size = aim * float(rms(motion.tau)[j])
-        parts.append(Part("outside", j, _at(shape, size * math.sqrt(1 if kind == "hysteresis" else 2))))
+        parts.append(
+            Part("outside", j, _at(shape, size * math.sqrt(1 if kind == "hysteresis" else 2)))
+        )
     return parts
 
 

@@ -1,4 +1,6 @@
-"""The wider catalogue as it is put into MuJoCo: wrong links, a tilted base, and friction and motors of real gears."""
+"""The wider catalogue as it is put into MuJoCo: wrong links, a tilted base, and friction and motors
+of real gears.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -11,9 +13,11 @@ from jaxidl.gap.benchmark.injected import Floats, Injected, mujoco, principal, t
 
 @dataclass
 class ComError(Injected):
-    """The centre of mass of the joint's body is off: ``moment`` is mass times shift, in the body's frame [kg m].
+    """The centre of mass of the joint's body is off: ``moment`` is mass times shift, in the body's
+    frame [kg m].
 
-    Its mass is right, and its inertia about the centre, so that the inertia about the joint changes as it does on a real link.
+    Its mass is right, and its inertia about the centre, so that the inertia about the joint changes
+    as it does on a real link.
     """
 
     moment: Floats
@@ -25,7 +29,9 @@ class ComError(Injected):
 
 @dataclass
 class InertiaTensorError(Injected):
-    """The body's inertia about its centre of mass is ``tensor`` larger: xx, yy, zz, xy, xz, yz [kg m²] in the body's axes."""
+    """The body's inertia about its centre of mass is ``tensor`` larger: xx, yy, zz, xy, xz, yz [kg
+    m²] in the body's axes.
+    """
 
     tensor: Floats
 
@@ -34,12 +40,16 @@ class InertiaTensorError(Injected):
         turn = np.zeros(9)
         mujoco.mju_quat2Mat(turn, np.asarray(body.iquat, float))
         axes = turn.reshape(3, 3)
-        body.inertia, body.iquat = principal(axes @ np.diag(body.inertia) @ axes.T + tensor(self.tensor))
+        body.inertia, body.iquat = principal(
+            axes @ np.diag(body.inertia) @ axes.T + tensor(self.tensor)
+        )
 
 
 @dataclass
 class BaseTilt(Injected):
-    """The base is turned by the small ``angles`` about x and y [rad]: seen from it, gravity is turned the other way."""
+    """The base is turned by the small ``angles`` about x and y [rad]: seen from it, gravity is
+    turned the other way.
+    """
 
     angles: Floats
 
@@ -56,14 +66,18 @@ class BaseTilt(Injected):
 
 @dataclass
 class DirectionalLoadFriction(Injected):
-    """Friction in proportion to the torque that passes the gear, another share where the motor drives than where it is driven."""
+    """Friction in proportion to the torque that passes the gear, another share where the motor
+    drives than where it is driven.
+    """
 
     driving: float
     driven: float
 
     def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
         load = abs(delivered)
-        forward, backward = (self.driving, self.driven) if delivered > 0 else (self.driven, self.driving)
+        forward, backward = (
+            (self.driving, self.driven) if delivered > 0 else (self.driven, self.driving)
+        )
         return forward * load, backward * load, 0.0
 
 
@@ -71,7 +85,8 @@ class DirectionalLoadFriction(Injected):
 class ThermalFriction(Injected):
     """Viscous friction that falls from ``warm`` + ``excess`` to ``warm`` as the grease gets warm.
 
-    ``time_constant`` [s]; with ``work`` [J] in its place it falls with the work that the friction has done.
+    ``time_constant`` [s]; with ``work`` [J] in its place it falls with the work that the friction
+    has done.
     """
 
     excess: float
@@ -86,14 +101,18 @@ class ThermalFriction(Injected):
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         speed = qd[self.joint]
-        coefficient = self.warm + self.excess * math.exp(-t / self.time_constant - self._heat / self.work)
+        coefficient = self.warm + self.excess * math.exp(
+            -t / self.time_constant - self._heat / self.work
+        )
         self._heat += self._step * coefficient * speed * speed
         return -coefficient * speed
 
 
 @dataclass
 class TorqueCurve(Injected):
-    """A motor that saturates magnetically: of the torque asked for, the share ``loss`` · |torque| [1/Nm] is missing."""
+    """A motor that saturates magnetically: of the torque asked for, the share ``loss`` · |torque|
+    [1/Nm] is missing.
+    """
 
     loss: float
 
@@ -103,21 +122,28 @@ class TorqueCurve(Injected):
 
 @dataclass
 class SublinearFriction(Injected):
-    """Friction that grows less than in proportion to the speed: ``coefficient`` · |speed|^``power``, against the motion."""
+    """Friction that grows less than in proportion to the speed: ``coefficient`` ·
+    |speed|^``power``, against the motion.
+    """
 
     coefficient: float
     power: float = 0.5
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         speed = qd[self.joint]
-        slow = 1e-3  # m/s or rad/s; below it in proportion, since no step is short enough for an infinite slope
-        size = abs(speed) ** self.power if abs(speed) > slow else abs(speed) * slow ** (self.power - 1)
+        # m/s or rad/s; below it in proportion, since no step is short enough for an infinite slope
+        slow = 1e-3
+        size = (
+            abs(speed) ** self.power if abs(speed) > slow else abs(speed) * slow ** (self.power - 1)
+        )
         return -math.copysign(self.coefficient * size, speed)
 
 
 @dataclass
 class CoupledJointFriction(Injected):
-    """Friction on the sum or the ``difference`` of the speeds of two joints, as in a wrist: the engine's own tendon."""
+    """Friction on the sum or the ``difference`` of the speeds of two joints, as in a wrist: the
+    engine's own tendon.
+    """
 
     other: int
     coefficient: float
@@ -128,10 +154,14 @@ class CoupledJointFriction(Injected):
         tendon = spec.add_tendon(name=f"couple{self.joint}{self.other}")
         tendon.wrap_joint(spec.joints[self.joint].name, 1.0)
         tendon.wrap_joint(spec.joints[self.other].name, -1.0 if self.difference else 1.0)
-        viscous = np.zeros(np.shape(tendon.damping))  # newer engines take a polynomial of the speed, linear term first
+        # newer engines take a polynomial of the speed, linear term first
+        viscous = np.zeros(np.shape(tendon.damping))
         tendon.damping = self.coefficient if viscous.ndim == 0 else [self.coefficient, *viscous[1:]]
         tendon.frictionloss = self.level
-        tendon.solref_friction, tendon.solimp_friction = (1e-3, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0)
+        tendon.solref_friction, tendon.solimp_friction = (
+            (1e-3, 1.0),
+            (0.9999, 0.9999, 0.001, 0.5, 2.0),
+        )
 
     def passive(self, qd: Floats) -> dict[int, float]:
         sign = -1.0 if self.difference else 1.0

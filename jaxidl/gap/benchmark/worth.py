@@ -1,4 +1,6 @@
-"""What a hidden effect is worth: RMS torque over RMS command of a joint; and what the errors of links do together."""
+"""What a hidden effect is worth: RMS torque over RMS command of a joint; and what the errors of
+links do together.
+"""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,7 +14,9 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
 
 PARAMETERS = ("mass", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
-"""A link's inertial parameters about its body's origin: mass, first moments, inertia; the rotor's is called ``"rotor"``."""
+"""A link's inertial parameters about its body's origin: mass, first moments, inertia; the rotor's
+is called ``"rotor"``.
+"""
 
 
 class Motion(NamedTuple):
@@ -39,15 +43,21 @@ def altered(xml: str, effects: Sequence[Injected]) -> Any:
 
 
 def acts(effect: Injected, xml: str, motion: Motion) -> Array:
-    """Return the torque (T, J) that ``effect`` adds to the motors' on ``motion``, without what the motion would then become.
+    """Return the torque (T, J) that ``effect`` adds to the motors' on ``motion``, without what the
+    motion would then become.
 
-    A changed body and a wrong reading count as the difference of inverse dynamics; dry friction only where the joint moves. What
-    is hidden behind a spring is not counted: only a simulation knows.
+    A changed body and a wrong reading count as the difference of inverse dynamics; dry friction
+    only where the joint moves. What is hidden behind a spring is not counted: only a simulation
+    knows.
     """
     added = np.zeros_like(motion.tau)
     dt = float(motion.time[1] - motion.time[0])
     j = effect.joint
-    if not isinstance(effect, JointElasticity) and has(effect, "alter") and not has(effect, "passive"):
+    if (
+        not isinstance(effect, JointElasticity)
+        and has(effect, "alter")
+        and not has(effect, "passive")
+    ):
         body = altered(xml, [effect])
         more = inverse_dynamics(body, motion.q, motion.qd, motion.qdd)
         added -= more - inverse_dynamics(altered(xml, []), motion.q, motion.qd, motion.qdd)
@@ -75,10 +85,12 @@ def acts(effect: Injected, xml: str, motion: Motion) -> Array:
 
 
 def columns(xml: str, motion: Motion) -> tuple[list[str], Array]:
-    """Return names and regressor (T, J, P) of the inertial parameters of all links and rotors: the torque of a unit of each.
+    """Return names and regressor (T, J, P) of the inertial parameters of all links and rotors: the
+    torque of a unit of each.
 
-    Names are ``"link 2 mx"`` (see :data:`PARAMETERS`) and ``"link 2 rotor"``. Inverse dynamics is linear in them, so they come
-    from small changes of a compiled model; inertia is that about the body's origin.
+    Names are ``"link 2 mx"`` (see :data:`PARAMETERS`) and ``"link 2 rotor"``. Inverse dynamics is
+    linear in them, so they come from small changes of a compiled model; inertia is that about the
+    body's origin.
     """
     model = altered(xml, [])
     base = inverse_dynamics(model, motion.q, motion.qd, motion.qdd)
@@ -102,8 +114,13 @@ def columns(xml: str, motion: Motion) -> tuple[list[str], Array]:
 
 
 def inertial(model: Any) -> Array:
-    """Return the inertial parameters (J, 11) of all links of a compiled model, in the order of :func:`columns`."""
-    rows = [[*_inertial(model, int(model.jnt_bodyid[j])), model.dof_armature[j]] for j in range(model.njnt)]
+    """Return the inertial parameters (J, 11) of all links of a compiled model, in the order of
+    :func:`columns`.
+    """
+    rows = [
+        [*_inertial(model, int(model.jnt_bodyid[j])), model.dof_armature[j]]
+        for j in range(model.njnt)
+    ]
     return np.array(rows)
 
 
@@ -119,16 +136,28 @@ def _inertial(model: Any, body: int) -> Array:
 def _own(model: Any, body: int, at: Array) -> Array:
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[body])
-    axes, mass, centre = turn.reshape(3, 3), float(model.body_mass[body]), at + model.body_ipos[body]
-    about = axes @ np.diag(model.body_inertia[body]) @ axes.T + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
-    return np.array([mass, *(mass * centre), *np.diag(about), about[0, 1], about[0, 2], about[1, 2]])
+    axes, mass, centre = (
+        turn.reshape(3, 3),
+        float(model.body_mass[body]),
+        at + model.body_ipos[body],
+    )
+    about = axes @ np.diag(model.body_inertia[body]) @ axes.T + mass * (
+        centre @ centre * np.eye(3) - np.outer(centre, centre)
+    )
+    return np.array(
+        [mass, *(mass * centre), *np.diag(about), about[0, 1], about[0, 2], about[1, 2]]
+    )
 
 
 def _set(model: Any, body: int, ten: Array) -> None:
-    """Give a body its ten parameters; it need not be one that exists, since only its inverse dynamics is taken."""
+    """Give a body its ten parameters; it need not be one that exists, since only its inverse
+    dynamics is taken.
+    """
     mass, centre = ten[0], ten[1:4] / ten[0]
     xx, yy, zz, xy, xz, yz = ten[4:]
-    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    about = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) - mass * (
+        centre @ centre * np.eye(3) - np.outer(centre, centre)
+    )
     moments, axes = np.linalg.eigh(about)
     axes = axes * np.linalg.det(axes)
     quaternion = np.zeros(4)
