@@ -3,7 +3,7 @@
 
 Each is one ``jaxidl ablate`` command, and continues where an interrupted run of it stopped. FOLDER
 gets ablation_NAME.nc, .md, .png and .pdf of each, and ablations.json with its command, number of
-runs, compiled programs, and seconds. ``--seeds N`` gives each N seeds instead of 5.
+runs, compiled programs, and seconds. ``--seeds N`` gives each N seeds instead of 10.
 """
 
 import argparse
@@ -17,15 +17,16 @@ from jaxidl.files import write_bytes
 from jaxidl.paper.runs import read_results
 
 BOTH = "--controllers pid doomed"
+TWO = "--noise 1e-4 5e-4"
 ABLATIONS = {
-    "gains": "--vary learner_gain 25 100 250 500 1000 --vary applied_gain 25 100 500",
-    "filter": f"--vary alpha 0.02 0.05 0.1 0.2 0.5 1 {BOTH}",
-    "prior_mass": f"--vary prior_mass 0 0.5 1 2.5 5 10 {BOTH}",
+    "gains": f"--vary learner_gain 25 100 250 500 1000 --vary applied_gain 25 100 500 {TWO}",
+    "filter": f"--vary alpha 0.02 0.05 0.1 0.2 0.5 1 {BOTH} {TWO}",
+    "prior_mass": f"--vary prior_mass 0 0.5 1 2.5 5 10 {BOTH} {TWO}",
     "state": f"--vary train_on true_state sensed_state --noise 1e-4 5e-4 8e-4 {BOTH}",
     "noise": f"--vary noise 1e-4 5e-4 7e-4 8e-4 7e-3 8e-3 {BOTH}",
-    "layers": f"--vary layers 1 20,1 50,20,1 100,50,20,1 200,100,50,20,1 {BOTH}",
-    "epochs": f"--vary epochs 2 5 10 20 50 {BOTH}",
-    "kept": f"--vary kept 0 1 3 --epochs 5 {BOTH}",
+    "layers": f"--vary layers 1 20,1 50,20,1 100,50,20,1 200,100,50,20,1 {BOTH} {TWO}",
+    "epochs": f"--vary epochs 2 5 10 20 50 {BOTH} {TWO}",
+    "kept": f"--vary kept 0 1 3 --epochs 5 {BOTH} {TWO}",
 }
 
 
@@ -57,9 +58,9 @@ if __name__ == "__main__":
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument(
-        "names", nargs="*", metavar="NAME", help=f"{', '.join(ABLATIONS)}; all unless told"
+        "names", nargs="*", metavar="NAME", help=f"{', '.join(ABLATIONS)}; default: all"
     )
-    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--seeds", type=int, default=10)
     options = parser.parse_args()
     for name in options.names or ABLATIONS:
         if name not in ABLATIONS:
