@@ -1,5 +1,6 @@
-"""How this machine computes: its devices, XLA's options, and compiled programs kept from one start
-to the next.
+"""How this machine computes: devices, XLA's options, and compiled programs.
+
+Compiled programs are kept on disk from one process to the next.
 """
 
 import contextlib
@@ -13,43 +14,44 @@ import jax
 
 from jaxidl.errors import ConfigurationError
 
-# a GPU's default rounds the inputs of every product to 10 bits (TF32); a CPU has no other
+# by default a GPU rounds the inputs of every product to 10 bits (TF32); a CPU does not
 MATMUL_PRECISION = "float32"
-PRECISION = "float64 simulation, float32 networks"  # of the studies
+PRECISION = "float64 simulation, float32 networks"  # in the studies
 
 CPU_OPTIONS = {
-    # without it XLA copies every weight once a training step (3 % of its time): it does not see
+    # without it XLA copies every weight once per training step (3 % of its time): it does not see
     # that the old weights are read for the last time before the new ones are written
     "xla_cpu_copy_insertion_use_region_analysis": True,
 }
 
 
 def choose_devices(count: int | None) -> None:
-    """Make every core a device of its own (a no-op for accelerators). Must come before the first
-    computation.
+    """Make every core a device of its own (no effect on accelerators).
+
+    Call it before the first computation.
 
     Raises:
         ConfigurationError: for fewer than one device.
     """
     if count is not None and count < 1:
-        raise ConfigurationError("at least 1 device", str(count), "leave --devices out to use all")
-    # the first computation has been: in a process of somebody else's, who has chosen
+        raise ConfigurationError("at least 1 device", str(count), "leave out --devices to use all")
+    # after the first computation the devices are fixed: the calling program has chosen them
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", min(count or cores(), cores()))
 
 
 def cores() -> int:
-    """CPU cores that this process may use."""
+    """Return the number of CPU cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def keep_programs() -> None:
-    """Keep compiled programs on disk from one process to the next: a second start takes seconds
-    less.
+    """Keep compiled programs on disk from one process to the next.
 
-    In ``JAX_COMPILATION_CACHE_DIR`` if that is set (empty: nowhere), else in the user's cache
-    folder, one folder for each kind of processor: XLA compiles for the one it runs on, and home
-    folders travel.
+    A second start then takes seconds less. They are kept in ``JAX_COMPILATION_CACHE_DIR`` if that
+    is set (empty: nowhere), otherwise in the user's cache folder, with one folder for each kind of
+    processor: XLA compiles for the processor it runs on, and a home folder may be shared between
+    machines.
     """
     if "JAX_COMPILATION_CACHE_DIR" in os.environ:
         return  # JAX reads it itself
@@ -61,7 +63,7 @@ def keep_programs() -> None:
 
 
 def _processor() -> str:
-    """A short name of this machine's processor and its instruction sets."""
+    """Return a short name of this machine's processor and its instruction sets."""
     with contextlib.suppress(OSError):
         lines = Path("/proc/cpuinfo").read_text().splitlines()
         telling = sorted(
@@ -77,8 +79,9 @@ def _processor() -> str:
 
 @cache
 def compiler_options() -> dict[str, bool]:
-    """Options for ``jax.jit(compiler_options=…)`` on the present backend; those that its XLA does
-    not know are left out.
+    """Return options for ``jax.jit(compiler_options=…)`` on the current backend.
+
+    Options that its XLA does not know are left out.
     """
     if jax.default_backend() != "cpu":
         return {}

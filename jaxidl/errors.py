@@ -1,7 +1,7 @@
-"""Errors a user can cause.
+"""Errors that a user can cause.
 
-Each carries three things in one line: what was expected, what came instead, and what to do. The
-command line prints that line and leaves with status 2; inside jit nothing raises, failure is a
+Each carries three things in one line: what was expected, what was found instead, and what to do.
+The command line prints that line and exits with status 2. Inside jit nothing raises: failure is a
 ``finite`` flag in the result.
 """
 
@@ -11,8 +11,8 @@ class JaxidlError(Exception):
 
     Args:
         expected: what would have been right, e.g. ``"noise >= 0 (m)"``.
-        got: what came instead.
-        remedy: what to do about it, as an order.
+        got: what was found instead.
+        remedy: what to do about it, in the imperative.
     """
 
     def __init__(self, expected: str, got: str, remedy: str):
@@ -33,7 +33,7 @@ class EffectError(JaxidlError):
 
 
 class ModelError(JaxidlError):
-    """A model file cannot be read, or has what this package does not simulate."""
+    """A model file cannot be read, or contains something that this package does not simulate."""
 
 
 class LogError(JaxidlError):
@@ -45,6 +45,6 @@ class StoreError(JaxidlError):
 
 
 def one_of(what: str, value: object, valid: object) -> ConfigurationError:
-    """The error for a name that is not among the valid ones."""
+    """Return the error for a name that is not among the valid ones."""
     names = ", ".join(str(v) for v in valid)  # type: ignore[attr-defined]
     return ConfigurationError(f"{what} to be one of {names}", repr(value), f"choose one of {names}")

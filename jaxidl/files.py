@@ -1,4 +1,4 @@
-"""Files that are whole or not there, and JSON that is strict."""
+"""Files that are written whole or not at all, and strict JSON."""
 
 import contextlib
 import json
@@ -14,12 +14,14 @@ from jaxidl.errors import StoreError
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a whole file or nothing: temporary name beside it, flush to disk, rename. Missing
-    folders are made.
+    """Write a file whole or not at all.
+
+    The content goes to a temporary file beside it, is flushed to disk and then renamed. Missing
+    folders are created.
 
     Raises:
-        StoreError: if the disk is full or the place cannot be written; an existing file is left as
-            it was.
+        StoreError: if the disk is full or the location cannot be written to; an existing file is
+            left unchanged.
     """
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
@@ -32,15 +34,15 @@ def write_bytes(path: Path, content: bytes) -> None:
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise StoreError(
-            f"to write {path}", reason, "make room or choose another place, then run it again"
+            f"to write {path}", reason, "free some space or choose another location, then run again"
         ) from None
     finally:
-        with contextlib.suppress(OSError):  # renamed, or never made
+        with contextlib.suppress(OSError):  # already renamed, or never created
             temporary.unlink()
 
 
 def as_json(value: Any, indent: int | None = 1) -> str:
-    """Return strict JSON of what :func:`plain` makes of ``value``."""
+    """Return ``value``, made plain by :func:`plain`, as strict JSON."""
     return json.dumps(plain(value), indent=indent, allow_nan=False)
 
 
@@ -51,8 +53,9 @@ def markdown(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """Return plain numbers, lists and dictionaries as JSON has them; what is not finite becomes
-    None.
+    """Return ``value`` as plain numbers, lists and dictionaries, ready for JSON.
+
+    Numbers that are not finite become None.
     """
     if isinstance(value, dict):
         return {str(key): plain(entry) for key, entry in value.items()}

@@ -1,4 +1,4 @@
-"""A scan whose derivative in reverse mode fits into memory."""
+"""A scan whose reverse-mode derivative fits into memory."""
 
 import math
 from collections.abc import Callable
@@ -18,11 +18,11 @@ def scan(
     *,
     checkpoint: bool = False,
 ) -> tuple[Carry, Any]:
-    """``jax.lax.scan`` of ``step`` over the leading axis of ``xs``, of length n.
+    """Run ``jax.lax.scan`` of ``step`` over the leading axis of ``xs``, of length n.
 
-    Reverse mode keeps what every step computes. With ``checkpoint`` it keeps the carry of each
-    √n-th step only and computes the rest again, stretch by stretch: memory in proportion to √n
-    instead of n, for at most one more forward pass. The values are the same.
+    Reverse mode stores what every step computes. With ``checkpoint`` it stores the carry of each
+    √n-th step only and recomputes the rest, stretch by stretch: memory grows with √n instead of n,
+    at the cost of at most one more forward pass. The values are the same.
     """
     if not checkpoint:
         return jax.lax.scan(step, carry, xs)

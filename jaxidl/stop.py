@@ -1,9 +1,10 @@
-"""The wish to stop, as a signal handler leaves it and long work looks at it."""
+"""A flag that asks long work to stop: a signal handler sets it, the work checks it."""
 
 
 class Flag:
-    """Set by a signal handler; without a lock, on which a handler that interrupts another one would
-    wait forever.
+    """A flag that a signal handler can set.
+
+    It has no lock: a handler that interrupts another one would wait for it forever.
     """
 
     def __init__(self) -> None:
@@ -19,4 +20,4 @@ class Flag:
         return self._on
 
 
-STOP = Flag()  # a KeyboardInterrupt raised inside JAX's callbacks can get lost
+STOP = Flag()  # a KeyboardInterrupt raised inside a callback of JAX can be lost

@@ -15,9 +15,9 @@ Joints = Float[Array, " J"]
 JointMask = Bool[Array, " J"]
 # (T, J); inside a scan one instant (J,), and (K, T, J) over iterations
 History = Float[Array, "*T J"]
-# (T, C) what changes from outside; inside a scan one instant (C,)
+# (T, C) conditions set from outside; inside a scan one instant (C,)
 Circumstances = Float[Array, "*T C"]
-Scalar = Float[Array, ""] | float  # float: a constant of the program
+Scalar = Float[Array, ""] | float  # a float is a constant of the program
 Key = PRNGKeyArray
 
 
@@ -30,15 +30,16 @@ class State(NamedTuple):
 
 @struct.dataclass
 class Trajectory:
-    """One execution: entry t of every field belongs to control step t, states are those *before*
-    the step.
+    """One execution as histories over its control steps.
+
+    Entry t of every field belongs to control step t; states are those *before* the step.
     """
 
     q: History  # (T, J) true position [m]
     qd: History  # (T, J) true velocity [m/s]
     q_sensing: History  # (T, J) sensed position [m]
     qd_sensing: History  # (T, J) finite difference of sensed positions [m/s]
-    qdd_desired: History  # (T, J) what the policy wants [m/s^2]
+    qdd_desired: History  # (T, J) desired by the policy [m/s^2]
     qdd_actual: History  # (T, J) finite difference of sensed velocities over the step [m/s^2]
     tau: History  # (T, J) commanded torque: rigid body + feedback + feedforward [N]
     tau_inverse_desired: History  # (T, J) modelled rigid body at the desired acceleration [N]
@@ -46,12 +47,12 @@ class Trajectory:
     tau_feedback: History  # (T, J) learning feedback: filtered, high gain, never applied [N]
     tau_feedback_applied: History  # (T, J) feedback that the plant receives [N]
     tau_feedforward: History  # (T, J) the error model's torque [N]
-    circumstances: Circumstances | None = None  # (T, C) what changed from outside, if anything did
+    circumstances: Circumstances | None = None  # (T, C) conditions set from outside, if any
 
 
 class Dataset(NamedTuple):
     """Rows that an error model is trained on."""
 
-    # (N, F = 3J + C) position, velocity, acceleration, circumstances if there are any
+    # (N, F = 3J + C) position, velocity, acceleration, circumstances if any
     x: Float[Array, "N F"]
     y: Float[Array, "N J"]  # (N, J) torque that the modelled rigid body lacks [N]

@@ -1,4 +1,4 @@
-"""What happens between the commanded torque and the joint."""
+"""Effects between the commanded torque and the joint."""
 
 from typing import Any, ClassVar
 
@@ -11,12 +11,13 @@ from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Line, late, line, push, 
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, Joints
 
-REACHED = 0.95  # of the limit: from there on a motor counts as saturated
+REACHED = 0.95  # share of the limit from which on a motor counts as saturated
 
 
 class ActuatorLag(Effect):
-    """The delivered torque x follows the command with a first-order lag: T·ẋ = tau − x, exact for a
-    command held over a step.
+    """The delivered torque x follows the command with a first-order lag: T·ẋ = tau − x.
+
+    It is exact for a command held over a step.
     """
 
     time_constant: Joints  # (J,) T [s]
@@ -38,7 +39,7 @@ class ActuatorLag(Effect):
         return delivered, delivered
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
-        """A motor has one lag, in front of its limit."""
+        """Return ``motor`` with this lag, or None: a motor has one lag, before its limit."""
         free = motor.lag == 0.0 and motor.force == np.inf
         return motor._replace(lag=float(self.time_constant[joint])) if free else None
 
@@ -55,8 +56,9 @@ class ActuatorLag(Effect):
 
 
 class ActuatorDelay(Effect):
-    """The delivered torque is the command of ``delay`` ago, by linear interpolation; at most
-    ``steps`` steps.
+    """The delivered torque is the command of ``delay`` ago, interpolated linearly.
+
+    The delay is at most ``steps`` steps.
     """
 
     delay: Joints  # (J,) [s]
@@ -77,7 +79,7 @@ class ActuatorDelay(Effect):
         return late(tau, memory, self.delay / dt + jnp.zeros_like(q)), push(memory, tau)
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
-        """MuJoCo has no dead time, but it may stand anywhere in the order."""
+        """Return ``motor`` unchanged: MuJoCo has no dead time, and its place does not matter."""
         return motor
 
     @classmethod
@@ -90,14 +92,15 @@ class ActuatorDelay(Effect):
 
 
 class TorqueScale(Effect):
-    """The motor delivers ``scale`` times its command: a motor constant or gear ratio that is not
-    what one believes.
+    """The motor delivers ``scale`` times its command.
+
+    Its motor constant or gear ratio is not what the model assumes.
     """
 
     scale: Joints  # (J,) [1]
 
     name: ClassVar[str] = "torque_scale"
-    sentence: ClassVar[str] = "the motor delivers another share of its command than believed"
+    sentence: ClassVar[str] = "the motor delivers a different share of its command than believed"
     parameters: ClassVar = {"scale": Parameter("1", 0.05, 20.0, "delivered over commanded torque")}
     neutral: ClassVar[float] = 1.0
     mjcf: ClassVar = {"scale": "general/gear"}
@@ -121,16 +124,16 @@ class TorqueScale(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """A motor constant may be off by a factor of two and a half; beyond that the motor is
-        another one.
+        """Return one variant with a scale between 0.4 and 2.5.
+
+        A motor constant may be off by a factor of two and a half; beyond that it is a different
+        motor.
         """
         return [Variant({"scale": 1.25}, within={"scale": (0.4, 2.5)})]
 
 
 class TorqueCurve(Effect):
-    """The motor delivers less the more is asked for, tau·(1 − l·|tau|), but at least half: its iron
-    saturates.
-    """
+    """The motor's iron saturates: it delivers tau·(1 − l·|tau|), but at least half the command."""
 
     loss: Joints  # (J,) l [1/N or 1/Nm]
 
@@ -138,7 +141,7 @@ class TorqueCurve(Effect):
     sentence: ClassVar[str] = (
         "the motor delivers a smaller share of large torques than of small ones"
     )
-    parameters: ClassVar = {"loss": Parameter("1/N", 0.0, 1e3, "share that is missing per torque")}
+    parameters: ClassVar = {"loss": Parameter("1/N", 0.0, 1e3, "missing share per unit of torque")}
     neutral: ClassVar[float] = 0.0
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
@@ -152,8 +155,9 @@ class TorqueCurve(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Up to a motor that loses a fifth of the root mean square torque, what it can deliver for
-        long.
+        """Return variants with a loss of up to a fifth at the root mean square torque.
+
+        That is the torque which a motor can deliver continuously.
         """
         largest = 0.2 / max(scale.effort or scale.torque / 3.0, 1e-9)
         return [
@@ -175,7 +179,7 @@ class TorqueSaturation(Effect):
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
         "command steps of torque that grow beyond the largest so far, and watch the acceleration"
-        " stop to grow"
+        " stop growing"
     )
 
     def actuate(
@@ -187,10 +191,10 @@ class TorqueSaturation(Effect):
         return motor._replace(force=min(motor.force, float(self.limit[joint]) / motor.gear))
 
     def seen(self, logged: History, predicted: History) -> History:
-        """The logged command where it exceeds the limit and the torque that the motion needs
-        reaches it.
+        """Return the logged command where it exceeds the limit and the required torque reaches it.
 
-        Elsewhere clipping would explain any gap by shrinking the command.
+        The required torque is the one ``predicted`` for the motion; it is returned everywhere else.
+        There, clipping would explain any gap by shrinking the command.
         """
         limit = jnp.broadcast_to(self.limit, predicted.shape)
         reaches = (jnp.abs(predicted) >= REACHED * limit) & (predicted * logged > 0.0)
@@ -205,8 +209,10 @@ class TorqueSaturation(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """A motor that always delivers the same is no motor; one that never reaches its limit shows
-        none.
+        """Return variants with a limit between a tenth of the largest command and that command.
+
+        A motor that always delivers the same torque is no motor; one that never reaches its limit
+        does not show it.
         """
         within = {"limit": (0.1 * scale.torque, scale.torque)}
         return [Variant(guess, within=within) for guess in cls.guesses(scale)]

@@ -1,22 +1,22 @@
-"""What an effect is: the one interface that simulation, learning and gap finding share.
+"""The interface of an effect, shared by simulation, learning and gap finding.
 
 A plant is a rigid body plus a tuple of effects. Each effect is one class whose fields are its
 parameters; all of its methods are pure functions of one instant of one mechanism and default to
 "does nothing". So the same object
 
-* *simulates*: the plant takes its body through ``alter``, its command through ``actuate`` (which
-  may keep a hidden state that ``start`` begins), adds ``torque``, brakes by up to ``dry``, obeys
-  ``holds`` and reads its encoders through ``sense``;
+* *simulates*: the plant passes its body through ``alter`` and its command through ``actuate``
+  (which may keep a hidden state that ``start`` initialises), adds ``torque``, brakes by up to
+  ``dry``, obeys ``holds`` and reads its encoders through ``sense``;
 * *is fitted*: it is a pytree, its numeric fields are leaves with bounds and units in
-  ``parameters``, where ``linear`` is not true ``guesses`` says where to begin, and
+  ``parameters``; where ``linear`` is false, ``guesses`` gives the starting values;
   ``true_position`` undoes what it does to the encoders;
-* *is searched for*: ``variants`` are the shapes that are tried, ``prior`` how likely it is,
-  ``common`` whether every fit has it, ``contains`` what is not looked for beside it, ``friction``
-  whether it must dissipate, ``seen`` which command it is judged by;
-* *is named*: ``name`` is the catalogue's contract, ``sentence`` says it to a person, ``advice`` how
-  to tell it from others;
-* *is exported*: ``to_dict``/``from_dict`` for ``effects.json``, ``mjcf`` for the attribute that
-MuJoCo has for it.
+* *is searched for*: ``variants`` are the shapes that are tried, ``prior`` is its probability,
+  ``common`` says whether every fit has it, ``contains`` names the effects that are not looked for
+  beside it, ``friction`` says whether it must dissipate, ``seen`` which command it is judged by;
+* *is named*: ``name`` is its name in the catalogue, ``sentence`` describes it in words, ``advice``
+  says how to tell it from others;
+* *is exported*: ``to_dict``/``from_dict`` for ``effects.json``, ``mjcf`` for the corresponding
+  attribute of MuJoCo.
 """
 
 from collections.abc import Mapping
@@ -35,8 +35,9 @@ from jaxidl.types import History, JointMask, Joints
 
 
 class Effect(struct.PyTreeNode):
-    """Base of every effect in the catalogue. Fields named in ``parameters`` are traced, the others
-    are static.
+    """Base of every effect in the catalogue.
+
+    Fields named in ``parameters`` are traced, the others are static.
     """
 
     name: ClassVar[str] = ""
@@ -46,110 +47,118 @@ class Effect(struct.PyTreeNode):
     parameters: ClassVar[Mapping[str, Parameter]] = {}
     """Bounds, units and meaning of the traced fields, in their order."""
     linear: ClassVar[bool] = False
-    """Is what it adds (torque, level of dry friction, inertia) linear in the parameters?"""
+    """True if what it adds (torque, level of dry friction, inertia) is linear in the parameters."""
     whole: ClassVar[bool] = False
-    """Does it belong to the whole mechanism rather than to a joint?"""
+    """True if it belongs to the whole mechanism rather than to one joint."""
     mjcf: ClassVar[Mapping[str, str]] = {}
-    """MJCF attribute of each parameter that has one; empty: the effect goes into
-    ``effects.json``.
-    """
+    """MJCF attribute of each parameter that has one; empty: the effect goes to ``effects.json``."""
     prior: ClassVar[float] = 0.05
-    """Probability that a real geared joint has it and a nominal model lacks it; one half at most,
-    or superfluous effects pay.
+    """Probability that a real geared joint has it and a nominal model lacks it.
+
+    At most one half, otherwise superfluous effects would be rewarded.
     """
     common: ClassVar[bool] = False
-    """Does conventional identification fit it on every joint?"""
+    """True if conventional identification fits it on every joint."""
     friction: ClassVar[bool] = False
-    """Must it dissipate, together with all other friction of its joint?"""
+    """True if it must dissipate, together with all other friction of its joint."""
     changes: ClassVar[float] = 0.02
-    """Probability that it is another one in a second log of the same machine."""
+    """Probability that it differs in a second log of the same machine."""
     neutral: ClassVar[float] = 0.0
-    """Value of its one parameter with which an effect without amplitudes does nothing; infinite:
-    none.
+    """Value of its only parameter at which an effect without amplitudes does nothing.
+
+    Infinite: there is none.
     """
     fixed: ClassVar[tuple[str, ...]] = ()
-    """Parameters that a fit leaves where a variant has them: the ends of a table, say."""
+    """Parameters that a fit leaves at a variant's values, such as the ends of a table."""
     internal: ClassVar[tuple[str, ...]] = ()
-    """Parameters that no report shows: those that ``settled`` puts into others."""
+    """Parameters that no report shows, because ``settled`` converts them into others."""
     advice: ClassVar[str] = (
         "repeat the motion slowly and fast, over the whole range, with rests, and once with a known"
         " load"
     )
-    """The motion or load that would separate it from what looks alike."""
+    """The motion or load that would tell it apart from similar effects."""
 
-    # the class; nobody need set it
+    # the class, set automatically
     kind: type | None = struct.field(pytree_node=False, default=None, kw_only=True, repr=False)
 
     def __post_init__(self) -> None:
-        # To JAX two dataclasses with as many fields are the same structure, and jit may run the
-        # program of one for the other; the class itself and not its name, which a cell that is run
-        # again gives to another class
+        # to JAX two dataclasses with equally many fields have the same structure, and jit may run
+        # the program of one for the other; the class itself rather than its name, because a
+        # notebook cell that is run again gives the same name to another class
         object.__setattr__(self, "kind", type(self))
 
     def alter(self, body: Any) -> Any:
-        """The rigid body that the mechanism really has, given the one it is said to have."""
+        """Return the mechanism's true rigid body, given the modelled one."""
         return body
 
     def start(self, q: Joints) -> Any:
-        """Hidden state of the effect at rest at ``q`` (J,): a pytree, empty for effects without
-        memory.
+        """Return the effect's hidden state at rest at ``q`` (J,).
+
+        It is a pytree, empty for effects without memory.
         """
         return ()
 
     def actuate(
         self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
     ) -> tuple[Joints, Any]:
-        """Delivered torque (J,) for the command ``tau`` (J,) over one step ``dt`` [s], and the new
-        hidden state.
+        """Return the delivered torque (J,) and the new hidden state after one step ``dt`` [s].
+
+        ``tau`` (J,) is the command.
         """
         return tau, memory
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
-        """Joint torque (J,) [N or Nm] that the effect adds to the delivered torque ``tau`` (J,)."""
+        """Return the torque (J,) [N or Nm] that it adds to the delivered torque ``tau`` (J,)."""
         return jnp.zeros_like(qd)
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
-        """Level (J,) >= 0 [N or Nm] of dry friction: the largest torque with which the effect
-        opposes motion, or keeps from it.
+        """Return the level (J,) >= 0 [N or Nm] of dry friction.
 
-        ``direction`` (J,) is the velocity that the joint would have without dry friction [m/s or
-        rad/s]; where ``qd`` is zero its sign is that of the impending motion.
+        It is the largest torque with which the effect opposes motion or prevents it. ``direction``
+        (J,) is the velocity that the joint would have without dry friction [m/s or rad/s]; where
+        ``qd`` is zero its sign is that of the impending motion.
         """
         return jnp.zeros_like(qd)
 
     def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
-        """Which joints (J,) the effect keeps from accelerating under the delivered torque ``tau``
-        (J,), or to which share [-].
+        """Return which joints (J,) the effect keeps from accelerating, or to which share [-].
+
+        ``tau`` (J,) is the delivered torque.
         """
         return jnp.zeros(qd.shape, bool)
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
-        """What the encoders read (J,) at true position ``q`` (J,), given standard-normal draws
-        ``noise`` (J,).
+        """Return what the encoders read (J,) at the true position ``q`` (J,).
+
+        ``noise`` (J,) are standard-normal draws.
         """
         return q
 
     def true_position(self, q: History, dt: float) -> History:
-        """True positions (T, J) behind noise-free encoder readings ``q`` (T, J) sampled every
-        ``dt`` [s]: ``sense`` undone.
+        """Return the true positions (T, J) behind noise-free encoder readings ``q`` (T, J).
+
+        They are sampled every ``dt`` [s]. This is the inverse of ``sense``.
         """
         return q
 
     def seen(self, logged: History, predicted: History) -> History:
-        """Command (T, J) that a fit passes through ``actuate``: of the ``logged`` one and that
-        ``predicted`` for the motion.
+        """Return the command (T, J) that a fit passes through ``actuate``.
+
+        It is chosen from the ``logged`` one and the one ``predicted`` for the motion.
         """
         return logged
 
     def settled(self) -> "Effect":
-        """Return the same effect with its parameters as a person reads them; those of a fit may be
-        others, say moments.
+        """Return the same effect with its parameters in the form that a report shows.
+
+        A fit may use other parameters, such as moments.
         """
         return self
 
     def reads_torque(self, joints: int = 1) -> bool:
-        """Does what it adds on a mechanism of ``joints`` joints depend on the delivered torque?
-        Found out from its methods.
+        """Return whether what it adds depends on the delivered torque.
+
+        The answer, for a mechanism of ``joints`` joints, is derived from its methods.
         """
 
         def added(q: Joints, qd: Joints, tau: Joints) -> Any:
@@ -160,8 +169,9 @@ class Effect(struct.PyTreeNode):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        """Where a fit on one joint begins: one or several sets of starting values, measured with
-        the log's ``scale``.
+        """Return one or several sets of starting values for a fit on one joint.
+
+        ``scale`` gives the magnitudes of the log.
         """
         if cls.linear:
             return [dict.fromkeys(cls.parameters, 0.0)]
@@ -171,11 +181,10 @@ class Effect(struct.PyTreeNode):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return the starting shapes in which a search tries the effect; ``scale`` is of its joint,
-        or of joint 0 if ``whole``.
+        """Return the starting shapes in which a search tries the effect.
 
-        By default those of ``guesses``, whose parameters are amplitudes if the effect is
-        ``linear``.
+        ``scale`` is that of its joint, or of joint 0 if ``whole``. By default they are those of
+        ``guesses``, whose parameters are amplitudes if the effect is ``linear``.
         """
         return [
             Variant(guess, tuple(cls.parameters) if cls.linear else ())
@@ -184,61 +193,65 @@ class Effect(struct.PyTreeNode):
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """Return names of effects that it has as a part on its joint if the parameters ``free``
-        are: not looked for beside it.
+        """Return the names of effects on its joint that it includes.
 
-        ``name.parameter`` is an effect so far as only that parameter of it is free.
+        They are those included if the parameters ``free`` are free, and are not looked for beside
+        it. ``name.parameter`` is an effect in so far as only that parameter of it is free.
         """
         return ()
 
     @classmethod
     def alone(cls) -> bool:
-        """Do its fields hold the values of one joint each, so that :class:`OnJoint` can put it on
-        one?
+        """Return whether its fields hold the values of one joint each.
+
+        If so, :class:`OnJoint` can put it on a single joint.
         """
         return not cls.whole and all(f.name != "joint" for f in fields(cls))
 
     @classmethod
     def rigid(cls) -> bool:
-        """Is all that it does to make another rigid body?"""
+        """Return whether all that it does is to alter the rigid body."""
         rest = ("start", "actuate", "torque", "dry", "holds", "sense")
         return cls.alter is not Effect.alter and all(
             getattr(cls, name) is getattr(Effect, name) for name in rest
         )
 
     def write_mjcf(self, numbers: Any) -> str | None:
-        """Add the effect to the attributes of a MuJoCo model, ``numbers``, and return which these
-        are.
+        """Add the effect to the attributes ``numbers`` of a MuJoCo model and return their names.
 
-        None, with nothing changed, if MuJoCo has none for it or they cannot hold it: then it goes
-        into ``effects.json``. See :class:`jaxidl.systems.attributes.Numbers`. What only alters the
-        rigid body is written without further ado.
+        None, with nothing changed, if MuJoCo has no attribute for it or the attributes cannot hold
+        it: then it goes into ``effects.json``. See :class:`jaxidl.systems.attributes.Numbers`. An
+        effect that only alters the rigid body is always written.
         """
         return numbers.alter(self) if self.rigid() else None
 
     @classmethod
     def read_mjcf(cls, numbers: Any) -> "Effect | None":
-        """Return what one joint of a MuJoCo model has of this effect, given its attributes
-        ``numbers``; None if nothing.
+        """Return the part of this effect that one joint of a MuJoCo model has; None if none.
+
+        ``numbers`` are the joint's attributes.
         """
         return None
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
-        """Return MuJoCo's ``motor`` of a joint with the effect behind it; None if it then is none
-        that MuJoCo has.
+        """Return MuJoCo's ``motor`` of a joint with the effect behind it.
+
+        None if MuJoCo has no such motor.
         """
         return motor if type(self).actuate is Effect.actuate else None
 
     def check(self) -> "Effect":
-        """Return self, or raise :class:`EffectError` naming the parameter that is out of bounds or
-        NaN.
+        """Return self if all parameters are within their bounds.
+
+        Raises:
+            EffectError: if a parameter, which is named, is out of bounds or NaN.
         """
         for key, spec in self.parameters.items():
             spec.check(f"{self.name}.{key}", getattr(self, key))
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """Name, parameters with units and static fields, ready for JSON."""
+        """Return name, parameters with units, and static fields, ready for JSON."""
         values = {
             k: {"value": _plain(getattr(self, k)), "unit": p.unit}
             for k, p in self.parameters.items()
@@ -257,7 +270,10 @@ class Effect(struct.PyTreeNode):
 
 
 def _plain(value: Any) -> Any:
-    """A number or list of numbers that JSON has: infinity, which it has not, as the text "inf"."""
+    """Return a number or list of numbers as JSON has it.
+
+    JSON has no infinity, which becomes the text "inf".
+    """
     return jax.tree.map(
         lambda x: x if np.isfinite(x) else str(x), np.asarray(value, float).tolist()
     )

@@ -1,6 +1,4 @@
-"""The catalogue of named physical effects: those of the package, and those that a user makes
-known.
-"""
+"""The catalogue of named physical effects: built-in ones and those that a user registers."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, fields
@@ -82,9 +80,9 @@ _BUILT_IN = frozenset(CATALOGUE.values())
 
 RESERVED = ("alignment",)  # what the gap workflow calls its own correction of a log's timing
 
-# two effects in one; no torque
+# the first combines two effects, the others add no torque
 _never: set[str] = {PaperFriction.name, SensingNoise.name, EncoderQuantisation.name}
-_aside: set[str] = set()  # registered with ``searched=False``: looked for where they are named
+_aside: set[str] = set()  # registered with ``searched=False``: sought only where they are named
 
 _ORDINARY = Scale(
     1.0,
@@ -105,18 +103,18 @@ C = TypeVar("C", bound=type[Effect])
 
 
 def searched() -> tuple[str, ...]:
-    """Names of the effects that the gap workflow looks for by default, with what is registered by
-    now.
+    """Return the names of the effects that the gap workflow looks for by default.
 
-    Not among them: the paper's friction, which is two of them in one; noise and counts of the
-    encoders, which are no torque.
+    They include those registered so far. Not among them are the paper's friction, which combines
+    two effects, and noise and counts of the encoders, which add no torque.
     """
     return tuple(name for name in searchable() if name not in _aside)
 
 
 def searchable() -> tuple[str, ...]:
-    """Names of the effects that the gap workflow can look for: ``searched()``, and what was
-    registered to be named only.
+    """Return the names of the effects that the gap workflow can look for.
+
+    They are ``searched()`` and those registered with ``searched=False``.
     """
     return tuple(name for name in CATALOGUE if name not in _never)
 
@@ -126,28 +124,28 @@ def register(cls: C, *, searched: bool = True) -> C: ...
 @overload
 def register(*, searched: bool = True) -> Callable[[C], C]: ...
 def register(cls: Any = None, *, searched: bool = True) -> Any:
-    """Put an effect of your own into the catalogue: ``@register`` above the class, or
-    ``@register(searched=False)``.
+    """Add your own effect to the catalogue.
 
-    From then on, in this process, :func:`from_dict`, ``effects.json`` beside a model, the gap
-    workflow and its reports know it. A class of the same module and qualified name takes the place
-    of the earlier one, so a notebook's cell can be run again. What is static in the effect must be
-    a whole number or a flag if it is to be stored.
+    Write ``@register`` or ``@register(searched=False)`` above the class. From then on, in this
+    process, :func:`from_dict`, ``effects.json`` beside a model, the gap workflow and its reports
+    know it. A class of the same module and qualified name replaces the earlier one, so a notebook's
+    cell can be run again. An effect's static fields must be whole numbers or flags if it is to be
+    stored.
 
     Args:
         cls: a subclass of :class:`Effect` with ``name``, ``sentence``, and ``parameters`` that name
             its traced fields in order.
-        searched: does the gap workflow look for it by default? If not, it does where the effect is
-            named. Effects of the whole mechanism (``whole``) are searched for as well as those of a
-            joint. Those whose static fields have no values, or whose ``variants`` or ``guesses``
-            are no numbers, can be simulated and stored, but not searched for.
+        searched: whether the gap workflow looks for it by default; if not, it does so only where
+            the effect is named. Effects of the whole mechanism (``whole``) are searched for as well
+            as those of a joint. Effects whose static fields have no values, or whose ``variants``
+            or ``guesses`` are not numbers, can be simulated and stored, but not searched for.
 
     Returns:
         The class, unchanged.
 
     Raises:
-        EffectError: if it is no such class; if its name is that of another class; if it shall be
-            searched for and cannot.
+        EffectError: if it is not such a class; if its name is that of another class; if it is to be
+            searched for and cannot be.
     """
     if cls is None:
         return lambda decorated: register(decorated, searched=searched)
@@ -173,7 +171,7 @@ def _title(cls: type) -> str:
 
 
 def _check_class(cls: Any) -> None:
-    """Raise unless it is an effect that can be stored and has a name of its own."""
+    """Raise EffectError unless it is an effect that can be stored and has a name of its own."""
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
         raise EffectError(
             "a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect"
@@ -215,7 +213,7 @@ def _check_class(cls: Any) -> None:
 
 
 def _obstacle(cls: type[Effect]) -> EffectError | None:
-    """Why the gap workflow cannot begin a search for it, if it cannot."""
+    """Return why the gap workflow cannot begin a search for it; None if it can."""
     static = [f for f in fields(cls) if f.name not in cls.parameters]
     for variant in cls.variants(_ORDINARY):
         bare = [
@@ -240,7 +238,7 @@ def _obstacle(cls: type[Effect]) -> EffectError | None:
                 f"guesses of {cls.name} that are finite values of"
                 f" {', '.join(cls.parameters) or 'nothing'}"
             )
-            return EffectError(expected, got, "write guesses or variants, where its fit begins")
+            return EffectError(expected, got, "write guesses or variants with finite values")
         known = {*cls.parameters}, {f.name for f in static}
         for what, names, right in zip(
             ("free", "options"), (variant.free, variant.options), known, strict=True
@@ -255,7 +253,7 @@ def _obstacle(cls: type[Effect]) -> EffectError | None:
 
 
 def from_dict(record: dict[str, Any]) -> Effect:
-    """The effect that :meth:`Effect.to_dict` wrote.
+    """Return the effect that :meth:`Effect.to_dict` wrote.
 
     Raises:
         EffectError: for an unknown name, a missing parameter, or a value out of bounds.

@@ -1,6 +1,6 @@
 """Dry friction: a level up to which motion is opposed, and a resting joint kept at rest.
 
-An effect here has its level only; the plant applies the levels of all its effects together, as an
+An effect here gives its level only; the plant applies the levels of all its effects together, as an
 impulse over the step that takes the velocity towards zero and never through it. So a joint sticks
 where friction can hold it, without a smoothing width and without chattering, and a derivative
 through a step is that of the branch taken: a sliding joint feels the level, a stuck one does not.
@@ -15,12 +15,12 @@ from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
-FADED = 0.3  # of the top speed: by there a Stribeck curve has mostly faded
+FADED = 0.3  # share of the top speed by which a Stribeck curve has mostly faded
 SPEEDS = (
     "move at several constant speeds from creeping to fast, in both directions, with reversals and"
     " rests in between, and measure the torque that just starts the joint"
 )
-"""How to distinguish kinds of friction."""
+"""How to tell kinds of friction apart."""
 
 
 class CoulombFriction(Effect):
@@ -52,12 +52,12 @@ class CoulombFriction(Effect):
 
 
 class AsymmetricFriction(Effect):
-    """Dry and viscous friction that differ by direction: −(c₊ + b₊·qd) for qd > 0, c₋ − b₋·qd for
-    qd < 0.
+    """Dry and viscous friction that differ by direction.
 
-    A pure difference in dry friction moves exactly as Coulomb friction of the mean level with a
-    constant offset does. Beside other friction on the same joint the values may be negative: what
-    one direction has less than the other.
+    They are −(c₊ + b₊·qd) for qd > 0 and c₋ − b₋·qd for qd < 0. A pure difference in dry friction
+    gives the same motion as Coulomb friction of the mean level with a constant offset. Beside other
+    friction on the same joint the values may be negative: then one direction has less friction than
+    the other friction alone would give.
     """
 
     _DRY: ClassVar = ("positive", "negative")
@@ -93,12 +93,15 @@ class AsymmetricFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Dry friction, viscous friction or both by direction."""
+        """Return variants with dry friction, viscous friction or both by direction."""
         return [Variant({}, free) for free in (cls._DRY, cls._VISCOUS, cls._DRY + cls._VISCOUS)]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """Means of both directions, and of dry friction their difference, which is an offset."""
+        """Return the effects that are the means of both directions.
+
+        For dry friction also their difference, which is an offset.
+        """
         dry = ("coulomb_friction", "constant_offset") if set(free) & set(cls._DRY) else ()
         return dry + (("viscous_friction",) if set(free) & set(cls._VISCOUS) else ())
 
@@ -108,7 +111,7 @@ class StribeckFriction(Effect):
 
     level: Joints  # (J,) c, at high speed [N or Nm]
     excess: Joints  # (J,) a, above it when starting [N or Nm]
-    speed: Joints  # (J,) v, at which the excess has mostly gone [m/s or rad/s]
+    speed: Joints  # (J,) v, at which the excess has mostly faded [m/s or rad/s]
 
     name: ClassVar[str] = "stribeck_friction"
     sentence: ClassVar[str] = "dry friction that is larger at low speed"
@@ -134,7 +137,9 @@ class StribeckFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """An excess where nothing is seen to move would be stiction; one that fades over most
+        """Return variants whose excess fades over plausible speeds.
+
+        An excess at speeds too low to be seen as motion would be stiction; one that fades over most
         speeds bends the whole curve.
         """
         within = {

@@ -1,4 +1,4 @@
-"""Friction: torques that oppose, or in the paper's odd region feed, motion."""
+"""Friction: torques that oppose motion or, in one region of the paper's friction, feed it."""
 
 from functools import partial
 from typing import Any, ClassVar
@@ -62,32 +62,32 @@ class QuadraticDrag(Effect):
 
 
 class PaperFriction(Effect):
-    """The paper's friction: viscous, with a coefficient c(q) that changes from region to region of
-    joints 0 and 1.
+    """The paper's friction: viscous, with a coefficient c(q) that differs by region.
 
-    In the catalogue's words it is ``position_dependent_friction`` on joints 0 and 1 (on joint 1 a
-    band where the coefficient is negative and pulls) together with ``coupled_friction`` of joint 0
-    to the position of joint 1. The rules, each overwriting the ones before, with level f (reference
-    experiment, section "Plant"):
+    It acts on joints 0 and 1. In the catalogue's words it is ``position_dependent_friction`` on
+    joints 0 and 1 (on joint 1 with a band where the coefficient is negative and feeds motion)
+    together with ``coupled_friction`` of joint 0 with the position of joint 1. The rules, each
+    overwriting the ones before, with level f (reference experiment, section "Plant"):
 
     1. q₀ < 0.2: c₀ = 10·exp(f)·sin²q₀
     2. q₁ < 0.2: c₁ = 10·f·cos²q₁
     3. 0.2 < q₁ < 0.4: c₁ = −f²·sin²q₁
     4. 0.4 < q₁ < 1.2: c₀ = max(0, f)·sin²q₁
 
-    Joints from the third on are free.
+    Joints from the third on have no friction.
 
     The coefficient jumps at the borders. A derivative through an execution is then that of the
-    regions passed, each with its own slope, and knows nothing of the jumps: not that another level,
-    gain or torque moves the instant at which a border is crossed and a coefficient of thousands
-    begins. It is exact for a change so small that no step changes region, and misleads about any
-    other: with the paper's numbers it can have the wrong sign. With ``width`` > 0 each border is a
-    logistic of that width [m] instead, which a derivative sees as it is; 0.01 to 0.05 m serve.
-    Values converge to the sharp ones as the width goes to 0.
+    regions passed, each with its own slope, and contains nothing of the jumps: another level, gain
+    or torque also moves the instant at which a border is crossed and a coefficient of thousands
+    begins, and the derivative does not show it. It is exact for a change so small that no step
+    changes region, and misleading for any larger one: with the paper's numbers it can have the
+    wrong sign. With ``width`` > 0 each border is a logistic of that width [m] instead, which a
+    derivative takes fully into account; 0.01 to 0.05 m are suitable. Values converge to the sharp
+    ones as the width goes to 0.
     """
 
     level: Scalar  # f [-]: 5 medium, 8 high
-    # of the borders [m]; 0: sharp, as in the paper
+    # width of the borders [m]; 0: sharp, as in the paper
     width: float = struct.field(pytree_node=False, default=0.0)
 
     name: ClassVar[str] = "paper_friction"
@@ -97,7 +97,7 @@ class PaperFriction(Effect):
     parameters: ClassVar = {"level": Parameter("1", 0.0, 12.0, "the friction level")}
 
     def coefficient(self, q: Joints) -> Joints:
-        """c(q) (J,) [N s/m] at positions ``q`` (J,), J >= 2."""
+        """Return c(q) (J,) [N s/m] at positions ``q`` (J,), J >= 2."""
         f, (q0, q1) = self.level, (q[0], q[1])
         within = partial(inside, self.width)
         c0 = choose(within(0.2 - q0), 10.0 * jnp.exp(f) * jnp.sin(q0) ** 2, 0.0)

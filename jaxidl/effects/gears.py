@@ -1,4 +1,4 @@
-"""Friction as gears have it: under load, cold, and where one motor turns two joints."""
+"""Friction of gears: under load, when cold, and where one motor drives two joints."""
 
 from typing import Any, ClassVar
 
@@ -14,8 +14,9 @@ from jaxidl.types import Joints, Scalar
 
 
 class DirectionalLoadFriction(Effect):
-    """−μ·|tau|·sign(qd) with one μ where the motor drives the joint and another where the joint
-    drives the motor.
+    """−μ·|tau|·sign(qd) with different μ for driving and for being driven.
+
+    One holds where the motor drives the joint, the other where the joint drives the motor.
     """
 
     driving: Joints  # (J,) μ where torque and motion have the same sign [1]
@@ -49,20 +50,21 @@ class DirectionalLoadFriction(Effect):
 
 
 class ThermalFriction(Effect):
-    """−(w + x·exp(−t/T))·qd: viscous friction that falls as the grease warms up, t being the time
-    since the start.
+    """−(w + x·exp(−t/T))·qd: viscous friction that falls as the grease warms up.
+
+    t is the time since the start.
     """
 
-    warm: Joints  # (J,) w, what is left [N s/m or Nm s/rad]
-    excess: Joints  # (J,) x, what it is more when cold [N s/m or Nm s/rad]
+    warm: Joints  # (J,) w, when warm [N s/m or Nm s/rad]
+    excess: Joints  # (J,) x, in addition when cold [N s/m or Nm s/rad]
     time_constant: Joints  # (J,) T [s]
 
     name: ClassVar[str] = "thermal_friction"
     sentence: ClassVar[str] = "friction that falls while the joint warms up"
     parameters: ClassVar = {
         "warm": Parameter("N s/m", 0.0, 1e4, "torque per speed when warm"),
-        "excess": Parameter("N s/m", 0.0, 1e4, "torque per speed that goes with the cold"),
-        "time_constant": Parameter("s", 1e-2, 1e6, "the time in which it mostly goes"),
+        "excess": Parameter("N s/m", 0.0, 1e4, "additional torque per speed when cold"),
+        "time_constant": Parameter("s", 1e-2, 1e6, "the time in which this addition mostly fades"),
     }
     friction: ClassVar[bool] = True
     advice: ClassVar[str] = (
@@ -75,7 +77,10 @@ class ThermalFriction(Effect):
     def actuate(
         self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
     ) -> tuple[Joints, Joints]:
-        """The torque less what the cold takes; remembers the time since the start (J,) [s]."""
+        """Return the torque less the additional friction when cold, and the new hidden state.
+
+        The hidden state is the time since the start (J,) [s].
+        """
         return tau - self.excess * jnp.exp(-memory / self.time_constant) * qd, memory + dt
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
@@ -83,7 +88,10 @@ class ThermalFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """From some seconds to some minutes: a log is hardly longer, and faster it is not heat."""
+        """Return variants with time constants from a few seconds to a few minutes.
+
+        A log is rarely longer, and anything faster is not thermal.
+        """
         within = {"time_constant": (2.0, 600.0)}
         return [
             Variant({"time_constant": time}, ("warm", "excess"), within)
@@ -96,13 +104,13 @@ class ThermalFriction(Effect):
 
 
 class SublinearFriction(Effect):
-    """a·(6s² − 6s + 1)·sign(qd), s = |qd|/v: what friction bends down at either end of a line, and
-    up in its middle.
+    """a·(6s² − 6s + 1)·sign(qd), s = |qd|/v: how friction bends away from a straight line.
 
-    Friction that grows less than in proportion to speed is dry friction and viscous friction, the
-    line that conventional identification fits over speeds up to v, and beside it this, which is
-    orthogonal to both (a Legendre polynomial). So their values stay what they are without it.
-    Beyond v it stays as it is there.
+    For a > 0 it makes friction smaller at either end of the line and larger in its middle. Friction
+    that grows less than in proportion to speed is dry and viscous friction, the line that
+    conventional identification fits over speeds up to v, plus this term, which is orthogonal to
+    both (a Legendre polynomial). So their values stay the same as without it. Beyond v it stays
+    constant.
     """
 
     bend: Joints  # (J,) a [N or Nm]
@@ -127,18 +135,19 @@ class SublinearFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Over the speeds of the log."""
+        """Return one variant over the speeds of the log."""
         return [Variant({"speed": scale.speed}, ("bend",))]
 
 
 class CoupledJointFriction(Effect):
-    """Friction on the sum, or the difference, w of the speeds of joints ``joint`` and ``other``:
-    −b·w − c·tanh(w/v) on both.
+    """Friction on the sum or the difference w of the speeds of two joints.
+
+    It is −b·w − c·tanh(w/v) on both joints, ``joint`` and ``other``.
     """
 
     coefficient: Scalar  # b [N s/m or Nm s/rad]
     level: Scalar  # c [N or Nm]
-    speed: Scalar  # v, over which dry friction turns round [m/s or rad/s]
+    speed: Scalar  # v, over which dry friction reverses [m/s or rad/s]
     joint: int = struct.field(pytree_node=False, default=0)
     other: int = struct.field(pytree_node=False, default=1)
     difference: bool = struct.field(pytree_node=False, default=False)
@@ -150,7 +159,7 @@ class CoupledJointFriction(Effect):
     parameters: ClassVar = {
         "coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed"),
         "level": Parameter("N", 0.0, 1e5, "the level of dry friction"),
-        "speed": Parameter("m/s", 1e-9, 1e3, "the speed over which dry friction turns round"),
+        "speed": Parameter("m/s", 1e-9, 1e3, "the speed over which dry friction reverses"),
     }
     fixed: ClassVar[tuple[str, ...]] = ("speed",)
     prior: ClassVar[float] = 0.02
@@ -168,7 +177,10 @@ class CoupledJointFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """With the next joint, if that moves: a wrist's gears connect neighbours."""
+        """Return variants with the next joint, if that moves.
+
+        The gears of a wrist connect neighbours.
+        """
         values = {"speed": max(scale.rest_speed, 0.003 * scale.speed, 1e-6)}
         neighbours = [other for other, _, _ in scale.others() if other == scale.joint + 1]
         options = [
@@ -184,22 +196,20 @@ class CoupledJointFriction(Effect):
 
 
 class MotorCoupling(Effect):
-    """The motor of joint ``joint`` turns joint ``other`` too: a share of its torque arrives
-    there.
-    """
+    """The motor of joint ``joint`` also drives joint ``other``, by a share of its torque."""
 
     share: Scalar  # [1]
     joint: int = struct.field(pytree_node=False, default=0)
     other: int = struct.field(pytree_node=False, default=1)
 
     name: ClassVar[str] = "motor_coupling"
-    sentence: ClassVar[str] = "the motor of one joint turns another one too"
+    sentence: ClassVar[str] = "the motor of one joint also turns another one"
     parameters: ClassVar = {
         "share": Parameter("1", -10.0, 10.0, "torque on the other joint over the motor's own")
     }
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
-        "command one motor alone with the other joint free, and see whether that moves"
+        "command one motor alone with the other joint free, and see whether that joint moves"
     )
 
     def actuate(
@@ -210,7 +220,7 @@ class MotorCoupling(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Between neighbours, either way."""
+        """Return variants between neighbouring joints, in either direction."""
         neighbours = [other for other, _, _ in scale.others() if abs(other - scale.joint) == 1]
         return [
             Variant({}, ("share",), {"share": (-1.5, 1.5)}, {"joint": scale.joint, "other": o})

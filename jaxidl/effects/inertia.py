@@ -1,5 +1,6 @@
-"""The rigid body is not the one it is said to be: what is wrong about it is linear in the ten
-inertial parameters of a link.
+"""Errors of the modelled rigid body.
+
+They are linear in the ten inertial parameters of a link.
 """
 
 from typing import Any, ClassVar
@@ -14,21 +15,21 @@ from jaxidl.effects.spec import Parameter, Scale, Variant
 from jaxidl.effects.ten import about, elements, matrix, ten
 from jaxidl.types import Joints, Scalar
 
-LINK = 0.2  # probability of an error in a link's mass, centre or inertia
+LINK = 0.2  # prior probability of an error in a link's mass, centre or inertia
 
 ACCELERATIONS = (
     "repeat the motion with a known mass attached, and hold still in several postures: a wrong"
     " rotor inertia shows only under acceleration, a wrong mass or centre at rest too, a load in"
     " every posture"
 )
-"""How to distinguish errors of the rigid body."""
+"""How to tell errors of the rigid body apart."""
 
 
 class InertiaError(Effect):
-    """Inertia that the model lacks: of each joint's rotor, and of the body that a joint carries;
-    negative where it has too much.
+    """Inertia that the model lacks, of each joint's rotor and of the body that the joint carries.
 
-    A body's inertia changes in proportion to its mass, its centre stays.
+    It is negative where the model has too much. A body's inertia changes in proportion to its mass;
+    its centre stays.
     """
 
     extra: Joints  # (J,) of the rotor [kg or kg m^2]
@@ -43,7 +44,7 @@ class InertiaError(Effect):
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"extra": "joint/armature", "mass": "body/inertial"}
     changes: ClassVar[float] = 0.001
-    prior: ClassVar[float] = 0.5  # of a rotor's
+    prior: ClassVar[float] = 0.5  # for the rotor
     common: ClassVar[bool] = True
     advice: ClassVar[str] = ACCELERATIONS
 
@@ -52,13 +53,14 @@ class InertiaError(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Of the rotor, or of the body."""
+        """Return a variant for the rotor and one for the body."""
         return [Variant({}, ("extra",)), Variant({}, ("mass",), prior=LINK)]
 
 
 class ComError(Effect):
-    """A first moment that the model lacks on each joint's body, whose mass and inertia about its
-    frame's origin stay.
+    """A first moment that the model lacks on each joint's body.
+
+    The body's mass and its inertia about its frame's origin stay.
     """
 
     moment: Float[Array, "J 3"]  # in the body's frame [kg m]
@@ -84,8 +86,9 @@ class ComError(Effect):
 
 
 class InertiaTensorError(Effect):
-    """Rotational inertia that the model lacks on each joint's body: xx, yy, zz, xy, xz, yz about
-    its frame's origin.
+    """Rotational inertia that the model lacks on each joint's body.
+
+    Its elements are xx, yy, zz, xy, xz, yz about the origin of the body's frame.
     """
 
     tensor: Float[Array, "J 6"]  # in the body's frame [kg m^2]
@@ -111,24 +114,25 @@ class InertiaTensorError(Effect):
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """About the joint's own axis it is a rotor's inertia, unless other joints move the body,
-        too.
+        """Return the inertia error that it includes.
+
+        About the joint's own axis it is a rotor's inertia, unless other joints move the body too.
         """
         return ("inertia_error",)
 
 
 class Payload(Effect):
-    """A load on the last body that moves, in that body's frame; negative where the model has a load
-    that is gone.
+    """A load on the last body that moves, in that body's frame.
 
-    It is a ``mass`` at ``com`` with ``inertia`` about that point: what reports show. Beside it
-    stands a first ``moment`` for fits: with the centre kept at the origin the torque is linear in
-    mass, moment and inertia, and ``settled`` finds the centre.
+    It is negative where the model has a load that is not there. It is a ``mass`` at ``com`` with
+    ``inertia`` about that point, which reports show. In addition it has a first ``moment`` for
+    fits: with the centre kept at the origin the torque is linear in mass, moment and inertia, and
+    ``settled`` finds the centre.
     """
 
     mass: Scalar  # [kg]
     com: Float[Array, "3"]  # [m]
-    moment: Float[Array, "3"] | Scalar = 0.0  # beside mass times com [kg m]
+    moment: Float[Array, "3"] | Scalar = 0.0  # in addition to mass times com [kg m]
     inertia: Float[Array, "6"] | Scalar = 0.0  # xx, yy, zz, xy, xz, yz about com [kg m^2]
 
     name: ClassVar[str] = "payload"
@@ -136,7 +140,9 @@ class Payload(Effect):
     parameters: ClassVar = {
         "mass": Parameter("mass", -1e4, 1e4, "the load"),
         "com": Parameter("length", -5.0, 5.0, "where it is in the last body's frame"),
-        "moment": Parameter("mass length", -1e4, 1e4, "the first moment beside mass times centre"),
+        "moment": Parameter(
+            "mass length", -1e4, 1e4, "the first moment in addition to mass times centre"
+        ),
         "inertia": Parameter("kg m^2", -1e4, 1e4, "the load's inertia about its centre"),
     }
     whole: ClassVar[bool] = True
@@ -159,11 +165,11 @@ class Payload(Effect):
         return ten(self.mass, moment, about(self.mass, com) + self.inertia)
 
     def settled(self) -> "Payload":
-        """Return the same load with its first moment in ``com``, as it is if it has no mass or a
-        centre out of bounds.
+        """Return the same load with its first moment expressed by ``com``.
 
-        Its inertia about that point has no principal moment of another sign than its mass: no such
-        body could be simulated.
+        A load without mass, or with a centre out of bounds, is returned as it is. The inertia about
+        the centre has no principal moment whose sign differs from that of the mass: no such body
+        could be simulated.
         """
         numbers = self.numbers()
         heavy = jnp.abs(numbers[0]) > 1e-9
@@ -184,29 +190,30 @@ class Payload(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """With its centre left at the frame's origin, where mass, moment and inertia are
-        amplitudes.
+        """Return variants with the centre at the frame's origin.
+
+        There mass, moment and inertia are amplitudes.
         """
         values = {"mass": 0.0, "com": np.zeros(3), "moment": np.zeros(3), "inertia": np.zeros(6)}
         return [Variant(values, ("mass", "moment", "inertia"), {"mass": (0.0, np.inf)})]
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """All that may be wrong about the last link."""
+        """Return all effects that are errors of the last link."""
         return ("inertia_error.mass", "com_error", "inertia_tensor_error")
 
 
 class BaseTilt(Effect):
-    """The base is not level: turned by small ``angles`` about two horizontal axes, x and y where
-    gravity points along z.
+    """The base is not level: it is turned by small ``angles`` about two horizontal axes.
 
-    Linear: gravity in the base's frame changes by minus the turn's cross product with it.
+    These are x and y where gravity points along z. The effect is linear: gravity in the base's
+    frame changes by minus the turn's cross product with it.
     """
 
     angles: Float[Array, "2"]  # [rad]
 
     name: ClassVar[str] = "base_tilt"
-    sentence: ClassVar[str] = "the base is not level, so gravity points another way"
+    sentence: ClassVar[str] = "the base is not level, so gravity points in another direction"
     parameters: ClassVar = {
         "angles": Parameter("rad", -0.5, 0.5, "the tilt about two horizontal axes")
     }
@@ -216,7 +223,7 @@ class BaseTilt(Effect):
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = (
         "put a level on the base, or hold still in many postures with the first joint turned all"
-        " the way round: a tilt goes with the base, a wrong link or encoder with its joint"
+        " the way round: a tilt stays with the base, a wrong link or encoder with its joint"
     )
 
     def alter(self, body: Any) -> Any:
@@ -224,5 +231,8 @@ class BaseTilt(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """More than a quarter of a radian would have been seen."""
+        """Return one variant with angles of at most a quarter of a radian.
+
+        A larger tilt would have been noticed.
+        """
         return [Variant({"angles": np.zeros(2)}, ("angles",), {"angles": (-0.25, 0.25)})]

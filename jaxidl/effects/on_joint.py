@@ -16,7 +16,7 @@ Own = Float[Array, "1"]  # of the one joint
 
 
 class _Part:
-    """The body as one joint sees it: inertia that it is given goes to that joint."""
+    """The body as seen by one joint: inertia added to it goes to that joint."""
 
     def __init__(self, body: Any, joint: int | Int[Array, ""], like: Joints):
         self.body, self.joint, self.like = body, joint, like
@@ -36,12 +36,13 @@ class _Part:
 
 
 class OnJoint(Effect):
-    """``effect``, whose parameters are those of a one-joint mechanism, on joint ``joint`` of
-    ``joints``; nothing on others.
+    """``effect`` on joint ``joint`` of ``joints``, and nothing on the others.
+
+    The parameters of ``effect`` are those of a mechanism of one joint.
     """
 
     effect: Effect
-    # traced where one program serves all joints
+    # traced where one program is used for all joints
     joint: int | Int[Array, ""] = struct.field(pytree_node=False)
     joints: int = struct.field(pytree_node=False)
 
@@ -114,8 +115,9 @@ class OnJoint(Effect):
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """The effect's own record with the joint's number; parameters of one joint are plain
-        numbers.
+        """Return the effect's own record with the joint's number.
+
+        Parameters of one joint are plain numbers.
         """
         record = self.effect.to_dict()
         for entry in record["parameters"].values():
@@ -125,8 +127,9 @@ class OnJoint(Effect):
 
 
 def placed(cls: type[Effect], variant: Variant, joint: int, joints: int) -> Effect:
-    """Return the effect of a ``variant`` on joint ``joint`` of ``joints``; as it is if it has its
-    place in itself.
+    """Return the effect of a ``variant`` on joint ``joint`` of ``joints``.
+
+    An effect that names its joints itself, or belongs to the whole mechanism, is not wrapped.
     """
     alone = cls.alone()
 

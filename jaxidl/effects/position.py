@@ -12,13 +12,13 @@ from jaxidl.types import Joints
 
 Waves = Float[Array, " J"] | Float[Array, "J H"]
 
-LEAST_WAVES = 1.5  # of a ripple that a search looks for, within the range of positions
+LEAST_WAVES = 1.5  # fewest periods within the range of positions that a search looks for
 
 HOLDING = (
     "hold still at many positions over the whole range, in several postures: offset, spring,"
     " ripple, encoder bias and load differ in how the holding torque changes with position"
 )
-"""How to distinguish torques that depend on position."""
+"""How to tell torques that depend on position apart."""
 
 
 class Spring(Effect):
@@ -40,7 +40,10 @@ class Spring(Effect):
         return -self.stiffness * (q - self.rest)
 
     def write_mjcf(self, numbers: Any) -> str | None:
-        """A joint of MuJoCo has one spring; a second one would need another rest position."""
+        """Add the spring to the attributes and return their names; None if a joint already has one.
+
+        A joint of MuJoCo has one spring, and a second one may have another rest position.
+        """
         stiffness = np.asarray(self.stiffness)
         if np.any((stiffness != 0.0) & (numbers.stiffness != 0.0)):
             return None
@@ -63,8 +66,9 @@ class Spring(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Relaxed at the low end, in the middle or at the high end of the range; farther out than
-        the range is an offset.
+        """Return springs relaxed at the low end, in the middle or at the high end of the range.
+
+        A spring relaxed farther out looks like an offset.
         """
         within = {"rest": (scale.lower - scale.width, scale.upper + scale.width)}
         rests = (scale.lower, (scale.lower + scale.upper) / 2, scale.upper)
@@ -72,12 +76,12 @@ class Spring(Effect):
 
     @classmethod
     def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
-        """Another rest position is a constant torque."""
+        """Return the constant offset: a different rest position is a constant torque."""
         return ("constant_offset",)
 
 
 class TorqueRipple(Effect):
-    """s·sin(2π·q/p) + c·cos(2π·q/p): cogging, a magnet's poles, a gear's teeth.
+    """s·sin(2π·q/p) + c·cos(2π·q/p): cogging of a motor's poles, or a gear's teeth.
 
     With tables of amplitudes it has H harmonics: the sum over h = 1 … H of those for the period
     p/h.
@@ -88,7 +92,7 @@ class TorqueRipple(Effect):
     period: Joints  # (J,) p [m or rad]
 
     name: ClassVar[str] = "torque_ripple"
-    sentence: ClassVar[str] = "a torque that repeats periodically along the way"
+    sentence: ClassVar[str] = "a torque that repeats periodically with position"
     parameters: ClassVar = {
         "sine": Parameter("N", -1e5, 1e5, "the sine's amplitude"),
         "cosine": Parameter("N", -1e5, 1e5, "the cosine's amplitude"),
@@ -105,15 +109,16 @@ class TorqueRipple(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        # passed slowly enough to be seen
+        # a period is passed slowly enough to be seen
         least = max(scale.width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))
         waves = np.arange(1.5, max(scale.width / least, 2.0), 0.4)
         return [{"sine": 0.0, "cosine": 0.0, "period": scale.width / n} for n in waves]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Many waves along the way, as of a single one nobody knows that it repeats; and some with
-        two harmonics.
+        """Return variants with several periods within the range, some with two harmonics.
+
+        A single period would not show that it repeats.
         """
         within = {"period": (0.0, scale.width / LEAST_WAVES)}
         periods = [

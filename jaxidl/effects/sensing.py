@@ -1,4 +1,4 @@
-"""Effects on the measurement side: the plant moves truly, the encoders tell something else."""
+"""Effects of sensing: the motion is true, the encoders read something else."""
 
 from typing import Any, ClassVar
 
@@ -11,7 +11,7 @@ from jaxidl.effects.delay import DELAYS, LATE, late, line, push, variants_of
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, Joints, Scalar
 
-BIGGEST = 0.5  # bias that a search looks for [m or rad]
+BIGGEST = 0.5  # largest bias that a search looks for [m or rad]
 
 
 class SensingNoise(Effect):
@@ -30,15 +30,16 @@ class SensingNoise(Effect):
 class EncoderQuantisation(Effect):
     """The encoder reads the nearest whole count.
 
-    Its derivative is zero almost everywhere: a reading that stands still. A derivative through a
-    feedback loop that it is part of is therefore that of a loop cut open, and can be of any size:
-    where one differentiates, leave the effect out, whose error is half a count at most.
+    Its derivative is zero almost everywhere: a small change of position leaves the reading
+    unchanged. A derivative through a feedback loop that contains it is therefore that of an open
+    loop, and can be of any size. When differentiating, leave the effect out; its error is at most
+    half a count.
     """
 
     count: Joints | Scalar  # [m or rad]
 
     name: ClassVar[str] = "encoder_quantisation"
-    sentence: ClassVar[str] = "the encoders read whole counts only, not what lies between"
+    sentence: ClassVar[str] = "the encoders read whole counts only, not positions between them"
     parameters: ClassVar = {"count": Parameter("m", 1e-12, 1.0, "the size of a count")}
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
@@ -46,8 +47,9 @@ class EncoderQuantisation(Effect):
 
 
 class PositionBias(Effect):
-    """The encoder reads q + bias. Only where forces depend on position (gravity, coupling) does a
-    log show it.
+    """The encoder reads q + bias.
+
+    A log shows it only where forces depend on position (gravity, coupling).
     """
 
     bias: Joints  # (J,) [m or rad]
@@ -57,7 +59,7 @@ class PositionBias(Effect):
     parameters: ClassVar = {"bias": Parameter("m", -10.0, 10.0, "the encoder's offset")}
     advice: ClassVar[str] = (
         "hold still at many positions over the whole range, in several postures, or compare the"
-        " encoder with a mechanical mark: a wrong zero shifts all that depends on position"
+        " encoder with a mechanical mark: a wrong zero shifts everything that depends on position"
     )
 
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
@@ -72,7 +74,10 @@ class PositionBias(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """A small one to each side; one of more than a quarter of a turn would have been seen."""
+        """Return a small and a larger bias to each side.
+
+        One of more than ``BIGGEST`` would have been noticed.
+        """
         return [
             Variant({"bias": bias}, within={"bias": (-BIGGEST, BIGGEST)})
             for bias in (0.01, -0.01, 0.1, -0.1)
@@ -80,15 +85,16 @@ class PositionBias(Effect):
 
 
 class SensorDelay(Effect):
-    """The encoder's reading is ``delay`` old, by linear interpolation between past positions; at
-    most ``steps`` steps.
+    """The encoder's reading is ``delay`` old, interpolated linearly between past positions.
+
+    The delay is at most ``steps`` steps.
     """
 
     delay: Joints  # (J,) [s]
     steps: int = struct.field(pytree_node=False, default=64)
 
     name: ClassVar[str] = "sensor_delay"
-    sentence: ClassVar[str] = "the measured position is late against the torque"
+    sentence: ClassVar[str] = "the measured position lags behind the torque"
     parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the age of the reading")}
     prior: ClassVar[float] = 0.02
     advice: ClassVar[str] = LATE
@@ -99,7 +105,7 @@ class SensorDelay(Effect):
     def actuate(
         self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
     ) -> tuple[Joints, Any]:
-        """Leaves the torque alone; remembers the position and how many steps the delay is."""
+        """Return the torque unchanged; remember the position and the delay in steps."""
         return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
 
     def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:

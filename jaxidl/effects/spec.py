@@ -1,4 +1,4 @@
-"""What an effect says about itself: its parameters, and the shapes in which a search tries it."""
+"""What an effect declares: its parameters, and the shapes in which a search tries it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,8 +20,10 @@ class Parameter:
     meaning: str
 
     def check(self, name: str, value: object) -> None:
-        """Raise :class:`EffectError` naming the parameter if ``value``, a number or an array, is
-        out of bounds or NaN.
+        """Raise if ``value``, a number or an array, is out of bounds or NaN.
+
+        Raises:
+            EffectError: naming the parameter ``name``.
         """
         numbers = np.asarray(value, float)
         if not ((numbers >= self.lower) & (numbers <= self.upper)).all():  # NaN fails too
@@ -32,25 +34,23 @@ class Parameter:
 
 
 class Scale(NamedTuple):
-    """How large things are on one joint of a log: what an effect measures its starting values
-    with.
-    """
+    """Magnitudes on one joint of a log, from which an effect derives its starting values."""
 
     torque: float  # largest command [N or Nm]
     speed: float  # largest speed [m/s or rad/s]
     lower: float  # least position [m or rad]
     upper: float  # largest position [m or rad]
-    inertia: float  # median inertia that the joint sees [kg or kg m^2]
-    residual: float  # root mean square of what the model lacks [N or Nm]
+    inertia: float  # median inertia seen by the joint [kg or kg m^2]
+    residual: float  # root mean square of the torque that the model lacks [N or Nm]
     band: float  # frequency up to which the log can be trusted [Hz]
     dt: float  # sampling interval [s]
     joint: int = 0  # number of the joint
-    joints: int = 1  # how many the mechanism has, J
-    # (J,) least positions of all joints [m or rad]; empty: of this one only
+    joints: int = 1  # number of joints of the mechanism, J
+    # (J,) least positions of all joints [m or rad]; empty: this one only
     lows: Sequence[float] = ()
     highs: Sequence[float] = ()  # (J,) largest positions
-    rest_speed: float = 0.0  # speed below which a joint looks as if it rested [m/s or rad/s]
-    effort: float = 0.0  # root mean square of the command [N or Nm]; 0: not known
+    rest_speed: float = 0.0  # speed below which a joint seems to rest [m/s or rad/s]
+    effort: float = 0.0  # root mean square of the command [N or Nm]; 0: unknown
 
     @property
     def width(self) -> float:
@@ -72,7 +72,7 @@ NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class Variant(NamedTuple):
-    """Give one starting shape of an effect on one joint, as a search tries it.
+    """One starting shape of an effect on one joint, as a search tries it.
 
     Values are those of a mechanism of one joint: a number for each parameter, a table of shape (1,
     K). For effects of the whole mechanism, and those that name their joints themselves, they have
@@ -81,17 +81,20 @@ class Variant(NamedTuple):
 
     values: Guess  # starting values of the parameters; those not named are zero
     free: tuple[str, ...] = ()
-    """Amplitudes: parameters in which what the effect adds is linear, and zero at zero, the others
-    kept at ``values``. Empty: what the effect adds at ``values`` is scaled as a whole.
+    """Amplitudes: parameters in which what the effect adds is linear, and zero at zero.
+
+    The other parameters are kept at ``values``. Empty: what the effect adds at ``values`` is
+    scaled as a whole.
     """
     within: Bounds = NOTHING  # plausible bounds of any parameters, narrower than the catalogue's
     options: Mapping[str, Any] = NOTHING  # static fields
-    prior: float | None = None  # probability, where it is not the effect's
+    prior: float | None = None  # probability, where it differs from the effect's
 
 
 class Motor(NamedTuple):
-    """Give what MuJoCo's motor of one joint does: command, lag, clipped to ``force``, times
-    ``gear``, torque.
+    """MuJoCo's motor of one joint.
+
+    The command passes a lag, is clipped to ``force`` and multiplied by ``gear`` to give the torque.
     """
 
     gear: float = 1.0

@@ -13,33 +13,32 @@ from jaxidl.effects.smooth import Share, choose, inside
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import JointMask, Joints, Scalar
 
-BORDERS = (0.25, 0.5, 0.75)  # of the range of positions: below one of them alone a joint may stick
+BORDERS = (0.25, 0.5, 0.75)  # shares of the range of positions below which alone a joint may stick
 
 
 class Stiction(Effect):
-    """A resting joint withstands the breakaway torque, beyond what other dry friction holds, before
-    it moves.
+    """A resting joint withstands the breakaway torque before it moves.
 
-    A joint rests where |qd| < ``speed``; the effect acts below position ``below`` only. Both
-    borders are strict. With ``signed`` it is the paper's program: a resting joint does not
-    accelerate (its speed stays what it was) while the delivered torque itself, not its magnitude,
-    is below the breakaway torque, so that it is held against every negative torque, and the
-    program's results depend on it.
+    This is in addition to what other dry friction holds. A joint rests where |qd| < ``speed``; the
+    effect acts below position ``below`` only. Both borders are strict. With ``signed`` it behaves
+    as the paper's program: a resting joint does not accelerate (its speed stays what it was) while
+    the delivered torque itself, not its magnitude, is below the breakaway torque, so that it is
+    held against every negative torque, and the program's results depend on it.
 
     Whether a joint sticks is a yes or no, so breakaway torque, resting speed and position below
-    have derivative zero in the signed form, and the time at which a joint breaks away has none: a
-    controller's gain that would free a joint looks useless. With ``width`` > 0 each border is a
-    logistic over that share of its own size (of 1 where it is 0), and a joint that sticks to a
-    share s keeps 1 − s of its acceleration, or withstands s of the breakaway torque. At rest it
-    then creeps by exp(−1/width) of its acceleration: 0.02 to 0.1 serve. Values converge to the
-    sharp ones as the width goes to 0.
+    have derivative zero in the signed form, and so has the time at which a joint breaks away: a
+    controller's gain that would free a joint seems to have no effect. With ``width`` > 0 each
+    border is a logistic over that share of its own size (of 1 where it is 0), and a joint that
+    sticks to a share s keeps 1 − s of its acceleration, or withstands s of the breakaway torque. At
+    rest it then creeps at exp(−1/width) of its acceleration: widths of 0.02 to 0.1 are suitable.
+    Values converge to the sharp ones as the width goes to 0.
     """
 
     breakaway: Joints  # (J,) torque that sets a resting joint moving [N or Nm]
-    speed: Joints | Scalar  # (J,) or (): below it a joint counts as resting [m/s or rad/s]
-    below: Joints | Scalar  # (J,) or (): positions from here on do not stick [m]
+    speed: Joints | Scalar  # (J,) or (): a joint rests below this speed [m/s or rad/s]
+    below: Joints | Scalar  # (J,) or (): a joint sticks below this position [m]
     signed: bool = struct.field(pytree_node=False, default=False)
-    # of the borders as a share of each [-]; 0: sharp
+    # width of the borders as a share of each [-]; 0: sharp
     width: float = struct.field(pytree_node=False, default=0.0)
 
     name: ClassVar[str] = "stiction"
@@ -56,7 +55,10 @@ class Stiction(Effect):
     advice: ClassVar[str] = SPEEDS
 
     def _sticks(self, q: Joints, qd: Joints, *beyond: tuple[Joints | Scalar, Joints]) -> Share:
-        """Is each value below its border: speed, position, and those given as (border, value)?"""
+        """Return whether each value is below its border.
+
+        These are speed, position, and those given as (border, value).
+        """
         pairs = ((self.speed, jnp.abs(qd)), (self.below, q), *beyond)
         return inside(
             self.width,
@@ -82,7 +84,7 @@ class Stiction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Everywhere, or below one of a few positions only."""
+        """Return variants that stick everywhere, or below one of a few positions only."""
         borders = [np.inf, *(scale.lower + share * scale.width for share in BORDERS)]
         return [
             Variant({"speed": 1e-9 * scale.speed, "below": border}, ("breakaway",))
@@ -94,14 +96,15 @@ STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
 
 
 def _size(border: Joints | Scalar) -> Array:
-    """What a border's width is measured with: its own size, or 1 where that is zero or infinite."""
+    """Return the unit of a border's width: its own size, or 1 where that is zero or infinite."""
     size = jnp.abs(jnp.asarray(border))
     return jnp.where((size > 0.0) & (size < jnp.inf), size, 1.0)
 
 
 def paper_stiction(level: Scalar, width: float = 0.0) -> Stiction:
-    """The paper's stiction of level s: breakaway (100 s, 50 s) N on joints 0 and 1, below 0.2 m and
-    0.0001 m/s, signed.
+    """Return the paper's stiction of level s.
+
+    Its breakaway torques are (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed.
     """
     return Stiction(
         jnp.asarray([100.0, 50.0]) * level,

@@ -1,4 +1,4 @@
-"""The ten inertial parameters of a body, in which its dynamics is linear.
+"""The ten inertial parameters of a body, in which its dynamics are linear.
 
 Mass [kg], first moment (3) [kg m] and inertia (6) [kg m^2] about the origin of a frame; the inertia
 as the elements xx, yy, zz, xy, xz, yz of the symmetric tensor (products with the tensor's own
@@ -13,13 +13,15 @@ from jaxtyping import Array, Float
 Ten = Float[Array, "*L 10"]
 Tensor = Float[Array, "*L 6"]
 
-ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # of the six elements in the tensor
-PLACES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of the tensor's elements in the six
+ROWS, COLUMNS = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)  # of the six elements within the tensor
+PLACES = ((0, 3, 4), (3, 1, 5), (4, 5, 2))  # of the tensor's elements among the six
 
 
 def ten(mass: Any = None, moment: Any = None, inertia: Any = None) -> Ten:
-    """Return the ten numbers (..., 10) of ``mass`` (...), ``moment`` (..., 3) and ``inertia`` (...,
-    6); zero where not given.
+    """Return the ten numbers (..., 10) of mass, first moment and inertia.
+
+    Their shapes are ``mass`` (...), ``moment`` (..., 3) and ``inertia`` (..., 6); zero where not
+    given.
     """
     given = [x if x is None else jnp.asarray(x) for x in (mass, moment, inertia)]
     lead = (
@@ -54,8 +56,9 @@ def about(mass: Any, com: Any) -> Tensor:
 def moved(
     numbers: Float[Array, "10"], turn: Float[Array, "3 3"], offset: Float[Array, "3"]
 ) -> Float[Array, "10"]:
-    """Return the ten numbers (10,) in another frame: the old one's axes are the columns of ``turn``
-    (3, 3), its origin is at ``offset`` (3,) [m].
+    """Return the ten numbers (10,) in another frame.
+
+    The old frame's axes are the columns of ``turn`` (3, 3), its origin is at ``offset`` (3,) [m].
     """
     mass, moment, inertia = numbers[0], turn @ numbers[1:4], turn @ matrix(numbers[4:]) @ turn.T
     cross = moment[:, None] * offset[None, :]

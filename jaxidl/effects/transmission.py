@@ -1,9 +1,8 @@
-"""What lies between motor and link: a hidden motor-side state that the joint's encoder does not
-see.
+"""Transmissions between motor and link, with a motor-side state hidden from the joint's encoder.
 
 The motor carries ``motor_inertia``, a part of the joint's inertia; the link keeps the rest. In one
-step the motor moves under the command and the transmission's torque in ``SUBSTEPS`` small ones, the
-link's velocity taken as constant, and the link feels the transmission's mean torque.
+step the motor moves under the command and the transmission's torque in ``SUBSTEPS`` small steps,
+the link's velocity taken as constant, and the link receives the transmission's mean torque.
 """
 
 from abc import abstractmethod
@@ -19,16 +18,17 @@ from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints
 
 SUBSTEPS = 4
-MOST_TWIST = 0.1  # of the joint's range: no drive is softer
-# transmission that a search looks for: frequency of the motor against a link held still [Hz]
+MOST_TWIST = 0.1  # share of the joint's range: no drive is softer
+# softest transmission searched for: frequency of the motor with the link held still [Hz]
 SOFTEST = 3.0
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 
 
 class Transmission(Effect):
-    """What all transmissions share: the motor's inertia taken off the link, and its twist and speed
-    as hidden state.
+    """Base of all transmissions: the motor's inertia is taken off the link.
+
+    Its twist and speed are hidden state.
     """
 
     prior: ClassVar[float] = 0.02
@@ -36,8 +36,9 @@ class Transmission(Effect):
 
     @abstractmethod
     def transmitted(self, twist: Joints, rate: Joints) -> Joints:
-        """Torque (J,) that passes at a ``twist`` (J,) of motor against link that changes at
-        ``rate`` (J,).
+        """Return the transmitted torque (J,) at a ``twist`` (J,) of motor against link.
+
+        ``rate`` (J,) is the twist's rate.
         """
 
     def alter(self, body: Any) -> Any:
@@ -49,7 +50,10 @@ class Transmission(Effect):
     def actuate(
         self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
     ) -> tuple[Joints, Any]:
-        """Mean transmitted torque (J,) over a step, and the new twist (J,) and motor speed (J,)."""
+        """Return the mean transmitted torque (J,) over a step and the new hidden state.
+
+        The state is the twist (J,) and the motor's speed (J,).
+        """
 
         def small(state: Any, _: None) -> tuple[Any, Joints]:
             twist, speed = state
@@ -62,10 +66,10 @@ class Transmission(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """With the motor's inertia near to where the fit begins.
+        """Return variants with a motor inertia near the fit's starting value.
 
-        A soft transmission with nearly all inertia on the motor's side passes hardly any torque on:
-        a small residual that explains nothing.
+        A soft transmission with nearly all inertia on the motor's side transmits hardly any torque:
+        its residual is small, but it explains nothing.
         """
 
         def variant(guess: Guess) -> Variant:
@@ -111,7 +115,7 @@ class JointElasticity(Transmission):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         def guess(share: float, hertz: float, ratio: float) -> Guess:
-            # of the motor against a link held still
+            # of the motor with the link held still
             inertia, omega = share * scale.inertia, 2.0 * np.pi * hertz
             return {
                 "stiffness": omega**2 * inertia,
@@ -125,9 +129,7 @@ class JointElasticity(Transmission):
 
 
 class Backlash(Transmission):
-    """A dead zone of width ``gap`` between motor and link; beyond it a stiff contact with a
-    damper.
-    """
+    """A dead zone of width ``gap`` between motor and link; beyond it a stiff, damped contact."""
 
     gap: Joints  # (J,) total play [m or rad]
     stiffness: Joints  # (J,) of the contact [N/m or Nm/rad]

@@ -1,4 +1,4 @@
-"""Friction that depends on where the mechanism is, or on what it carries."""
+"""Friction that depends on the mechanism's position or on its load."""
 
 from typing import ClassVar
 
@@ -20,28 +20,30 @@ _ENDS = {
 }
 
 
-KNOTS = (6, 12)  # of tables that a search tries
-# of the transmitted torque: what friction takes. With all of it friction would "explain" any
-# command
+KNOTS = (6, 12)  # knots of the tables that a search tries
+# largest share of the transmitted torque that friction takes: with all of it, friction would
+# "explain" any command
 MOST_OF_LOAD = 0.6
 
 POSTURES = (
     "run the same speeds through the whole range of every joint, in both directions, with the other"
     " joints in several postures, and once with a load"
 )
-"""How to distinguish kinds of friction that vary."""
+"""How to tell kinds of varying friction apart."""
 
 
 def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
-    """The table (K,) at ``q``, linear between its evenly spaced positions and constant beyond the
-    ends.
+    """Return the table (K,) at ``q``.
+
+    It is linear between its evenly spaced positions and constant beyond the ends.
     """
     return jnp.interp(q, jnp.linspace(lower, upper, table.shape[-1]), table)
 
 
 class PositionDependentFriction(Effect):
-    """−c(q)·sign(qd) − b(q)·qd with c and b tables over position; a negative b feeds motion, a
-    negative c counts as zero.
+    """−c(q)·sign(qd) − b(q)·qd with c and b tables over position.
+
+    A negative b feeds motion, a negative c counts as zero.
     """
 
     level: Table  # (J, K) c [N or Nm]
@@ -72,7 +74,10 @@ class PositionDependentFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Dry or viscous, with a few or many knots over the range that the joint covers."""
+        """Return dry or viscous friction with few or many knots.
+
+        The knots span the range that the joint covers.
+        """
 
         def values(knots: int) -> Guess:
             table = np.zeros((1, knots))
@@ -94,8 +99,9 @@ class PositionDependentFriction(Effect):
 
 
 class CoupledFriction(Effect):
-    """Friction of joint ``joint`` that varies with the position of joint ``other``:
-    −c(q_o)·sign(qd_j) − b(q_o)·qd_j.
+    """Friction of one joint that varies with the position of another.
+
+    It is −c(q_o)·sign(qd_j) − b(q_o)·qd_j with j the joint ``joint`` and o the joint ``other``.
     """
 
     level: Table  # (K,) c [N or Nm]
@@ -123,12 +129,15 @@ class CoupledFriction(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        """``scale`` must be that of the joint whose position matters."""
+        """Return starting values.
+
+        ``scale`` must be that of the joint whose position matters.
+        """
         return PositionDependentFriction.guesses(scale)
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Dry or viscous, over the position of each other joint that moves."""
+        """Return dry or viscous friction over the position of each other joint that moves."""
 
         def variant(free: str, knots: int, other: int, low: float, high: float) -> Variant:
             table = np.zeros(knots)
@@ -148,9 +157,7 @@ class CoupledFriction(Effect):
 
 
 class LoadDependentFriction(Effect):
-    """−μ·|tau|·sign(qd), tau being the torque that the motor delivers: gears and screws under
-    load.
-    """
+    """−μ·|tau|·sign(qd), tau being the delivered torque: gears and screws under load."""
 
     coefficient: Joints  # (J,) μ [1]
 
