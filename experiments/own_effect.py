@@ -105,7 +105,7 @@ print(
 # learn but noise, and the error grows a little.
 
 # %%
-strengths, seeds, iterations = jnp.linspace(0.0, 200.0, 5), (1, 2, 3), 8
+strengths, seeds, executions = jnp.linspace(0.0, 200.0, 5), (1, 2, 3), 8
 
 
 def learning_run(k, noise, key):
@@ -114,7 +114,7 @@ def learning_run(k, noise, key):
     return learn(setting.replace(plant=braked(k, SPEED)), noise, key, **options)[0].q_error
 
 
-noise = jnp.stack([jnp.asarray(draw_noise(seed, iterations, study.steps)) for seed in seeds])
+noise = jnp.stack([jnp.asarray(draw_noise(seed, executions, study.steps)) for seed in seeds])
 over_seeds = jax.vmap(learning_run, in_axes=(None, 0, 0))
 errors = jax.jit(jax.vmap(over_seeds, in_axes=(0, None, None)))(
     strengths, noise, jax.vmap(jax.random.key)(jnp.array(seeds))

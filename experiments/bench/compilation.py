@@ -14,7 +14,7 @@ from common import arguments, machine, report
 
 SWEEP = (
     "--controllers pid --gains low --noise 5e-4 --friction 5 --stiction 5 --epochs 1 --seeds 1"
-    " --iterations 2"
+    " --executions 2"
 )
 
 
@@ -40,7 +40,7 @@ def child() -> None:
         )
     )
     grid, plan = Grid(), layout(None, None, None)
-    job = LearningRun(PaperStudy(), grid.iterations).job()
+    job = LearningRun(PaperStudy(), grid.executions).job()
     first = {
         chunk.kind: chunk
         for chunk in chunks(list(points(grid.dims())), job, plan.devices, plan.per_device)

@@ -28,7 +28,7 @@ PAPERS_PROGRAM = (127.0, 184.0)  # [core-seconds]
 def main() -> None:
     options = arguments(__doc__ or "", rounds=3, epochs=20)
     grid = Grid(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,))
-    job, calls, compiling = LearningRun(PaperStudy(), grid.iterations).job(), {}, {}
+    job, calls, compiling = LearningRun(PaperStudy(), grid.executions).job(), {}, {}
     for at in points(grid.dims()):
         inputs, run, source = job.traced([at]), program(job.run, job.kind(at)), dict(at)["source"]
         began = time.perf_counter()
@@ -49,7 +49,7 @@ def main() -> None:
     )
     times = " to ".join(f"{figure / total:.0f}" for figure in PAPERS_PROGRAM)
     title = (
-        f"One configuration, {grid.iterations} executions, {options.epochs} epochs, medians of"
+        f"One configuration, {grid.executions} executions, {options.epochs} epochs, medians of"
         f" {options.rounds} rounds"
     )
     about = {"times_the_papers_program": times} if options.epochs == 20 else {}

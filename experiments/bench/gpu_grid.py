@@ -1,7 +1,7 @@
 """The full grid on the GPUs of one host: seconds to compile, seconds to run, memory, and what TF32
 would change.
 
-    python experiments/bench/gpu_grid.py [--json FILE] [--runs-per-device 320] [--seeds 10]
+    python experiments/bench/gpu_grid.py [--json FILE] [--per-device 320] [--seeds 10]
     [--profile 0]
 
 Networks are computed in full single precision. Tensor cores would round products' inputs to 10 bits
@@ -63,7 +63,7 @@ def precision_rows(study: PaperStudy) -> list[dict]:
         seeds=(1, 2, 3, 4),
         sources=("joint",),
     )
-    at, job = list(points(grid.dims())), runs.LearningRun(study, grid.iterations).job()
+    at, job = list(points(grid.dims())), runs.LearningRun(study, grid.executions).job()
     chunk = Chunk(job.kind(at[0]), at, len(at))
     found = {}
     for precision in (runs.MATMUL_PRECISION, "tensorfloat32"):
@@ -77,12 +77,12 @@ def precision_rows(study: PaperStudy) -> list[dict]:
             "what": f"TF32, execution {k}: median relative change of q_error",
             "figure": float(np.median(abs(tf32 / full - 1)[:, k])),
         }
-        for k in (1, 5, grid.iterations - 1)
+        for k in (1, 5, grid.executions - 1)
     ]
 
 
 def main() -> int:
-    options = arguments(__doc__ or "", runs_per_device=320, seeds=10, profile=0)
+    options = arguments(__doc__ or "", per_device=320, seeds=10, profile=0)
     if jax.default_backend() != "gpu":
         print(
             f"gpu_grid.py: expected a GPU; got {jax.default_backend()}; install jax[cuda] on a"
@@ -91,8 +91,8 @@ def main() -> int:
         )
         return 2
     study, grid = PaperStudy(), Grid(seeds=tuple(range(1, 1 + options.seeds)))
-    plan = layout(None, options.runs_per_device, None)
-    job = runs.LearningRun(study, grid.iterations).job()
+    plan = layout(None, options.per_device, None)
+    job = runs.LearningRun(study, grid.executions).job()
     kinds = len(set(map(job.kind, points(grid.dims()))))
     compiling, running, count = whole_grid(job, grid, plan, bool(options.profile))
     memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0) / 2**30

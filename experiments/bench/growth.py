@@ -17,12 +17,12 @@ AXES = (
 )
 
 
-def sweep(folder: Path, seeds: int, iterations: int) -> tuple[float, float]:
+def sweep(folder: Path, seeds: int, executions: int) -> tuple[float, float]:
     """Seconds and peak memory [MB] of one command with 4 · seeds configurations."""
     words = [
         *AXES.split(),
-        "--iterations",
-        str(iterations),
+        "--executions",
+        str(executions),
         "--seeds",
         *map(str, range(1, seeds + 1)),
     ]
@@ -47,14 +47,14 @@ def sweep(folder: Path, seeds: int, iterations: int) -> tuple[float, float]:
 
 
 def main() -> None:
-    options = arguments(__doc__ or "", doublings=4, iterations=6)
+    options = arguments(__doc__ or "", doublings=4, executions=6)
     table: list[dict] = []
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        sweep(folder, 2, options.iterations)  # compiles
+        sweep(folder, 2, options.executions)  # compiles
         (folder / "2.nc").unlink()
         for seeds in [2 * 2**k for k in range(1 + options.doublings)]:
-            seconds, memory = sweep(folder, seeds, options.iterations)
+            seconds, memory = sweep(folder, seeds, options.executions)
             before = table[-1]["seconds"] if table else None
             ratio = seconds / before if before else None
             table.append(
@@ -66,7 +66,7 @@ def main() -> None:
                 }
             )
     title = (
-        f"`jaxidl sweep`, start-up included, {options.iterations} executions of each learning run"
+        f"`jaxidl sweep`, start-up included, {options.executions} executions of each learning run"
     )
     report(title, table, options.json, machine=machine())
 

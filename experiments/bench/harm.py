@@ -51,11 +51,11 @@ WORDS = [
 WORDS += [
     "--sources",
     "joint",
-    "--iterations",
+    "--executions",
     "2",
     "--devices",
     "1",
-    "--runs-per-device",
+    "--per-device",
     "1",
     "--seeds",
 ]

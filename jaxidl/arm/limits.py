@@ -21,7 +21,7 @@ class Ambiguity:
     """Two laps through the same goals, the first one with a load."""
 
     mass: float = 2.5  # [kg]
-    iterations: int = 6
+    executions: int = 6
     seeds: tuple[int, ...] = (1, 2, 3)
     source: str = "joint"
 
@@ -56,9 +56,9 @@ def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
             _, runs, finite = learn_arm(
-                study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations
+                study, task.source, jnp.asarray(NOISE), jax.random.key(seed), task.executions
             )
-            laps = runs.tau_feedback_applied.reshape(task.iterations, 2, -1, runs.q.shape[-1])
+            laps = runs.tau_feedback_applied.reshape(task.executions, 2, -1, runs.q.shape[-1])
             return jnp.mean(laps**2, (2, 3)), finite
 
     mse, finite = wait(run(seed))
@@ -70,11 +70,11 @@ def identity(task: Ambiguity) -> dict[str, Any]:
     return {
         "arm": task.study(True).to_dict(),
         "source": task.source,
-        "iterations": task.iterations,
+        "executions": task.executions,
         "noise": NOISE,
     }
 
 
 def quick(task: Ambiguity) -> Ambiguity:
     """The same in a minute."""
-    return replace(task, iterations=3, seeds=task.seeds[:1])
+    return replace(task, executions=3, seeds=task.seeds[:1])

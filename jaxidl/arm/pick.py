@@ -33,7 +33,7 @@ class PickAndPlace:
 
     mass: float = 2.5  # of the tool [kg]
     seconds_each: float = 1.0
-    iterations: int = 3
+    executions: int = 3
     seeds: tuple[int, ...] = (1, 2, 3)
 
     def study(self, rate: float) -> ArmStudy:
@@ -100,7 +100,7 @@ def lifting_rates(task: PickAndPlace) -> Arrays:
 
 
 def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> Arrays:
-    """Executions with ``task.iterations`` − 1 trainings on data of one ``source`` between them, of
+    """Executions with ``task.executions`` − 1 trainings on data of one ``source`` between them, of
     one ``seed``.
 
     Returns:
@@ -114,7 +114,7 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
     def run(seed: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
             _, runs, finite = learn_arm(
-                study, source, jnp.asarray(NOISE), jax.random.key(seed), task.iterations
+                study, source, jnp.asarray(NOISE), jax.random.key(seed), task.executions
             )
             wanted = desired_trajectory(study.task()).q[::EVERY]
             return (
@@ -132,10 +132,10 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
 
 def identity(task: PickAndPlace, rate: float) -> dict[str, Any]:
     """All that determines a run at a ``rate`` besides source and seed."""
-    of = {"arm": task.study(rate).to_dict(), "iterations": task.iterations, "noise": NOISE}
+    of = {"arm": task.study(rate).to_dict(), "executions": task.executions, "noise": NOISE}
     return of | {"rates": RATES, "every": EVERY, "pick": PICK.tolist(), "place": PLACE.tolist()}
 
 
 def quick(task: PickAndPlace) -> PickAndPlace:
     """The same in a minute."""
-    return replace(task, iterations=2, seeds=task.seeds[:1])
+    return replace(task, executions=2, seeds=task.seeds[:1])

@@ -51,7 +51,7 @@ class ArmRun:
         """All that determines a result of the study besides the labels of runs."""
         return {
             "arm": self.arm.to_dict(),
-            "iterations": self.grid.iterations,
+            "iterations": self.grid.executions,
             "precision": PRECISION,
         }
 

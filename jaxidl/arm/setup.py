@@ -185,7 +185,7 @@ class Learned(NamedTuple):
     finite: Bool[Array, " K"]  # stayed everything finite, the training before included?
 
 
-def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations: int) -> Learned:
+def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions: int) -> Learned:
     """K executions with the trainings between them.
 
     ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell
@@ -193,11 +193,11 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, iterations:
     """
     setting, task = study.setting(noise), study.task()
     draws, starts = jax.random.split(jax.random.fold_in(key, 1_000_000))
-    off = jnp.clip(jax.random.normal(starts, (iterations, JOINTS)), -1.0, 1.0) * noise
+    off = jnp.clip(jax.random.normal(starts, (executions, JOINTS)), -1.0, 1.0) * noise
     refine = partial(zero_phase, model=setting.model, task=task, band=study.acceleration_band)
     metrics, learner, runs = learn(
         setting,
-        jax.random.normal(draws, (iterations, study.steps, JOINTS)),
+        jax.random.normal(draws, (executions, study.steps, JOINTS)),
         key,
         source=source,
         error_model=study.error_model,

@@ -61,7 +61,7 @@ class ArmGrid:
     accelerations: tuple[str, ...] = ACCELERATIONS
     sources: tuple[str, ...] = tuple(SOURCES)
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
-    iterations: int = 10
+    executions: int = 10
 
     def __post_init__(self) -> None:
         for what, given, known in (
@@ -89,7 +89,7 @@ class ArmGrid:
             and self.accelerations
             and self.sources
             and self.seeds
-            and self.iterations >= 2
+            and self.executions >= 2
         ):
             raise ConfigurationError(
                 "a value on every axis and two executions", f"{self}", "add what is missing"
@@ -105,7 +105,7 @@ class ArmGrid:
         }
 
 
-QUICK = ArmGrid(noise=(1e-5,), seeds=(1, 2), iterations=4)
+QUICK = ArmGrid(noise=(1e-5,), seeds=(1, 2), executions=4)
 
 
 class Summary(NamedTuple):
@@ -159,10 +159,10 @@ def summarise(
 
 @dataclass(frozen=True)
 class ArmLearning:
-    """One learning run on the arm, of ``iterations`` executions: what a sweep computes."""
+    """One learning run on the arm, of ``executions``: what a sweep computes."""
 
     study: ArmStudy
-    iterations: int
+    executions: int
 
     def __call__(
         self, *, acceleration: str, source: str, noise: Any, seed: Any
@@ -170,7 +170,7 @@ class ArmLearning:
         """Return :class:`Summary` by name."""
         study = replace(self.study, acceleration=acceleration)
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            _, runs, finite = learn_arm(study, source, noise, jax.random.key(seed), self.iterations)
+            _, runs, finite = learn_arm(study, source, noise, jax.random.key(seed), self.executions)
             return summarise(study, noise, runs, finite)._asdict()
 
 
@@ -186,13 +186,13 @@ def run_study(
     width = WIDTH.get(jax.default_backend(), len(grid.seeds))
     first = grid.accelerations[0]
     coords = {
-        "iteration": np.arange(grid.iterations),
+        "iteration": np.arange(grid.executions),
         "joint": np.arange(JOINTS) + 1,
-        "execution": [0, grid.iterations - 1],
+        "execution": [0, grid.executions - 1],
     }
     time = ("time", np.arange(0, study.steps, EVERY) * study.dt, {"units": "s"})
     return jobs.sweep(
-        ArmLearning(study, grid.iterations),
+        ArmLearning(study, grid.executions),
         grid.axes(),
         out,
         static=("acceleration", "source"),
@@ -225,7 +225,7 @@ def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
     @jax.jit
     def run(key: Any) -> Any:
         with jax.default_matmul_precision(MATMUL_PRECISION):
-            found = learn_arm(study, "joint", jnp.asarray(min(grid.noise)), key, grid.iterations)
+            found = learn_arm(study, "joint", jnp.asarray(min(grid.noise)), key, grid.executions)
             return found.learner.params, found.finite
 
     params, finite = wait(run(jax.random.key(grid.seeds[0])))

@@ -46,6 +46,9 @@ COMMANDS = {
 }
 
 
+RENAMED = {"--iterations": "--executions"}  # options by their old names
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; return its exit status."""
     STOP.clear()
@@ -98,6 +101,7 @@ def _leave() -> NoReturn:
 
 def _parse(arguments: list[str]) -> Callable[[], None] | None:
     """The command to run with its values, or None where help or the version was asked for."""
+    arguments = [_renamed(word) for word in arguments]
     if arguments == ["--version"]:
         print(f"jaxidl {__version__}")
         return None
@@ -125,6 +129,11 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
         if not stop.code:
             return None
         raise _unboxed(complaint.getvalue(), arguments) from None
+
+
+def _renamed(word: str) -> str:
+    name, equals, value = word.partition("=")
+    return RENAMED.get(name, name) + equals + value
 
 
 def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:

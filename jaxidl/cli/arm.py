@@ -13,34 +13,40 @@ def arm(
     *,
     out: Annotated[Path, arg(metavar="DIR")],
     quick: bool = False,
+    overwrite: bool = False,
     seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
     noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
-    iterations: int | None = None,
+    executions: int | None = None,
     experiments: Annotated[
         tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")
     ] = EXPERIMENTS,
 ) -> None:
-    """The paper's robot experiments on a simulated seven-joint arm; continue where an interrupted
-    run stopped.
+    """Run the paper's robot experiments on a simulated seven-joint arm.
+
+    The same command continues an interrupted run.
 
     Args:
         out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for
             a robot, and the figures.
         quick: two seeds, one noise level, four executions, less training: minutes.
+        overwrite: begin anew; what lies at --out is kept as DIR.old.
         seeds: run seeds of the study (default: 1 to 5).
         noise: encoder noise scales of the study [rad].
-        iterations: executions of the study (default: 10).
+        executions: of each learning run of the study (default: 10).
         experiments: which of them; the same folder takes the others later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text
     from jaxidl.backend import choose_devices
+    from jaxidl.jobs.pieces import set_aside
     from jaxidl.plot.arm_report import write_arm_figures
     from jaxidl.report import save
 
     choose_devices(None)
+    if overwrite:
+        set_aside(out, ("arm.json", "parts", "study.nc.parts"))
     run = arms.quick(arms.ArmRun()) if quick else arms.ArmRun()
-    given = {"seeds": seeds, "noise": noise, "iterations": iterations}
+    given = {"seeds": seeds, "noise": noise, "executions": executions}
     run = replace(
         run,
         grid=replace(

@@ -157,14 +157,15 @@ def gap_benchmark(
         root: from which all cases follow; 2026 is the one that the workflow is developed with, any
             other is new to it.
         processes: how many cases at a time (default: one a core).
-        overwrite: begin anew.
+        overwrite: begin anew; what lies at --out is kept as DIR.old.
     """
     from jaxidl.gap.benchmark.run import run_benchmark
+    from jaxidl.jobs.pieces import set_aside
     from jaxidl.plot.confusion import write_confusion
     from jaxidl.plot.reliability import write_reliability
 
-    score = run_benchmark(
-        out, families, severities, every, processes or os.cpu_count() or 1, overwrite, root
-    )
+    if overwrite:
+        set_aside(out, ("root.json",))
+    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, root)
     for path in (*write_confusion(score, out), *write_reliability(score, out)):
         print(f"wrote {path}")

@@ -11,15 +11,14 @@ from jaxidl.paper.request import Request
 def simulate(
     request: Annotated[Request, OmitArgPrefixes], *, out: Annotated[Path, arg(metavar="TRACE.npz")]
 ) -> None:
-    """One execution of the paper's point mass in float64, or one whole learning run when --source
-    is given.
+    """Simulate one execution of the paper's point mass, or with --source a whole learning run.
 
     Args:
         request: the run.
         out: where the trace goes: arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired,
             qdd_actual, tau, tau_inverse_desired, tau_inverse_actual, tau_feedback,
-            tau_feedback_applied, tau_feedforward; of a learning run as (iterations, 1000, 2), and
-            q_error, feedback_applied, qdd_error, torque, finite as (iterations,).
+            tau_feedback_applied, tau_feedforward; of a learning run as (executions, 1000, 2), and
+            q_error, feedback_applied, qdd_error, torque, finite as (executions,).
     """
     from jaxidl.paper.simulate import simulate as run
 

@@ -55,13 +55,13 @@ def reproduce(
     devices: int | None = None,
     overwrite: bool = False,
 ) -> None:
-    """The paper's whole simulation study: sweep, then figures and claims.
+    """Reproduce the paper's simulation study: sweep, then figures and claims.
 
     Args:
         quick: one seed of the lowest and highest noise: minutes instead of hours.
         out: folder; results, figures and claims go into its subfolder "study", or "quick".
         devices: how many CPU cores or accelerators to use (default: all).
-        overwrite: begin anew; the old results are kept beside the new ones.
+        overwrite: begin anew; what lies at --out is kept as FILE.nc.old.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep

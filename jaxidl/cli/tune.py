@@ -16,14 +16,16 @@ def tune(
     controller: Annotated[str | None, arg(metavar="pid|doomed")] = None,
     bound: float | None = None,
     steps: int = 30,
-    seeds: int = 4,
-    test_seeds: int = 20,
-    seed: int = 1,
+    runs: int = 4,
+    test_runs: int = 20,
+    root: int = 1,
     executions: int | None = None,
     epochs: int | None = None,
+    overwrite: bool = False,
 ) -> None:
-    """Controller and learner gains by gradient through learning, under a bound on feedback effort,
-    against random search.
+    """Tune controller and learner gains by gradient through learning; compare with random search.
+
+    Feedback effort stays within a bound.
 
     Args:
         out: folder for tune.json, tune.md and the figure; finished points are kept there, and the
@@ -32,14 +34,16 @@ def tune(
         controller: feedback law: pid (the default) or doomed on the point mass; the arm has doomed.
         bound: of the mean applied feedback [N or Nm] (default: that of the present gains).
         steps: of gradient descent; random search may cost as much.
-        seeds: learning runs that judge a point.
-        test_seeds: fresh learning runs that compare what was found.
-        seed: root of all of them.
+        runs: learning runs that judge a point.
+        test_runs: fresh learning runs that compare the gains found.
+        root: from which the seeds of all of them follow.
         executions: of each learning run (default: 4 on the point mass, 3 on the arm).
         epochs: of each training (default: 10 on the point mass, 8 on the arm).
+        overwrite: begin anew; what lies at --out is kept as DIR.old.
     """
     from jaxidl.backend import choose_devices
     from jaxidl.files import write_bytes
+    from jaxidl.jobs.pieces import set_aside
     from jaxidl.plot.tune import draw_tune  # matplotlib, and with the arm mujoco: slow to import
     from jaxidl.tune.problem import problem
     from jaxidl.tune.run import as_text
@@ -60,7 +64,9 @@ def tune(
         if sizes.get(name, least) < least:
             raise ConfigurationError(f"--{name} >= {least}", str(sizes[name]), "correct it")
     tuned = problem(plant, controller, **sizes)
-    search = Search(steps=steps, seeds=seeds, test_seeds=test_seeds, seed=seed)
+    if overwrite:
+        set_aside(out, ("tune.json", "points"))
+    search = Search(steps=steps, runs=runs, test_runs=test_runs, root=root)
     result = run(tuned, search, out, bound=bound)
     text = as_text(result)
     write_bytes(out / "tune.md", f"{text}\n".encode())

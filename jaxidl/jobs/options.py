@@ -10,7 +10,7 @@ class Options:
 
     devices: int | None = None
     """CPU cores or accelerators to use; None: all."""
-    runs_per_device: int | None = None
+    per_device: int | None = None
     """Runs of one chunk on each, a chunk being what an interruption can lose; None: 4 on a CPU, 320
     on a GPU.
     """
@@ -25,5 +25,4 @@ class Options:
 
     def keywords(self) -> dict[str, Any]:
         """Return the arguments by name."""
-        found = dict(vars(self))
-        return found | {"per_device": found.pop("runs_per_device")}
+        return dict(vars(self))

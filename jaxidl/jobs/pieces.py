@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import io
 import json
+import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -51,6 +52,36 @@ def alone(folder: Path, where: Path | None = None) -> Iterator[None]:
             (folder / "lock").unlink(missing_ok=True)
             folder.rmdir()
         lock.release()
+
+
+def set_aside(folder: Path, marks: tuple[str, ...]) -> None:
+    """Move a folder of results to ``FOLDER.old``, in place of an earlier one; do nothing where
+    there is none.
+
+    Args:
+        folder: where results lie.
+        marks: names of what such a folder holds; one of them must be there.
+
+    Raises:
+        StoreError: when another process is at work there, or it holds something else.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not any((folder / mark).exists() for mark in marks):
+        raise StoreError(
+            f"results of this command in {folder}", "something else", "choose another --out"
+        )
+    for lock in folder.glob("**/lock"):
+        with alone(lock.parent, folder):
+            pass
+    old = folder.with_name(f"{folder.name}.old")
+    try:
+        shutil.rmtree(old, ignore_errors=True)
+        folder.replace(old)
+    except OSError as error:
+        raise StoreError(
+            f"to move {folder} to {old}", str(error.strerror).lower(), "move it yourself"
+        ) from None
 
 
 def write_piece(path: Path, identity: str, arrays: Mapping[str, Any]) -> None:

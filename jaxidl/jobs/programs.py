@@ -110,7 +110,7 @@ def layout(
     width = (1 if kind == "cpu" else per_device) if width is None else width
     for name, value, most in (
         ("devices", devices, present),
-        ("runs-per-device", per_device, 10**6),
+        ("per-device", per_device, 10**6),
         ("width", width, per_device),
     ):
         if not 1 <= value <= most:

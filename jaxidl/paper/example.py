@@ -47,7 +47,7 @@ def example(run: Any, grid: Grid) -> xr.Dataset:
     at, study = example_point(grid), run.study
     _, runs = run.trace(at)
     dims = ("execution", "time", "joint")
-    shown = sorted({0, grid.iterations - 1})
+    shown = sorted({0, grid.executions - 1})
     variables: dict[str, tuple] = {
         f"example_{name}": (
             dims,

@@ -17,7 +17,7 @@ NOISE_LEVELS = {
     "printed": (1e-4, 5e-4, 7e-3, 8e-3),
 }
 LEVELS = ("noise", "friction", "stiction")
-COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "iterations": (1, 10_000)}
+COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "executions": (1, 10_000)}
 # that every results file has
 AXES = ("controller", "gain", "noise", "friction", "stiction", "epochs", "seed", "source")
 Value = float | int | str
@@ -45,7 +45,7 @@ class Axes:
     """Run seeds."""
     sources: tuple[str, ...] = SOURCES
     """Data sources: indirect, direct, joint."""
-    iterations: int = 20
+    executions: int = 20
     """Executions of each learning run; not an axis of configurations but of the results."""
 
 
@@ -71,7 +71,7 @@ class Grid(Axes):
             given: Any = getattr(self, name)  # lists, ranges, arrays are welcome
             plain = (
                 _plain(name, given)
-                if name == "iterations"
+                if name == "executions"
                 else tuple(_plain(name, value) for value in given)
             )
             object.__setattr__(self, name, plain)
@@ -116,7 +116,7 @@ class Grid(Axes):
         return {
             f.name: getattr(self, f.name)
             for f in fields(self)
-            if f.name not in ("iterations", "vary")
+            if f.name not in ("executions", "vary")
         }
 
     def dims(self) -> dict[str, tuple]:

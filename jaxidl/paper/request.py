@@ -23,10 +23,10 @@ class Request:
     seed: int = 1
     """Run seed; its noise is the reference program's own stream."""
     standard_normal: Path | None = None
-    """File of (1000, 2) or (iterations, 1000, 2) draws to use instead of the seed's."""
+    """File of (1000, 2) or (executions, 1000, 2) draws to use instead of the seed's."""
     source: str | None = None
     """Data source to learn from: indirect, direct or joint."""
-    iterations: int | None = None
+    executions: int | None = None
     """Executions of the learning run (default: 20)."""
     epochs: int = 20
     """Training epochs of each iteration."""

@@ -43,7 +43,7 @@ draws_of = lru_cache(64)(draw_noise)
 
 @dataclass(frozen=True)
 class LearningRun:
-    """One learning run of ``iterations`` executions at a point of the grid: what a sweep computes.
+    """One learning run of ``executions`` at a point of the grid: what a sweep computes.
 
     The key is the seed's alone: runs of one seed share initial weights and batch order whatever
     their condition, so differences between conditions and sources are paired, and a run's result
@@ -51,14 +51,14 @@ class LearningRun:
     """
 
     study: PaperStudy
-    iterations: int
+    executions: int
 
     def inputs(self, at: Mapping[str, Any]) -> dict[str, Any]:
         """Return a gain's index, a seed for JAX, and the standard-normal draws (K, T, J) of every
         execution.
         """
         steps = int(at.get("steps", self.study.steps))
-        draws = draws_of(int(at["seed"]), self.iterations, steps)
+        draws = draws_of(int(at["seed"]), self.executions, steps)
         return {
             "gain": np.int32(GAINS.index(at["gain"])),
             "seed": np.uint32(at["seed"]),
@@ -158,7 +158,7 @@ def run_sweep(
     """
     study = study or PaperStudy()
     check(study, grid.vary)
-    run = LearningRun(study, grid.iterations)
+    run = LearningRun(study, grid.executions)
     return jobs.sweep(
         run,
         grid.dims(),
@@ -168,11 +168,11 @@ def run_sweep(
         settings=identity(study, grid),
         variables=META,
         coords={
-            "iteration": np.arange(grid.iterations),
+            "iteration": np.arange(grid.executions),
             "noise": ("noise", list(grid.noise), {"units": "m"}),
         },
         also=xr.Dataset if grid.vary else partial(example, run, grid),
-        cost=partial(_cost, study, grid.iterations),
+        cost=partial(_cost, study, grid.executions),
         about={"title": TITLE, "precision": PRECISION},
         **running,
     )
@@ -196,7 +196,7 @@ def added(data: xr.Dataset) -> list[str]:
 
 def identity(study: PaperStudy, grid: Grid) -> dict:
     """Return everything besides the axes that determines a result."""
-    return {"study": settings_of(study), "iterations": grid.iterations, "precision": PRECISION}
+    return {"study": settings_of(study), "iterations": grid.executions, "precision": PRECISION}
 
 
 def settings_of(study: PaperStudy) -> dict:
@@ -206,10 +206,10 @@ def settings_of(study: PaperStudy) -> dict:
     return settings
 
 
-def _cost(study: PaperStudy, iterations: int, kind: Mapping[str, Any]) -> float:
+def _cost(study: PaperStudy, executions: int, kind: Mapping[str, Any]) -> float:
     """Training steps of one run, and the executions in the same unit: for the progress bar only."""
     more = {name: value for name, value in kind.items() if name not in AXES}
     study = varied(study, more)
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
     train_rows = (1 + study.kept) * study.training.train_mask(rows[kind["source"]]).sum()
-    return iterations * (kind["epochs"] * (train_rows // study.training.batch) + 0.02 * study.steps)
+    return executions * (kind["epochs"] * (train_rows // study.training.batch) + 0.02 * study.steps)

@@ -26,9 +26,9 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
     """
     study = study or PaperStudy()
     at = _checked(request)
-    iterations = 1 if request.source is None else request.iterations or 20
+    executions = 1 if request.source is None else request.executions or 20
     with jax.enable_x64(True):
-        draws = draw_noise(request.seed, iterations, study.steps)
+        draws = draw_noise(request.seed, executions, study.steps)
         if request.standard_normal is not None:
             draws = _load_draws(Path(request.standard_normal), draws.shape)
         arrays = (
@@ -50,9 +50,9 @@ def _checked(request: Request) -> dict[str, Any]:
     ):
         if value not in valid:
             raise one_of(f"--{what}", value, valid)
-    if request.source is None and request.iterations is not None:
+    if request.source is None and request.executions is not None:
         raise ConfigurationError(
-            "--source with --iterations", "no --source", "name the data source to learn from"
+            "--source with --executions", "no --source", "name the data source to learn from"
         )
     grid = Grid(
         (request.controller,),
@@ -63,7 +63,7 @@ def _checked(request: Request) -> dict[str, Any]:
         (request.epochs,),
         (request.seed,),
         ("joint" if request.source is None else request.source,),
-        20 if request.iterations is None else request.iterations,
+        20 if request.executions is None else request.executions,
     )
     return {name: values[0] for name, values in grid.dims().items()}
 

@@ -150,7 +150,7 @@ def _check(
 
 
 def draw_noise(
-    seed: int, iterations: int, steps: int, joints: int = 2
+    seed: int, executions: int, steps: int, joints: int = 2
 ) -> Float[np.ndarray, "K T J"]:
     """(K, T, J) standard-normal draws of run seed ``seed``: the reference program's own stream.
 
@@ -160,6 +160,6 @@ def draw_noise(
     """
     draws = [
         np.random.RandomState(seed + 100 * k).standard_normal((steps, joints))
-        for k in range(iterations)
+        for k in range(executions)
     ]
     return np.stack(draws)

@@ -46,7 +46,7 @@ def _coverage(data: xr.Dataset) -> str:
 
     def is_grid(grid: Grid, but: str = "") -> bool:
         same = all(axes[name] == set(values) for name, values in grid.axes().items() if name != but)
-        return same and data.sizes["iteration"] == grid.iterations
+        return same and data.sizes["iteration"] == grid.executions
 
     if json.loads(data.attrs["identity"])["study"] != settings_of(PaperStudy()):
         return "other settings than the paper's"

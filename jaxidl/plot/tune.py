@@ -44,8 +44,8 @@ def figure(result: dict[str, Any]) -> Figure:
         " executions; "
     )
     about += (
-        f"{search['seeds']} seeds to search, {search['test_seeds']} fresh ones; large: geometric"
-        " mean"
+        f"{search['runs']} runs judge a point, {search['test_runs']} fresh ones compare;"
+        " large: geometric mean"
     )
     drawn.supxlabel(about, fontsize=7.5, color="0.35")
     return drawn

@@ -60,14 +60,14 @@ def tune(
     }
     fixed |= {"gradient_cost": problem.gradient_cost}
     identity = {"problem": problem.settings, "precision": PRECISION, "bound": bound}
-    searched = {name: value for name, value in asdict(search).items() if name != "test_seeds"}
+    searched = {name: value for name, value in asdict(search).items() if name != "test_runs"}
     total = 2 * search.points(problem) + 1
     with (
         jax.enable_x64(True),
         Pieces(out / "points", identity | {"search": searched, "fixed": fixed}) as parts,
-        Bar("learning runs", total * search.seeds, quiet=quiet) as bar,
+        Bar("learning runs", total * search.runs, quiet=quiet) as bar,
     ):
-        tick: Callable[[int], None] = lambda runs: bar.advance(runs * search.seeds)
+        tick: Callable[[int], None] = lambda runs: bar.advance(runs * search.runs)
         at = as_it_is(problem, search, parts)
         tick(1)
         limit = float(np.mean(at["effort"])) if bound is None else float(np.log(bound))
@@ -79,7 +79,7 @@ def tune(
             way: trail.logs[trail.best(limit)] for way, trail in trails.items()
         }
         fresh = {way: judged(problem, logs[None], search.test()) for way, logs in found.items()}
-    costs = {"gradient": search.seeds * (problem.gradient_cost + 1), "random": search.seeds}
+    costs = {"gradient": search.runs * (problem.gradient_cost + 1), "random": search.runs}
     result = {
         "problem": problem.settings,
         "search": asdict(search),

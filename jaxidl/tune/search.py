@@ -36,12 +36,12 @@ class Search:
     """How much is searched; what it costs is counted in learning runs."""
 
     steps: int = 30  # of gradient descent
-    seeds: int = 4  # learning runs that judge a point
-    test_seeds: int = 20  # fresh ones that compare what was found
-    seed: int = 1  # root of all of them
+    runs: int = 4  # learning runs that judge a point
+    test_runs: int = 20  # fresh ones that compare what was found
+    root: int = 1  # of all their seeds
 
     def __post_init__(self) -> None:
-        for name, least in (("steps", 1), ("seeds", 1), ("test_seeds", 2), ("seed", 0)):
+        for name, least in (("steps", 1), ("runs", 1), ("test_runs", 2), ("root", 0)):
             if getattr(self, name) < least:
                 raise ConfigurationError(
                     f"{name} >= {least}", str(getattr(self, name)), "correct it"
@@ -55,14 +55,14 @@ class Search:
 
     def train(self) -> Integer[np.ndarray, " S"]:
         """Seeds below 2^30 that points are judged by."""
-        return np.random.default_rng([self.seed, 0]).integers(
-            2**30, size=self.seeds, dtype=np.uint32
+        return np.random.default_rng([self.root, 0]).integers(
+            2**30, size=self.runs, dtype=np.uint32
         )
 
     def test(self) -> Integer[np.ndarray, " S"]:
         """Seeds from 2^30 on that what was found is compared by."""
-        return np.random.default_rng([self.seed, 1]).integers(
-            2**30, 2**31, size=self.test_seeds, dtype=np.uint32
+        return np.random.default_rng([self.root, 1]).integers(
+            2**30, 2**31, size=self.test_runs, dtype=np.uint32
         )
 
 
@@ -136,7 +136,7 @@ def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
 def sample(problem: Problem, search: Search, parts: Pieces, tick: Callable[[int], None]) -> Trail:
     """Random search: the law as it is, then points drawn evenly between the bounds."""
     low, high = problem.bounds()
-    draws = np.random.default_rng(search.seed).uniform(
+    draws = np.random.default_rng(search.root).uniform(
         low, high, (search.points(problem), len(low))
     )
     draws[0] = problem.start

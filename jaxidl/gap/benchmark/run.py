@@ -5,7 +5,6 @@ score.
 import csv
 import io
 import json
-import shutil
 import time
 from collections.abc import Callable
 from functools import partial
@@ -64,7 +63,6 @@ def run_benchmark(
     severities: tuple[str, ...],
     every: int,
     processes: int,
-    overwrite: bool = False,
     root: int = DEVELOPMENT,
 ) -> dict[str, Any]:
     """Run what has no report yet, each case in its own process, and return the score, which is in
@@ -81,8 +79,6 @@ def run_benchmark(
     """
     cases = chosen(families, severities, every, root)
     _claim(out, root)
-    if overwrite:
-        shutil.rmtree(out / "reports", ignore_errors=True)
     _each(judge_case, cases, out, processes, lambda case: _report(out, case).is_file())
     driven = [case for case in cases if "lost" not in json.loads(_report(out, case).read_text())]
     known = _truth(driven, out)
