@@ -31,7 +31,7 @@ def run(path, study, grid, **options):
 
 def programs(study, grid):
     """Those of a sweep on two devices, one a kind."""
-    run = LearningRun(study, grid.iterations)
+    run = LearningRun(study, grid.executions)
     return [
         program(run, kind, 2, 1)
         for kind in {run.job(grid.vary).kind(at) for at in points(grid.dims())}
@@ -400,7 +400,7 @@ def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypat
         "--seeds",
         "1",
         "2",
-        "--iterations",
+        "--executions",
         "2",
         "--epochs",
         "1",

@@ -24,7 +24,7 @@ from jaxidl.models import Training
 from jaxidl.plot import arm, arm_report, arm_tasks
 
 GRID = ArmGrid(
-    noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), iterations=2
+    noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), executions=2
 )
 
 
@@ -265,7 +265,7 @@ def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
     "words",
     [
         ["--noise", "-1"],
-        ["--iterations", "1"],
+        ["--executions", "1"],
         ["--seeds", "x"],
         ["--experiments", "study", "dance"],
         ["--seeds", "1", "1"],
@@ -305,11 +305,11 @@ def tiny() -> ArmRun:
         accelerations=("causal", "zero_phase"),
         sources=("direct",),
         seeds=(1,),
-        iterations=2,
+        executions=2,
     )
     task, laps = (
-        replace(pick.PickAndPlace(), seeds=(1,), iterations=2),
-        replace(limits.Ambiguity(), seeds=(1,), iterations=2),
+        replace(pick.PickAndPlace(), seeds=(1,), executions=2),
+        replace(limits.Ambiguity(), seeds=(1,), executions=2),
     )
     return ArmRun(small(ArmStudy()), grid, task, laps, Logged(goals=2), 50)
 

@@ -20,13 +20,13 @@ from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import LearningRun
 
 GRID = Grid(
-    ("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), iterations=3
+    ("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), executions=3
 )
 
 
 @pytest.mark.slow
 def test_compiler_options_change_no_bit(small_study):
-    learning, at = LearningRun(small_study, GRID.iterations), list(points(GRID.dims()))
+    learning, at = LearningRun(small_study, GRID.executions), list(points(GRID.dims()))
     inputs, kind = learning.job().traced(at), dict(learning.job().kind(at[0]))
 
     def run(options):
@@ -47,7 +47,7 @@ def test_an_option_that_xla_no_longer_knows_is_left_out(monkeypatch):
 
 def test_networks_are_computed_in_full_single_precision(small_study):
     """On a GPU the default would be TF32."""
-    learning, at = LearningRun(small_study, GRID.iterations), list(points(GRID.dims()))
+    learning, at = LearningRun(small_study, GRID.executions), list(points(GRID.dims()))
     text = program(learning, learning.job().kind(at[0])).lower(learning.job().traced(at)).as_text()
     products = [line for line in text.splitlines() if "dot_general" in line and "xf32" in line]
     assert len(products) > 10
@@ -85,8 +85,8 @@ EIGHT_DEVICES = """
     from jaxidl.paper.runs import LearningRun
 
     study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
-    grid = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2, 3, 4), ("joint",), iterations=4)
-    learning, at = LearningRun(study, grid.iterations), list(points(grid.dims()))
+    grid = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2, 3, 4), ("joint",), executions=4)
+    learning, at = LearningRun(study, grid.executions), list(points(grid.dims()))
     inputs = learning.job().traced(at)
     runs = {}
     for devices in (1, 2, 8):

@@ -24,14 +24,14 @@ def results(error_of=lambda label, k: 1.0, finite_of=lambda label, k: True, grid
     """A results file in which run ``label`` has error ``error_of(label, k)`` in execution k, other
     numbers 1.
     """
-    rows = range(grid.iterations)
+    rows = range(grid.executions)
     runs = {}
     for at in points(grid.dims()):
         label = SimpleNamespace(**dict(at))
         errors = np.array([error_of(label, k) for k in rows], float)
         runs[at] = dict.fromkeys(("feedback_applied", "qdd_error", "torque"), np.ones(len(rows)))
         runs[at] |= {"q_error": errors, "finite": np.array([finite_of(label, k) for k in rows])}
-    data = assemble(grid.dims(), META, runs).assign_coords(iteration=np.arange(grid.iterations))
+    data = assemble(grid.dims(), META, runs).assign_coords(iteration=np.arange(grid.executions))
     return data.assign_attrs(identity=json.dumps({"study": settings_of(PaperStudy())}))
 
 
@@ -151,7 +151,7 @@ def test_one_seed_has_no_interval_and_a_part_of_the_grid_says_so():
 
 
 def test_too_few_executions_have_no_final_error():
-    rows = verdicts(results(as_in_the_paper, grid=replace(GRID, iterations=4)))
+    rows = verdicts(results(as_in_the_paper, grid=replace(GRID, executions=4)))
     assert rows["joint-ordering/pid"].verdict == "not in these results"
     assert rows["high-gain-first/pid"].verdict == "holds"
 

@@ -10,7 +10,7 @@ import time
 import numpy as np
 import pytest
 
-from jaxidl.cli import main
+from jaxidl.cli import _parse, main
 from tests.test_golden import ARRAYS, run_of
 
 WRONG = [
@@ -29,12 +29,12 @@ WRONG = [
     ["sweep", "--out", "{d}/r.nc", "--sources", "both"],
     ["sweep", "--out", "{d}/r.nc", "--friction", "-5"],
     ["sweep", "--out", "{d}/r.nc", "--epochs", "0"],
-    ["sweep", "--out", "{d}/r.nc", "--iterations", "0"],
-    ["sweep", "--out", "{d}/r.nc", "--iterations", "1", "2"],
+    ["sweep", "--out", "{d}/r.nc", "--executions", "0"],
+    ["sweep", "--out", "{d}/r.nc", "--executions", "1", "2"],
     ["sweep", "--out", "{d}/r.nc", "--noise-levels", "paper"],
     ["sweep", "--out", "{d}/r.nc", "--train-on", "nothing"],
     ["sweep", "--out", "{d}/r.nc", "--devices", "0"],
-    ["sweep", "--out", "{d}/r.nc", "--runs-per-device", "0"],
+    ["sweep", "--out", "{d}/r.nc", "--per-device", "0"],
     ["sweep", "--out", "{d}/text.txt/r.nc"],
     ["sweep", "--out", "{d}/text.txt"],
     ["sweep", "--out", "{d}/r.nc", "--bogus", "3"],
@@ -43,7 +43,7 @@ WRONG = [
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "mid"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--noise", "-1"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--seed", "-1"],
-    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--iterations", "3"],
+    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--executions", "3"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--source", "all"],
     [
         "simulate",
@@ -155,7 +155,7 @@ def test_simulate_a_learning_run(tmp_path):
         "high",
         "--source",
         "joint",
-        "--iterations",
+        "--executions",
         "3",
         "--epochs",
         "1",
@@ -166,6 +166,13 @@ def test_simulate_a_learning_run(tmp_path):
     assert data["q_error"].shape == (3,)
     assert not data["tau_feedforward"][0].any()
     assert data["tau_feedforward"][1].any()
+
+
+def test_the_old_name_of_executions_is_understood():
+    words = ["simulate", "--controller", "pid", "--gain", "low", "--source", "joint", "--out", "t"]
+    new = _parse([*words, "--executions", "3"])
+    for old in (["--iterations", "3"], ["--iterations=3"]):
+        assert _parse([*words, *old]).keywords == new.keywords
 
 
 @pytest.mark.slow
@@ -184,7 +191,7 @@ def test_sweep_then_figures_then_claims(tmp_path, capsys):
         "--epochs",
         "1",
     ]
-    words += ["--controllers", "pid", "--sources", "direct", "joint", "--iterations", "2"]
+    words += ["--controllers", "pid", "--sources", "direct", "joint", "--executions", "2"]
     assert main(["sweep", "--out", out, *words]) == 0
     assert main(["figures", out, "--out", str(tmp_path / "figs")]) == 0
     assert len(list((tmp_path / "figs").iterdir())) == 10
@@ -208,7 +215,7 @@ def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_
         "1",
         "--seeds",
         "1",
-        "--runs-per-device",
+        "--per-device",
         "1",
     ]
     env = {**os.environ, "JAX_PLATFORMS": "cpu"}

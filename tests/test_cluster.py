@@ -25,7 +25,7 @@ PRELUDE = """
 
     study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
     grid = Grid(("pid",), noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(1,), seeds=(1, 2, 3), sources=("joint",),
-                iterations=ITERATIONS)
+                executions=EXECUTIONS)
     folder = Path(sys.argv[1])
     names = ("q_error", "feedback_applied", "qdd_error", "torque", "finite")
 
@@ -59,8 +59,8 @@ TWO_NODES = """
 """  # noqa: E501
 
 
-def run_script(folder, code, iterations=3):
-    script = textwrap.dedent(PRELUDE).replace("ITERATIONS", str(iterations)) + textwrap.dedent(code)
+def run_script(folder, code, executions=3):
+    script = textwrap.dedent(PRELUDE).replace("EXECUTIONS", str(executions)) + textwrap.dedent(code)
     quiet = {"JAX_PLATFORMS": "cpu", "RAY_DEDUP_LOGS": "0", "PYTHONWARNINGS": "ignore"}
     done = subprocess.run(
         [sys.executable, "-c", script, str(folder)],
@@ -75,7 +75,7 @@ def run_script(folder, code, iterations=3):
 
 @pytest.mark.slow
 def test_a_cluster_that_loses_one_of_two_nodes_midway_gives_the_same_bits(tmp_path):
-    result = run_script(tmp_path, TWO_NODES, iterations=150)
+    result = run_script(tmp_path, TWO_NODES, executions=150)
     assert result["same"]
     # the node was lost while there was work left
     assert 3 <= result["parts"] < result["runs"] == 12

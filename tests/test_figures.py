@@ -19,7 +19,7 @@ from tests.test_claims import as_in_the_paper, results
 def shown(grid):
     """Made-up results of a grid with an example run of a small study."""
     study = PaperStudy(steps=60, error_model=ErrorModel(layers=(8, 1)))
-    run = example(LearningRun(study, grid.iterations), grid)
+    run = example(LearningRun(study, grid.executions), grid)
     return results(as_in_the_paper, grid=grid).merge(run, combine_attrs="no_conflicts")
 
 
@@ -43,7 +43,7 @@ def test_quick_figures_say_so_and_whole_ones_do_not(quick):
         assert "QUICK" in draw(quick)._supxlabel.get_text()
     assert caption(results(grid=Grid())).startswith("whole study: 10 seeds")
     assert caption(results(grid=Grid(seeds=(1, 2, 3)))).startswith("all settings: 3 seeds")
-    assert caption(results(grid=Grid(iterations=2, seeds=(1,)))).startswith("part of the grid")
+    assert caption(results(grid=Grid(executions=2, seeds=(1,)))).startswith("part of the grid")
     assert caption(results(grid=Grid(noise=NOISE_LEVELS["printed"], seeds=(1,)))).startswith(
         "part of the grid"
     )
@@ -107,5 +107,5 @@ def test_results_without_an_example_run_are_named(tmp_path):
 
 @pytest.mark.slow
 def test_a_study_of_one_execution_is_drawn_too(quick, tmp_path):
-    data = shown(replace(Grid.quick(), iterations=1))
+    data = shown(replace(Grid.quick(), executions=1))
     assert len(draw_all(data, tmp_path)) == 2 * len(FIGURES)

@@ -12,6 +12,7 @@ import pytest
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.jobs import Variable, geometric, read, sweep
 from jaxidl.jobs import progress as progressing
+from jaxidl.jobs.pieces import Pieces, set_aside
 from jaxidl.jobs.pool import each
 from jaxidl.jobs.programs import Job
 
@@ -157,6 +158,24 @@ def test_the_example_runs_stops_and_continues(tmp_path, monkeypatch):
 
 def _stop():
     raise KeyboardInterrupt
+
+
+def test_a_folder_of_results_is_set_aside_and_nothing_else_is(tmp_path):
+    folder, old = tmp_path / "out", tmp_path / "out.old"
+    for text in ("first", "second"):
+        folder.mkdir()
+        (folder / "root.json").write_text(text)
+        set_aside(folder, ("root.json", "parts"))
+        assert not folder.exists()
+        assert (old / "root.json").read_text() == text
+    set_aside(folder, ("root.json",))  # nothing there
+    folder.mkdir()
+    (folder / "letter.txt").write_text("mine")
+    with pytest.raises(StoreError, match="something else"):
+        set_aside(folder, ("root.json",))
+    with Pieces(folder / "parts", {}), pytest.raises(StoreError, match="another process"):
+        set_aside(folder, ("parts",))
+    assert (folder / "letter.txt").read_text() == "mine"
 
 
 def test_without_a_terminal_a_line_a_minute_says_how_far_it_is(capsys, monkeypatch):

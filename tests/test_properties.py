@@ -21,7 +21,7 @@ from jaxidl.learning.sources import SOURCES, TRAIN_ON
 from jaxidl.paper.grid import CONTROLLERS, GAINS
 
 FLOATS = {"noise": (0.0, 1.0), "friction": (0.0, 12.0), "stiction": (0.0, 1000.0)}
-COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "iterations": (1, 10_000)}
+COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "executions": (1, 10_000)}
 NAMES = {"controllers": CONTROLLERS, "gains": GAINS, "sources": tuple(SOURCES)}
 LINES = {"noise-levels": ("program", "printed"), "train-on": TRAIN_ON}
 ODD = [
@@ -195,7 +195,7 @@ def numbers(axis, words):
     right = (
         values and len(set(values)) == len(values) and all(low <= value <= high for value in values)
     )
-    return values if right and not (axis == "iterations" and len(values) > 1) else None
+    return values if right and not (axis == "executions" and len(values) > 1) else None
 
 
 def same(a, b) -> bool:
@@ -255,7 +255,7 @@ def test_names_on_an_axis_are_taken_once_each_or_refused(asked, axis, data):
 def test_a_layout_within_the_machine_is_taken_and_any_other_refused(
     asked, devices, per_device, width
 ):
-    given_words = {"--devices": devices, "--runs-per-device": per_device, "--width": width}
+    given_words = {"--devices": devices, "--per-device": per_device, "--width": width}
     words = [
         word for name, value in given_words.items() if value is not None for word in (name, value)
     ]
@@ -299,8 +299,7 @@ PIECES += [
     "--",
 ]
 PIECES += [
-    f"--{name}"
-    for name in (*FLOATS, *COUNTS, *NAMES, *LINES, "devices", "runs-per-device", "width")
+    f"--{name}" for name in (*FLOATS, *COUNTS, *NAMES, *LINES, "devices", "per-device", "width")
 ]
 BEGIN = {
     "sweep": ["--out", "r.nc"],
@@ -335,10 +334,10 @@ def test_no_heap_of_words_gets_a_traceback_or_leaves_a_file(asked, start, words,
         st.sampled_from(["friction", "stiction", "noise", "seeds", "epochs"]), max_size=2
     ),
     source=st.none() | st.sampled_from([*SOURCES, "both", ""]),
-    iterations=st.none() | st.sampled_from(["1", "3", "0", "-1", "x", "10001"]),
+    executions=st.none() | st.sampled_from(["1", "3", "0", "-1", "x", "10001"]),
 )
 def test_a_simulation_runs_or_is_refused_without_a_trace(
-    asked, values, given_names, source, iterations
+    asked, values, given_names, source, executions
 ):
     words = [
         word
@@ -346,16 +345,16 @@ def test_a_simulation_runs_or_is_refused_without_a_trace(
         for word in (f"--{name.replace('seeds', 'seed')}", values[name])
     ]
     words += [] if source is None else ["--source", source]
-    words += [] if iterations is None else ["--iterations", iterations]
+    words += [] if executions is None else ["--executions", executions]
     said = say(["simulate", *BEGIN["simulate"], *words])
     right = source in (None, *SOURCES) and all(
         numbers(name, [values[name]]) for name in given_names
     )
-    right &= iterations is None or (source is not None and iterations in ("1", "3"))
+    right &= executions is None or (source is not None and executions in ("1", "3"))
     assert said.status == (0 if right else 2), said.err
     assert os.listdir() == (["t.npz"] if right else [])
     if right:
-        shape = (1000, 2) if source is None else (int(iterations or 20), 1000, 2)
+        shape = (1000, 2) if source is None else (int(executions or 20), 1000, 2)
         with np.load("t.npz") as trace:
             assert trace["draws"].shape == shape
         os.unlink("t.npz")

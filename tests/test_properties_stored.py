@@ -75,7 +75,7 @@ def axes(draw) -> dict:
         found[name] = draw(
             st.lists(right, min_size=1, max_size=3, unique=True) | st.lists(right | ANY, max_size=3)
         )
-    return found | {"iterations": draw(st.integers(-1, 3) | ANY)}
+    return found | {"executions": draw(st.integers(-1, 3) | ANY)}
 
 
 @examples(150)
@@ -94,7 +94,7 @@ def test_a_grid_is_refused_or_each_of_its_runs_has_a_label_of_its_own_that_survi
         > 0
     )
     assert [tuple(map(tuple, row)) for row in json.loads(json.dumps(labels))] == labels
-    assert type(grid.iterations) is int
+    assert type(grid.executions) is int
 
 
 MEASURES = (
@@ -165,9 +165,9 @@ def bits(runs: Runs) -> dict:
     }
 
 
-def metrics_of(draw, runs: int, iterations: int) -> Metrics:
+def metrics_of(draw, runs: int, executions: int) -> Metrics:
     """Any numbers at all: infinite, NaN of either sign, denormal."""
-    shape = (runs, iterations)
+    shape = (runs, executions)
     columns = {
         name: draw(hnp.arrays(np.float64, shape)) for name in Metrics._fields if name != "finite"
     }
@@ -175,11 +175,11 @@ def metrics_of(draw, runs: int, iterations: int) -> Metrics:
 
 
 @examples(40)
-@given(data=st.data(), labels=LABELS, iterations=st.integers(1, 3), cut=st.integers(0, 4))
+@given(data=st.data(), labels=LABELS, executions=st.integers(1, 3), cut=st.integers(0, 4))
 def test_runs_come_back_bit_for_bit_whatever_they_are_called_and_hold(
-    data, labels, iterations, cut
+    data, labels, executions, cut
 ):
-    metrics = metrics_of(data.draw, len(labels), iterations)
+    metrics = metrics_of(data.draw, len(labels), executions)
     chunks = [piece for piece in (slice(0, cut), slice(cut, None)) if labels[piece]]
     with tempfile.TemporaryDirectory() as folder:
         with Store(Path(folder, "r.nc"), IDENTITY, META) as store:
@@ -327,7 +327,7 @@ def test_a_valid_grid_runs_and_its_results_carry_what_was_asked(chosen):
         # in the order asked, to the sign of zero
         assert repr(stored[dim].values.tolist()) == repr(list(wanted))
     for name in Metrics._fields:
-        assert stored[name].sizes["iteration"] == asked.iterations
+        assert stored[name].sizes["iteration"] == asked.executions
         assert (
             stored[name].values.tobytes()
             == data[name].values.tobytes()

@@ -30,7 +30,7 @@ SMALL = Grid(
     epochs=(1,),
     seeds=(1, 2),
     sources=("joint",),
-    iterations=3,
+    executions=3,
 )  # 8 runs
 
 
@@ -66,7 +66,7 @@ def test_printed_noise_levels_are_a_named_alternative():
         ("seeds", (1, 1), "once"),
         ("seeds", (-1,), "seeds between 0"),
         ("epochs", (0,), "epochs between 1"),
-        ("iterations", 0, "iterations between 1"),
+        ("executions", 0, "executions between 1"),
     ],
 )
 def test_impossible_grids_are_refused(axis, values, complaint):
@@ -141,7 +141,7 @@ def test_a_traced_run_is_the_grids_run(whole):
     data, _, study = whole
     at = dict(next(points(SMALL.dims())))
     with jax.enable_x64(True):
-        metrics, _ = LearningRun(study, SMALL.iterations).trace(at)
+        metrics, _ = LearningRun(study, SMALL.executions).trace(at)
     row = data.q_error.sel(at)
     # another program: other rounding
     np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)

@@ -41,7 +41,7 @@ def problem():
     )
 
 
-SEARCH = Search(steps=60, seeds=2, test_seeds=6)
+SEARCH = Search(steps=60, runs=2, test_runs=6)
 
 
 def test_the_numbers_of_a_law_have_names_bounds_and_a_way_back():
@@ -160,14 +160,14 @@ def test_ratios_are_paired_by_seed():
 
 
 def test_seeds_that_compare_are_not_those_that_search():
-    search = Search(seeds=600, test_seeds=600, seed=5_000_000)
+    search = Search(runs=600, test_runs=600, root=5_000_000)
     assert not set(search.train()) & set(search.test())
     assert len(set(search.train())) == len(set(search.test())) == 600
 
 
 def test_gains_that_diverge_are_never_called_better(tmp_path):
     """On fresh seeds, two of which throw the larger rate."""
-    fresh = Search(steps=60, seeds=2, test_seeds=6).test()
+    fresh = Search(steps=60, runs=2, test_runs=6).test()
 
     def thrown(law, seed, smooth, derivative):
         out = bowl(law, seed, smooth, derivative)
