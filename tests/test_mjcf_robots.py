@@ -95,7 +95,7 @@ def test_files_of_mjcf_that_are_not_there(tmp_path):
     )
     model = read_model(stored(tmp_path, text))
     assert [note for note in model.notes if "texture" in note or "mesh" in note] == [
-        "2 mesh files not found or not readable: left out, dynamics needs no geometry",
+        "2 mesh files not found or not readable: left out, the dynamics need no geometry",
         "1 texture file not found: left out",
     ]
     assert model.plant.body.source.body_mass[1] == 1.0
@@ -232,7 +232,7 @@ def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
         model = read_model(path, joints=rest, locked={} if at is None else {name: at})
         assert model.names == tuple(reversed(rest))  # in the file's order
         assert (
-            f"locked, for they are not among the joints asked for: {name} at {at or 0:.4g}"
+            f"locked, because they are not among the chosen joints: {name} at {at or 0:.4g}"
             in model.notes
         )
         motion = states(2, 3)
@@ -282,14 +282,14 @@ def test_a_joint_that_mimics_another_is_locked(tmp_path):
     path = stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf")
     assert names_of(path) == ("j1", "j2", "j3")
     model = read_model(path)
-    assert "joint j4 mimics j2: it is locked at 0.2, its own motion plays no part" in model.notes
+    assert "joint j4 mimics j2: it is locked at 0.2 and its own motion is ignored" in model.notes
     motion = states(4, 3)
     expected = fused(urdf(), "j4", 0.2)(*motion)
     np.testing.assert_allclose(
         torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
     )
     part = read_model(path, joints=["j3"], locked={"j2": 0.4})
-    assert "joint j4 mimics j2: it is locked at 0, its own motion plays no part" in part.notes
+    assert "joint j4 mimics j2: it is locked at 0 and its own motion is ignored" in part.notes
     with pytest.raises(ModelError, match="j4, which mimics j2"):
         read_model(path, joints=["j1", "j4"])
 
@@ -341,7 +341,7 @@ def test_what_must_be_made_into_urdf_first(tmp_path):
     assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(
         stored(tmp_path, xacro, "robot.urdf.xacro")
     )
-    assert "SDF is not read" in complaint(
+    assert "SDF is not supported" in complaint(
         stored(tmp_path, '<sdf version="1.9"></sdf>', "robot.sdf")
     )
 

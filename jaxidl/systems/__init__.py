@@ -1,4 +1,4 @@
-"""Rigid bodies, and plants made of them."""
+"""Rigid bodies, and plants built from them."""
 
 from jaxidl.systems.plant import Plant, RigidBody, integrate
 from jaxidl.systems.point_mass import PointMass, point_mass

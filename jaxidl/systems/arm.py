@@ -1,4 +1,4 @@
-"""The seven-joint arm of the robot experiments: its file, its poses, where its flange is."""
+"""The seven-joint arm of the robot experiments: its file, poses and the position of its flange."""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -16,12 +16,12 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.systems.mjcf import Model, read_model
 
 JOINTS = 7
-FLANGE = np.array([0.0, 0.0, 0.06])  # in the last link's frame [m]
+FLANGE = np.array([0.0, 0.0, 0.06])  # position in the last link's frame [m]
 
 
 @cache
 def arm() -> Model:
-    """The modelled arm: a rigid body and nothing else."""
+    """Return the modelled arm: a rigid body and nothing else."""
     with (
         as_file(files("jaxidl.systems") / "arm.xml") as path,
         jax.ensure_compile_time_eval(),
@@ -32,17 +32,20 @@ def arm() -> Model:
 
 @cache
 def compiled() -> mujoco.MjModel:
-    """The same file in C, with its shapes."""
+    """Return the same model compiled by MuJoCo in C, with its shapes."""
     return mujoco.MjModel.from_xml_string((files("jaxidl.systems") / "arm.xml").read_text())
 
 
 def torque_limits() -> Float[np.ndarray, "7"]:
-    """Largest torque of each joint [Nm]."""
+    """Return the largest torque of each joint [Nm]."""
     return compiled().jnt_actfrcrange[:, 1].copy()
 
 
 def inertia(q: Float[np.ndarray, "7"]) -> Float[np.ndarray, "7"]:
-    """Diagonal (7,) of the modelled inertia matrix [kg m^2] at joint positions ``q`` (7,) [rad]."""
+    """Return the diagonal (7,) of the modelled inertia matrix [kg m^2].
+
+    ``q`` (7,) are the joint positions [rad].
+    """
     model, data = compiled(), mujoco.MjData(compiled())
     data.qpos[:], matrix = q, np.zeros((JOINTS, JOINTS))
     mujoco.mj_forward(model, data)
@@ -51,8 +54,9 @@ def inertia(q: Float[np.ndarray, "7"]) -> Float[np.ndarray, "7"]:
 
 
 def inverse_dynamics_in_c() -> Callable[..., Float[np.ndarray, "7"]]:
-    """The modelled torque (7,) [Nm] for positions, velocities and accelerations (7,) each, by
-    MuJoCo in C: a yardstick.
+    """Return a function that computes the modelled torque by MuJoCo in C, as a reference.
+
+    It maps positions, velocities and accelerations (7,) each to the torque (7,) [Nm].
     """
     model = arm().plant.body.source
     data = mujoco.MjData(model)
@@ -66,13 +70,13 @@ def inverse_dynamics_in_c() -> Callable[..., Float[np.ndarray, "7"]]:
 
 
 def flange(q: Float[np.ndarray, "*T 7"]) -> Float[np.ndarray, "*T 3"]:
-    """Positions (..., 3) of the flange [m] at joint positions (..., 7) [rad]."""
+    """Return positions (..., 3) of the flange [m] at joint positions (..., 7) [rad]."""
     data, poses = mujoco.MjData(compiled()), np.reshape(q, (-1, JOINTS))
     return np.stack([_flange(data, pose)[0] for pose in poses]).reshape(*np.shape(q)[:-1], 3)
 
 
 def _flange(data: mujoco.MjData, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) and frame (3, 3) of the flange."""
+    """Return position (3,) and frame (3, 3) of the flange."""
     data.qpos[:] = pose
     mujoco.mj_kinematics(compiled(), data)
     frame = data.xmat[-1].reshape(3, 3)
@@ -82,14 +86,14 @@ def _flange(data: mujoco.MjData, pose: np.ndarray) -> tuple[np.ndarray, np.ndarr
 def reach(
     place: Float[np.ndarray, "3"], near: Float[np.ndarray, "7"], rounds: int = 300
 ) -> Float[np.ndarray, "7"]:
-    """Joint positions (7,) with the flange at ``place`` (3,) [m] pointing down, close to the pose
-    ``near`` (7,).
+    """Return joint positions (7,) that put the flange at ``place`` (3,) [m], pointing down.
 
-    Damped least squares on position, direction of the tool and, weakly, distance from ``near``.
+    They are close to the pose ``near`` (7,): damped least squares on position, direction of the
+    tool and, weakly, distance from ``near``.
 
     Raises:
         ConfigurationError: if the flange does not get within a millimetre of the place and a degree
-            of down.
+            of pointing down.
     """
     model, data, q = compiled(), mujoco.MjData(compiled()), np.array(near, float)
     low, high = model.jnt_range.T
@@ -109,6 +113,8 @@ def reach(
     if np.linalg.norm(at - place) > 1e-3 or frame[2, 2] > -np.cos(np.deg2rad(1.0)):
         got = f"{np.round(place, 3).tolist()} m"
         raise ConfigurationError(
-            "a place that the arm reaches with its tool down", got, "choose one nearer to its base"
+            "a place that the arm reaches with its tool pointing down",
+            got,
+            "choose one closer to its base",
         )
     return q

@@ -1,5 +1,6 @@
-"""Files that a model names: dynamics needs none of them but for inertia that is inferred from a
-mesh.
+"""Files that a model refers to.
+
+The dynamics need none of them, except where an inertia is inferred from a mesh.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -12,20 +13,20 @@ import numpy as np
 
 from jaxidl.errors import ModelError
 
-MESHES = (".stl", ".obj", ".msh")  # what MuJoCo reads
+MESHES = (".stl", ".obj", ".msh")  # formats that MuJoCo reads
 
 
 def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
-    """Remove meshes, height fields, skins and textures whose files are not there, with the geometry
-    made of them.
+    """Remove meshes, height fields, skins and textures whose files are missing.
 
-    A link of a URDF file weighs what its ``<inertial>`` says, whether or not its shape is there.
+    The geometry made of them is removed too. A link of a URDF file has the mass given by its
+    ``<inertial>``, whether or not its shape is there.
 
     Returns:
         Notes on what was removed.
 
     Raises:
-        ModelError: if the inertia of a body that moves was to be inferred from what is missing.
+        ModelError: if the inertia of a body that moves was to be inferred from a missing file.
     """
     notes = _weightless(spec) if urdf else []
     shapes = spec.compiler.meshdir
@@ -44,7 +45,7 @@ def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
         if mesh or geom.hfieldname in fields:
             if mesh and _weighs(spec, geom) and _moves(geom.parent):
                 file, name = gone[geom.meshname].file, _called(geom.parent)
-                remedy = "give it an <inertial>, or the file"
+                remedy = "give it an <inertial>, or provide the file"
                 raise ModelError(
                     f"{path} to have the inertia of body {name}",
                     f"a mesh {file} that cannot be read",
@@ -57,8 +58,8 @@ def drop_missing(spec: mujoco.MjSpec, path: Path, urdf: bool) -> list[str]:
         spec.delete(element)
     if count:
         notes.append(
-            f"{count} mesh file{'s' * (count > 1)} not found or not readable: left out, dynamics"
-            " needs no geometry"
+            f"{count} mesh file{'s' * (count > 1)} not found or not readable: left out, the"
+            " dynamics need no geometry"
         )
     if textures := [
         t
@@ -80,7 +81,7 @@ _FITTED = (
     mujoco.mjtGeom.mjGEOM_ELLIPSOID,
     mujoco.mjtGeom.mjGEOM_CYLINDER,
     mujoco.mjtGeom.mjGEOM_BOX,
-)  # primitives may be fitted to a mesh
+)  # these primitives may be fitted to a mesh
 
 
 def _weightless(spec: mujoco.MjSpec) -> list[str]:
@@ -92,11 +93,11 @@ def _weightless(spec: mujoco.MjSpec) -> list[str]:
                 geom.mass = 0.0
             if _moves(body):
                 named.append(body.name)
-    return [f"link {name} has a shape but no <inertial>: it weighs nothing" for name in named]
+    return [f"link {name} has a shape but no <inertial>: it has no mass" for name in named]
 
 
 def _called(body: mujoco.MjsBody) -> str:
-    """What to call a body."""
+    """Return how to refer to a body."""
     return body.name or next(
         (f"of joint {joint.name}" for joint in body.joints if joint.name), "without a name"
     )
@@ -111,7 +112,7 @@ def _usable(spec: mujoco.MjSpec, path: Path, folder: str, file: str) -> bool:
 
 
 def _there(spec: mujoco.MjSpec, path: Path, folder: str, file: str) -> bool:
-    """Is the file where MuJoCo looks for it?"""
+    """Return whether the file is where MuJoCo looks for it."""
     try:
         return (path.parent / folder / (Path(file).name if spec.strippath else file)).is_file()
     except (OSError, ValueError):  # a name that no file can have
@@ -119,7 +120,7 @@ def _there(spec: mujoco.MjSpec, path: Path, folder: str, file: str) -> bool:
 
 
 def _weighs(spec: mujoco.MjSpec, geom: mujoco.MjsGeom) -> bool:
-    """Is a geom's mass part of its body's?"""
+    """Return whether a geom's mass is part of its body's."""
     infer = spec.compiler.inertiafromgeom
     if infer == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE:
         return False

@@ -1,4 +1,4 @@
-"""What MuJoCo has for the effects: numbers of joints and bodies, and a motor for each joint."""
+"""MuJoCo's attributes for effects: numbers of joints and bodies, and a motor for each joint."""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -17,11 +17,10 @@ from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass
 
 
 class Numbers:
-    """The attributes of a compiled model that effects are written into; J joints. Effects add to
-    them in place.
+    """The attributes of a compiled model of J joints into which effects are written.
 
-    ``own`` gives those of one joint, as arrays of one element, and ``alter`` writes what makes
-    another rigid body.
+    Effects add to them in place. ``own`` gives those of one joint, as arrays of one element, and
+    ``alter`` writes effects that alter the rigid body.
     """
 
     def __init__(self, model: mujoco.MjModel):
@@ -33,8 +32,9 @@ class Numbers:
         self._together = False
 
     def expect(self, effects: Sequence[Effect]) -> None:
-        """Get ready for ``effects``: what they make of the rigid body together may be possible, and
-        one of them alone not.
+        """Prepare for ``effects``.
+
+        The rigid body that they produce together may be possible where that of one alone is not.
         """
         altered = self.rigid
         for effect in effects:
@@ -42,7 +42,7 @@ class Numbers:
         self._together = altered.possible()
 
     def own(self, joint: int) -> "Numbers":
-        """Return the numbers of one joint; what is added to them is added to these."""
+        """Return a view of the numbers of one joint; adding to it adds to these."""
         one = copy.copy(self)
         for name in ("damping", "frictionloss", "stiffness", "springref"):
             setattr(one, name, getattr(self, name)[joint : joint + 1])
@@ -54,8 +54,9 @@ class Numbers:
         return self.rigid.armature
 
     def alter(self, effect: Effect) -> str | None:
-        """Write what an effect makes of the rigid body and return where; None, with nothing
-        changed, if MJCF cannot have it.
+        """Write the change that an effect makes to the rigid body, and return where.
+
+        None, with nothing changed, if MJCF cannot express it.
         """
         altered = effect.alter(self.rigid)
         if not self._together and not altered.possible():
@@ -76,7 +77,7 @@ class Numbers:
 
 
 class Principal(NamedTuple):
-    """A body's inertia as MJCF has it."""
+    """A body's inertia as MJCF gives it."""
 
     mass: float  # [kg]
     pos: np.ndarray  # (3,) centre of mass [m]
@@ -85,7 +86,7 @@ class Principal(NamedTuple):
 
 
 class Rigid(NamedTuple):
-    """A rigid body in numbers, altered as any other; J joints, B bodies."""
+    """A rigid body as numbers, altered as any other body; J joints, B bodies."""
 
     model: mujoco.MjModel
     armature: np.ndarray  # (J,)
@@ -114,13 +115,17 @@ class Rigid(NamedTuple):
         return self._replace(gravity=self.gravity + level(self.model) @ np.asarray(angles, float))
 
     def carried(self) -> list[Principal]:
-        """Return the loads that can be bodies of their own; the others belong to the body that
-        carries them.
+        """Return the loads that can be bodies of their own.
+
+        The others are added to the body that carries them.
         """
         return [found for load in self.loads if (found := principal(load, 0.0))]
 
     def bodies(self) -> dict[int, Principal | None]:
-        """Return the bodies that were changed, by number; None where no body has such numbers."""
+        """Return the bodies that were changed, by number.
+
+        The value is None where no body has such numbers.
+        """
         numbers = self.links.copy()
         for load in self.loads:
             if principal(load, 0.0) is None:
@@ -130,11 +135,11 @@ class Rigid(NamedTuple):
         return {b: self._body(numbers[b], before[b], b) for b in changed}
 
     def possible(self) -> bool:
-        """Has MJCF such a body?"""
+        """Return whether MJCF can express such a body."""
         return not np.any(self.armature < 0.0) and None not in self.bodies().values()
 
     def _body(self, numbers: np.ndarray, before: np.ndarray, b: int) -> Principal | None:
-        """A body that is heavier or lighter all over keeps its axes."""
+        """Return a changed body; one that became heavier or lighter all over keeps its axes."""
         model, share = self.model, numbers[0] / before[0] if before[0] else 0.0
         if share * before[0] > mujoco.mjMINVAL and np.allclose(
             numbers, share * before, rtol=1e-12, atol=0.0
@@ -149,10 +154,9 @@ class Rigid(NamedTuple):
 
 
 def principal(numbers: np.ndarray, least: float) -> Principal | None:
-    """Return mass, centre, axes and principal moments of ten inertial parameters; None if no body
-    has them.
+    """Return mass, centre, axes and principal moments of ten inertial parameters.
 
-    Moments must be larger than ``least``, or zero where that is.
+    None if no body has them. Moments must be larger than ``least``, or zero where that is zero.
     """
     mass = float(numbers[0])
     if not mass > mujoco.mjMINVAL:
@@ -176,24 +180,23 @@ def principal(numbers: np.ndarray, least: float) -> Principal | None:
 
 
 def kind(effect: Effect) -> type[Effect]:
-    """The effect's class, whether it is on one joint or on all."""
+    """Return the effect's class, whether it is on one joint or on all."""
     return type(effect.effect) if isinstance(effect, OnJoint) else type(effect)
 
 
 def drives(effect: Effect, joints: int) -> bool:
-    """Is the effect one that MuJoCo's motors have?"""
+    """Return whether the effect is one that MuJoCo's motors can have."""
     return any(effect.mjcf_motor(Motor(), j) not in (None, Motor()) for j in range(joints))
 
 
 def motors(effects: Sequence[Effect], joints: int) -> list[Motor]:
-    """A motor for each joint that does what the effects do between command and torque, in their
-    order.
+    """Return a motor for each joint that acts as the effects between command and torque.
 
-    None at all if there is nothing to be done, or if a motor cannot do it: a lag behind a
-    saturation or another lag, or anything behind the transmission.
+    The effects act in their order. The list is empty if there is nothing to be done, or if a motor
+    cannot do it: a lag behind a saturation or another lag, or anything behind the transmission.
     """
     made = [Motor()] * joints
-    behind = np.zeros(joints, bool)  # the transmission
+    behind = np.zeros(joints, bool)  # joints whose transmission has been passed
     for effect in effects:
         for j in range(joints):
             alone = effect.mjcf_motor(Motor(), j)

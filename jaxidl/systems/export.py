@@ -1,8 +1,8 @@
-"""A plant with more effects than its files have, as MJCF so far as MuJoCo knows them and as
-``effects.json`` beyond.
+"""A plant with additional effects, as MJCF where MuJoCo has them, else as ``effects.json``.
 
 MuJoCo writes the user's file anew, with six digits and, where frames are nested, in another order;
-what the dynamics depend on is then written over in full and put into its order again.
+the values that the dynamics depend on are then rewritten at full precision and put back into their
+order.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -27,16 +27,17 @@ from jaxidl.systems.mujoco_body import joint_names, last_moving
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
 
 MODEL = "model.xml"
-MOTOR = "jaxidl_motor_"  # and the joint's number
-_NAMELESS = "jaxidl_body_"  # a body's name as long as its element must be found
+MOTOR = "jaxidl_motor_"  # followed by the joint's number
+_NAMELESS = "jaxidl_body_"  # temporary name of a nameless body, to find its element
 _FILES = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
-# settings of the compiler
+# settings of the compiler that concern masses
 _OF_MASSES = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia")
 
 
 def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[Path, Path]:
-    """Write :func:`patched` as ``model.xml`` and ``effects.json`` into ``folder``, which is made;
-    return both paths.
+    """Write :func:`patched` as ``model.xml`` and ``effects.json`` into ``folder``.
+
+    The folder is created. Both paths are returned.
 
     Raises:
         ModelError, EffectError: as :func:`patched`; nothing is written then.
@@ -50,12 +51,12 @@ def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[
 
 
 def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]:
-    """MJCF text and ``effects.json`` record of ``model``, as its files had it when it was read,
-    with the effects ``added``.
+    """Return MJCF text and ``effects.json`` record of ``model`` with the effects ``added``.
 
-    Reading both again gives the same plant; effects with ``in_mjcf`` true are those that the text
-    alone restores. Scale, saturation and lag of a drive are in the record, and written as motors
-    too if the user's model has no actuators. Meshes and textures are named by absolute paths.
+    The model is that of its files when they were read. Reading text and record again gives the same
+    plant; effects with ``in_mjcf`` true are those that the text alone restores. Scale, saturation
+    and lag of a drive are in the record, and written as motors too if the user's model has no
+    actuators. Meshes and textures are named by absolute paths.
 
     Raises:
         EffectError: if an effect of ``added`` is out of its bounds or does not fit the joints.
@@ -89,8 +90,9 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
 
 
 def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
-    """Compile, with a name for every body and joint and without motors of an earlier patch, which
-    are made anew.
+    """Compile, with a name for every body and joint and without the motors of an earlier patch.
+
+    Those are created anew.
     """
     for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
         spec.delete(actuator)
@@ -117,8 +119,9 @@ def _free(name: str, taken: set[str]) -> str:
 
 
 def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> None:
-    """Name files by absolute paths and drop the settings that would be applied to what is written
-    out in full.
+    """Name files by absolute paths, and drop settings that no longer apply.
+
+    These would be applied to what is written out in full.
     """
     for element in root.iterfind("asset/*"):
         place = spec.compiler.texturedir if element.tag == "texture" else spec.compiler.meshdir
@@ -141,11 +144,12 @@ def _write_gravity(root: ET.Element, numbers: Numbers) -> None:
 
 
 def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:
-    """Bodies in the model's order and out of their frames, with the numbers in full; payloads on
-    the last one that moves.
+    """Write bodies in the model's order, outside their frames, with full precision.
+
+    Payloads go to the last body that moves.
     """
     world = root.find("worldbody")
-    assert world is not None  # it has joints
+    assert world is not None  # the model has joints
     parents = {child: parent for parent in root.iter() for child in parent}
     changed = numbers.rigid.bodies()
     elements = {element.get("name"): element for element in world.iter("body")}
@@ -172,7 +176,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
 
 
 def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inherits: str) -> None:
-    """Remove an element from its parent, with the class that the frames around it gave it."""
+    """Remove an element from its parent, keeping the class that the frames around it gave it."""
     parent = above = parents[element]
     while above.tag == "frame":
         if (
@@ -200,7 +204,7 @@ def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
 def _write_inertial(
     body: ET.Element, model: mujoco.MjModel, changed: Principal | None, b: int
 ) -> int:
-    """Write a body's mass where it has any; return the place behind it."""
+    """Write a body's mass if it has any; return the index behind it."""
     now = changed or Principal(
         model.body_mass[b], model.body_ipos[b], model.body_iquat[b], model.body_inertia[b]
     )
@@ -220,18 +224,21 @@ def _inertial(of: Principal) -> ET.Element:
     return inertial
 
 
-HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps, ours does not
+HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps
 
 
 def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: int) -> None:
-    """Write a joint's numbers, those too that are zero but by default or before are not."""
+    """Write a joint's numbers.
+
+    Zeros are written too where the default or the previous value is not zero.
+    """
     was = Numbers(model)
     for key in ("damping", "frictionloss", "stiffness", "springref", "armature"):
         value = getattr(numbers, key)[j]
         if key in joint.attrib or value != 0.0 or getattr(was, key)[j] != 0.0:
             joint.set(key, _text(value))
     if numbers.frictionloss[j] > was.frictionloss[j] and "solreffriction" not in joint.attrib:
-        # the hardest that MuJoCo takes
+        # the stiffest that MuJoCo accepts
         joint.set("solreffriction", _text([2.0 * model.opt.timestep, 1.0]))
         joint.set("solimpfriction", HARD)
     for key, value, neutral in (
@@ -244,7 +251,7 @@ def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: 
 
 
 def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Motor]) -> None:
-    """A motor for each joint, its lag exact for a command held over a step."""
+    """Write a motor for each joint; its lag is exact for a command held over a step."""
     if not drives:
         return
     section = root.find("actuator")
@@ -271,19 +278,22 @@ def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Moto
 
 
 def _with_drive(entry: Entry, joints: int, written: bool) -> Entry:
-    """The entry of a drive's effect, with where the motors have it; other entries as they are."""
+    """Return the entry of a drive's effect with the attributes that its motors have.
+
+    Other entries are returned unchanged.
+    """
     if not drives(entry.effect, joints):
         return entry
     return entry._replace(mjcf=", ".join(kind(entry.effect).mjcf.values()) if written else None)
 
 
 def _text(values: Any) -> str:
-    """Numbers as text that reads back exactly."""
+    """Return numbers as text that reads back exactly."""
     return " ".join(repr(float(x)).removesuffix(".0") for x in np.ravel(values))
 
 
 def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> None:
-    """Read the text back: it must compile, with the same joints and as much mass."""
+    """Read the text back: it must compile, with the same joints and the same mass."""
     spec = mujoco.MjSpec.from_string(text)
     again = compile_spec(spec, path)
     mass = numbers.rigid.links[:, 0].sum() + sum(load[0] for load in numbers.rigid.loads)
@@ -291,7 +301,7 @@ def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> No
         again.body_mass.sum(), mass, rtol=1e-9
     ):
         raise ModelError(
-            f"{path} to be what MuJoCo can write anew",
-            "other joints or masses",
+            f"{path} to keep its joints and masses when MuJoCo writes it",
+            "different joints or masses",
             "write the model without frames",
         )

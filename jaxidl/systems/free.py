@@ -1,6 +1,4 @@
-"""One vector of free parameters: those of a plant's effects that a fit, a tuning or a report looks
-at.
-"""
+"""One vector of free parameters of a plant's effects, for a fit, a tuning or a report."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +12,12 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.errors import ConfigurationError
 from jaxidl.systems.plant import Plant
 
-Names = tuple[tuple[str, ...], ...]  # of the free parameters of each of a plant's effects
+Names = tuple[tuple[str, ...], ...]  # names of the free parameters, effect by effect
 # lower and upper bound of each free parameter of an effect
 Bounds = Mapping[str, tuple[float, float]]
-Values = dict[str, np.ndarray]  # of an effect's free parameters
+Values = dict[str, np.ndarray]  # values of an effect's free parameters
 
-_FIXED = {"mass": "kg", "length": "m", "mass length": "kg m"}  # whatever the joint
+_FIXED = {"mass": "kg", "length": "m", "mass length": "kg m"}  # on any kind of joint
 _HINGE = {
     "N": "Nm",
     "m": "rad",
@@ -33,27 +31,27 @@ _HINGE = {
 
 @dataclass(frozen=True, eq=False)
 class Free:
-    """Some parameters of a plant's effects as one vector (P,): effect after effect, in the order of
-    ``where``.
+    """Some parameters of a plant's effects as one vector (P,).
 
-    The plant may be traced: :attr:`vector` and :meth:`set` are pure and work under ``jit``,
-    ``vmap`` and ``grad``.
+    They stand effect after effect, in the order of ``where``. The plant may be traced:
+    :attr:`vector` and :meth:`set` are pure and work under ``jit``, ``vmap`` and ``grad``.
     """
 
     plant: Plant
-    # for each effect: the names of its free parameters, or narrower bounds of them
+    # for each effect: the names of its free parameters, or narrower bounds for them
     where: Sequence[Iterable[str] | Bounds]
 
     @property
     def labels(self) -> Names:
-        """Return the names of the free parameters of each effect: hashable, for a static
-        argument.
+        """Return the names of the free parameters of each effect.
+
+        They are hashable, for use as a static argument.
         """
         return tuple(tuple(names) for names in self.where)
 
     @property
     def effects(self) -> list[Effect]:
-        """Return the effects, those on a joint without it."""
+        """Return the effects, those on one joint without the joint."""
         return [inner(effect) for effect in self.plant.effects]
 
     @property
@@ -66,8 +64,9 @@ class Free:
 
     @property
     def names(self) -> list[str]:
-        """Return a name of each number (P,), with its joint and its place in a table where it has
-        one.
+        """Return a name of each number (P,).
+
+        It includes the joint, and the index in a table where there is one.
         """
         out = []
         for effect, names in zip(self.plant.effects, self.labels, strict=True):
@@ -82,7 +81,10 @@ class Free:
 
     @property
     def units(self) -> list[str]:
-        """Return the unit of each number (P,), on a slide or a hinge as the body's joints are."""
+        """Return the unit of each number (P,).
+
+        It is that of a slide or a hinge, according to the body's joints.
+        """
         kinds, out = getattr(self.plant.body, "kinds", ()), []
         for effect, names in zip(self.plant.effects, self.labels, strict=True):
             joint = getattr(effect, "joint", 0)
@@ -105,8 +107,9 @@ class Free:
         return jnp.concatenate([jnp.zeros(0), *parts])
 
     def set(self, vector: Float[Any, " P"]) -> Plant:
-        """Return the plant with its free parameters set from a vector; all else, hidden states'
-        sizes too, stays.
+        """Return the plant with its free parameters set from a vector.
+
+        All else stays, the sizes of hidden states included.
         """
         parts = iter(
             pieces(vector, [jnp.shape(getattr(effect, name)) for effect, name in self._each])
@@ -155,7 +158,7 @@ class Free:
 
 
 def inner(effect: Any) -> Any:
-    """Return the effect itself, without the joint that it is put on."""
+    """Return the effect itself, without the joint that it is on."""
     return effect.effect if isinstance(effect, OnJoint) else effect
 
 
@@ -166,8 +169,9 @@ def pieces(vector: Any, shapes: Sequence[tuple[int, ...]]) -> list[Any]:
 
 
 def unit_of(unit: str, kind: str) -> str:
-    """Return a parameter's unit on a ``kind`` of joint, slide or hinge, from the catalogue's, which
-    is that of a slide.
+    """Return a parameter's unit on a ``kind`` of joint, slide or hinge.
+
+    ``unit`` is the catalogue's, which is that of a slide.
     """
     if unit in _FIXED or kind == "slide":
         return _FIXED.get(unit, unit)

@@ -1,8 +1,8 @@
-"""Where the bodies and joint axes of a mechanism of slides and hinges are.
+"""Positions of the bodies and joint axes of a mechanism of slides and hinges.
 
-Does what ``mjx.kinematics`` does for them. With JAX 0.10 XLA fuses that one's chain of quaternions
-into every element of its result, each of which computes the chain anew: milliseconds for seven
-joints. Here each frame is made once.
+The result is that of ``mjx.kinematics``. With JAX 0.10 XLA fuses that function's chain of
+quaternions into every element of its result, each of which computes the chain anew: milliseconds
+for seven joints. Here each frame is computed once.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -18,9 +18,11 @@ from jaxidl.types import Joints, Scalar
 
 
 def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
-    """Fields of MuJoCo's data at positions ``q`` (J,): frames of bodies ``xpos`` (B, 3), ``xmat``
-    (B, 3, 3), of their inertia ``xipos``, ``ximat`` about its centre of mass, and joints'
-    ``xanchor``, ``xaxis`` (J, 3) [m].
+    """Return fields of MuJoCo's data at positions ``q`` (J,).
+
+    They are the frames of bodies, ``xpos`` (B, 3) and ``xmat`` (B, 3, 3), those of their inertia
+    about its centre of mass, ``xipos`` and ``ximat``, and of joints ``xanchor`` and ``xaxis`` (J,
+    3) [m].
     """
     still, turn = _matrices(source.body_quat), _matrices(source.body_iquat)
     pos, rot = [jnp.zeros(3, q.dtype)], [jnp.eye(3, dtype=q.dtype)]
@@ -57,8 +59,9 @@ def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
 
 
 def rotation(axis: np.ndarray, angle: Scalar) -> Float[Array, "3 3"]:
-    """Matrix (3, 3) that turns by ``angle`` [rad] about the unit vector ``axis`` (3,): Rodrigues'
-    formula.
+    """Return the matrix (3, 3) that turns by ``angle`` [rad] about the unit vector ``axis`` (3,).
+
+    It is computed by Rodrigues' formula.
     """
     x, y, z = axis
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]], axis.dtype)
@@ -70,7 +73,7 @@ def rotation(axis: np.ndarray, angle: Scalar) -> Float[Array, "3 3"]:
 
 
 def _matrices(quaternions: np.ndarray) -> np.ndarray:
-    """(B, 3, 3) of unit quaternions (B, 4)."""
+    """Return rotation matrices (B, 3, 3) of unit quaternions (B, 4)."""
     flat = np.zeros((len(quaternions), 9))
     for row, quaternion in zip(flat, quaternions, strict=True):
         mujoco.mju_quat2Mat(row, quaternion)

@@ -1,4 +1,4 @@
-"""Bodies whose masses MuJoCo does not take, though the mechanism is a possible one."""
+"""Bodies whose masses MuJoCo rejects although the mechanism is possible."""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -12,12 +12,16 @@ import numpy as np
 
 from jaxidl.errors import ModelError
 
-# [kg], [kg m^2]: of a link without any, since MuJoCo asks for more than 1e-15 of what moves
+# [kg], [kg m^2]: for a link without any; MuJoCo requires more than 1e-15 of moving bodies
 LIGHT, SMALL = 1e-9, 1e-12
 
 
 def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
-    """Compile a spec. Raises :class:`ModelError` with MuJoCo's own words if it does not compile."""
+    """Compile a spec.
+
+    Raises:
+        ModelError: with MuJoCo's own message, if it does not compile.
+    """
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
@@ -28,19 +32,20 @@ def compile_spec(spec: mujoco.MjSpec, path: Path) -> mujoco.MjModel:
 
 
 def accept_masses(spec: mujoco.MjSpec, path: Path) -> list[str]:
-    """Change masses that would keep a model from compiling: nearly none where there is none, and
-    balanced inertias.
+    """Change masses that would keep a model from compiling.
+
+    Missing ones become tiny, and impossible moments of inertia are balanced.
 
     Returns:
         Notes on what was changed.
 
     Raises:
-        ModelError: with MuJoCo's own words, if the model does not compile all the same.
+        ModelError: with MuJoCo's own message, if the model still does not compile.
     """
     notes = []
-    for _ in range(2 * len(_CHANGES)):  # one may bring up another
+    for _ in range(2 * len(_CHANGES)):  # one change may bring up another error
         try:
-            # a spec whose compilation failed repeats the error at whatever is asked of it
+            # a spec whose compilation failed repeats the error at every later use
             spec.copy().compile()
             return notes
         except (ValueError, mujoco.FatalError) as error:
@@ -52,7 +57,7 @@ def accept_masses(spec: mujoco.MjSpec, path: Path) -> list[str]:
 
 
 def _balance(spec: mujoco.MjSpec) -> list[str]:
-    """Raise the two smaller moments of inertia as little as makes them possible."""
+    """Raise the two smaller moments of inertia by as little as makes them possible."""
     names = []
     for body in spec.bodies[1:]:
         moments, axes = _moments(body)
@@ -69,7 +74,7 @@ def _balance(spec: mujoco.MjSpec) -> list[str]:
 
 
 def _lift(spec: mujoco.MjSpec) -> list[str]:
-    """Undo the rounding that made moments of inertia negative, or too small for MuJoCo."""
+    """Undo rounding that made moments of inertia negative, or too small for MuJoCo."""
     names = []
     for body in spec.bodies[1:]:
         moments, axes = _moments(body)
@@ -80,7 +85,7 @@ def _lift(spec: mujoco.MjSpec) -> list[str]:
 
 
 def _fill(spec: mujoco.MjSpec) -> list[str]:
-    """Give next to no mass and inertia to links that move and have none."""
+    """Give tiny mass and inertia to links that move and have none."""
     names = []
     for body in spec.bodies[1:]:
         if not body.joints or (
@@ -99,7 +104,7 @@ def _fill(spec: mujoco.MjSpec) -> list[str]:
     return [f"no mass or inertia of its own: {few(names)}"] if names else []
 
 
-# by MuJoCo's complaint
+# changes by a fragment of MuJoCo's error message
 _CHANGES = {
     "positive eigenvalues": _lift,
     "balanceinertia": _balance,
@@ -108,8 +113,9 @@ _CHANGES = {
 
 
 def _moments(body: mujoco.MjsBody) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments (3,) [kg m^2] as the file gives them, the least first, and their axes (3,
-    3) in columns.
+    """Return principal moments (3,) [kg m^2] as the file gives them, and their axes (3, 3).
+
+    The smallest comes first; the axes are columns.
     """
     if np.isfinite(body.fullinertia).all():
         xx, yy, zz, xy, xz, yz = body.fullinertia
@@ -120,7 +126,7 @@ def _moments(body: mujoco.MjsBody) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _write(body: mujoco.MjsBody, moments: np.ndarray, axes: np.ndarray) -> None:
-    """Write principal moments (3,) about ``axes`` (3, 3) the way that the file has them."""
+    """Write principal moments (3,) about ``axes`` (3, 3) in the file's own form."""
     tensor = (axes * moments) @ axes.T
     if np.isfinite(body.fullinertia).all():
         body.fullinertia = tensor[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -133,12 +139,12 @@ def _called(body: mujoco.MjsBody) -> str:
 
 
 def few(names: Sequence[str], most: int = 8) -> str:
-    """Return names in words, the first of many."""
+    """Return names in words; of many names only the first."""
     return ", ".join(names[:most]) + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def bare(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Return a compiled model without the traces of mass that :func:`accept_masses` leaves."""
+    """Return a compiled model without the tiny masses that :func:`accept_masses` adds."""
     true = copy.copy(model)
     true.body_mass[true.body_mass <= LIGHT] = 0.0
     true.body_inertia[true.body_inertia <= 2 * SMALL] = 0.0

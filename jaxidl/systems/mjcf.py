@@ -1,4 +1,4 @@
-"""MJCF and URDF files: a rigid body, and the effects that the file has beside it."""
+"""MJCF and URDF files: a rigid body, and the effects that the file contains."""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -23,12 +23,13 @@ from jaxidl.systems.parts import fixed_in_urdf, take_part
 from jaxidl.systems.plant import Plant
 from jaxidl.systems.record import EFFECTS, Entry, read_record
 
-LARGEST = 1e30  # kg, m and their products: beyond it single precision ends
+LARGEST = 1e30  # kg, m and their products: near the limit of single precision
 
 
 class Model(NamedTuple):
-    """A plant read from a file. ``plant.body`` is a :class:`MujocoBody`; ``notes`` say what of the
-    file plays no part.
+    """A plant read from a file.
+
+    ``plant.body`` is a :class:`MujocoBody`; ``notes`` list what was ignored or changed.
     """
 
     plant: Plant
@@ -36,10 +37,10 @@ class Model(NamedTuple):
     kinds: tuple[str, ...]
     notes: tuple[str, ...]
     path: Path
-    part: tuple[str, ...] | None = None  # names of the joints that were asked for; None: all
-    # [m or rad] where other joints were to be locked, by name
+    part: tuple[str, ...] | None = None  # names of the requested joints; None: all
+    # [m or rad] requested positions of locked joints, by name
     locked: Mapping[str, float] | None = None
-    # content of the file and of effects.json when they were read, by name
+    # contents of the file and of effects.json when they were read, by name
     files: Mapping[str, bytes] | None = None
 
     @property
@@ -51,26 +52,26 @@ class Model(NamedTuple):
 def read_model(
     path: str | Path, joints: Sequence[str] | None = None, locked: Mapping[str, float] | None = None
 ) -> Model:
-    """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it if that
-    belongs to it.
+    """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it.
 
-    Joint damping, friction loss and stiffness become ``viscous_friction``, ``coulomb_friction`` and
-    ``spring`` effects. Torques are joint torques: actuators, contacts, joint limits and sensors
-    play no part, and a note says so. Notes say, too, what of a file was left out or changed: meshes
-    that are not there, links without mass, impossible moments of inertia, joints that mimic others.
+    The latter is read only if it belongs to the file. Joint damping, friction loss and stiffness
+    become ``viscous_friction``, ``coulomb_friction`` and ``spring`` effects. Torques are joint
+    torques: actuators, contacts, joint limits and sensors are ignored, and a note says so. Notes
+    also say what was left out or changed: missing meshes, links without mass, impossible moments of
+    inertia, joints that mimic others.
 
     Args:
         path: the file.
-        joints: names of those that move, in any order; the model has them in the file's. The others
-            are locked. Default: all.
-        locked: positions [m or rad] of joints that are locked, by name. Default: as the file draws
-            them.
+        joints: names of the joints that move, in any order; the model has them in the order of the
+            file. The others are locked. Default: all.
+        locked: positions [m or rad] of locked joints, by name. Default: as in the file.
 
     Raises:
         ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or
-            if the file has what would be silently dropped: other joints, equality constraints,
-            tendons, gravity compensation, fluid forces, polynomial damping or stiffness, inertia or
-            damping of actuators, plugins, springs or friction that a flag switches off.
+            if the file contains something that would otherwise be dropped silently: other joints,
+            equality constraints, tendons, gravity compensation, fluid forces, polynomial damping or
+            stiffness, inertia or damping of actuators, plugins, springs or friction that a flag
+            switches off.
     """
     path, files = Path(path), contents(Path(path))
     with quietly() as said:
@@ -96,8 +97,9 @@ def read_model(
 
 
 def contents(path: Path) -> dict[str, bytes]:
-    """Return the content of a model's file and of the ``effects.json`` beside it, so far as they
-    are there, by name.
+    """Return the contents of a model's file and of the ``effects.json`` beside it, by name.
+
+    Files that do not exist are left out.
     """
     found = {}
     for file in (path, path.with_name(EFFECTS)):
@@ -108,10 +110,10 @@ def contents(path: Path) -> dict[str, bytes]:
 
 @contextlib.contextmanager
 def as_read(model: Model) -> Iterator[Path]:
-    """Give the path of the model's file as it was read: its own, or if that has changed or gone, a
-    copy for the time being.
+    """Give the path of the model's file as it was read.
 
-    Beside the copy stands what else is in the folder of the original now.
+    It is the file itself or, if that has changed or is gone, a temporary copy. Beside the copy is
+    everything else that the original folder contains now.
     """
     files = model.files or {}
     if model.path.name not in files or contents(model.path) == files:
@@ -128,23 +130,25 @@ def as_read(model: Model) -> Iterator[Path]:
 
 
 def _recorded(path: Path, joints: int, part: Sequence[str] | None) -> list[Entry]:
-    """Entries of ``effects.json`` beside the model; those of a whole robot do not fit a part of
-    it.
+    """Return entries of ``effects.json`` beside the model.
+
+    Those of a whole robot do not fit a part of it.
     """
     try:
         return read_record(path, joints)
     except ModelError as error:
         if part is None:
             raise
-        remedy = f"move {EFFECTS} away, or look at all joints"
+        remedy = f"move {EFFECTS} away, or use all joints"
         raise ModelError(
-            f"{path.with_name(EFFECTS)} for the joints asked for", error.got, remedy
+            f"{path.with_name(EFFECTS)} for the chosen joints", error.got, remedy
         ) from None
 
 
 def names_of(path: str | Path) -> tuple[str, ...]:
-    """Return names (J,) of all joints of an MJCF or URDF file but those that mimic others, in its
-    order.
+    """Return names (J,) of all joints of an MJCF or URDF file, in its order.
+
+    Joints that mimic others are left out.
 
     Raises:
         ModelError: if the file cannot be read.
@@ -156,8 +160,9 @@ def names_of(path: str | Path) -> tuple[str, ...]:
 
 @contextlib.contextmanager
 def quietly() -> Iterator[list[str]]:
-    """MuJoCo's warnings, collected instead of printed or written into a file of the present
-    folder.
+    """Collect MuJoCo's warnings.
+
+    They are not printed or written to a file in the current folder.
     """
     said: list[str] = []
     before = mujoco.get_mju_user_warning()
@@ -175,15 +180,16 @@ def quietly() -> Iterator[list[str]]:
 def load_part(
     path: Path, joints: Sequence[str] | None, locked: Mapping[str, float] | None
 ) -> tuple[mujoco.MjSpec, list[str]]:
-    """Return MuJoCo's editable model of a file, made fit to compile and cut down to ``joints``, and
-    notes on what was changed.
+    """Return MuJoCo's editable model of a file, cut down to ``joints``, and notes on changes.
+
+    It is changed where needed so that it compiles.
 
     Raises:
-        ModelError: with MuJoCo's own words, or as :func:`read_model`.
+        ModelError: with MuJoCo's own message, or as :func:`read_model`.
     """
     if not path.is_file():
         raise ModelError(
-            f"a MJCF or URDF file at {path}",
+            f"an MJCF or URDF file at {path}",
             "a folder" if path.is_dir() else "no such file",
             "correct the path",
         )
@@ -196,11 +202,12 @@ def load_part(
 
 
 def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
-    """MuJoCo's editable model of a file, or of the ``text`` instead, with bodies kept that are
-    welded to others.
+    """Return MuJoCo's editable model of a file, or of ``text`` instead.
+
+    Bodies that are welded to others are kept.
 
     Raises:
-        ModelError: with MuJoCo's own words, if it cannot be read.
+        ModelError: with MuJoCo's own message, if it cannot be read.
     """
     try:
         spec = (
@@ -209,7 +216,7 @@ def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
         sdf = b"<sdf" in path.read_bytes()[:10_000]
         remedy = (
-            "convert it to URDF or MJCF: SDF is not read"
+            "convert it to URDF or MJCF; SDF is not supported"
             if sdf
             else "correct the file; MuJoCo must load it"
         )
@@ -221,8 +228,10 @@ def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
 
 
 def _is_urdf(path: Path) -> bool:
-    """Is the root element ``<robot>``? Raises :class:`ModelError` for one that must be expanded
-    first.
+    """Return whether the root element is ``<robot>``.
+
+    Raises:
+        ModelError: for a file that must be expanded first.
     """
     content = path.read_bytes()
     start = min(
@@ -241,8 +250,9 @@ def _is_urdf(path: Path) -> bool:
 
 
 def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
-    """Complain unless all that moves is finite, and the inertia matrix positive definite, whatever
-    the units of its rows.
+    """Raise ModelError unless the moving parts are finite and the inertia matrix positive definite.
+
+    The result does not depend on the units of its rows.
     """
     data, inertia, weight = mujoco.MjData(model), np.zeros((model.nv, model.nv)), np.zeros(model.nv)
     for stage in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_crb, mujoco.mj_comVel):
@@ -255,7 +265,7 @@ def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
         remedy = "correct its masses, lengths and gravity"
         raise ModelError(
             f"{path} to have lengths, inertia and weight below {LARGEST:g}",
-            "a number that is not",
+            "a larger number or NaN",
             remedy,
         )
     size = np.sqrt(np.maximum(np.diag(inertia), 1.0 / LARGEST))
@@ -263,13 +273,13 @@ def _check_inertia(model: mujoco.MjModel, path: Path) -> None:
     if least <= 1e-12:
         got = f"none at {joint_names(model)[int(np.abs(way).argmax())]}"
         remedy = (
-            "give its body or what hangs on it a mass, or the joint armature, or leave it out"
-            " (--joints)"
+            "give its body or a body that it carries a mass, or the joint armature, or leave it"
+            " out (--joints)"
         )
         if not model.body_mass.any():
             got, remedy = (
                 "no mass at all",
-                "use a file with the links' masses (<inertial>), this one is for pictures only",
+                "use a file with the links' masses (<inertial>); this one is for display only",
             )
         raise ModelError(f"{path} to have inertia at every joint", got, remedy)
 
@@ -279,7 +289,7 @@ def _one_line(error: Exception) -> str:
 
 
 def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
-    """Complain about the first thing that would otherwise be dropped in silence."""
+    """Raise ModelError for the first thing that would otherwise be dropped silently."""
     moving = (mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_HINGE)
     flags = mujoco.mjtDisableBit
     off = spec.option.disableflags & int(
@@ -320,7 +330,7 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
             "polynomial ones",
             "keep the first coefficient",
         ),
-        (dashpot, "no springdamper", "one", "give stiffness and damping"),
+        (dashpot, "no springdamper", "one", "give stiffness and damping instead"),
         (geared, "no actuator with armature or damping", "one", "give them to its joint"),
         (
             any(b.gravcomp for b in spec.bodies),
@@ -347,7 +357,7 @@ def _refuse(spec: mujoco.MjSpec, path: Path) -> None:
 
 
 def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
-    """What the joints have beside inertia, as effects."""
+    """Return what the joints have in addition to inertia, as effects."""
     numbers = Numbers(model)
     own = (
         (j, cls.read_mjcf(numbers.own(j))) for j in range(model.njnt) for cls in CATALOGUE.values()
@@ -362,12 +372,12 @@ def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
 
 
 def _notes(model: mujoco.MjModel) -> list[str]:
-    """What of the model plays no part."""
+    """Return notes on the parts of the model that are ignored."""
     notes = []
     if model.nu:
         notes.append(
-            "the model's actuators play no part: the log's torques are taken as joint torques"
+            "the model's actuators are ignored: the log's torques are taken as joint torques"
         )
     if model.jnt_limited.any():
-        notes.append("joint limits play no part")
+        notes.append("joint limits are ignored")
     return notes

@@ -1,8 +1,8 @@
 """A mechanism of slides and hinges as a rigid body: MuJoCo's model, its dynamics in MJX.
 
-Only smooth rigid-body dynamics is asked of MJX, M(q)·qdd + bias(q, qd) = tau: no constraint solver,
-which reverse mode cannot pass, no passive forces and no actuators. Those are effects of the plant
-(:mod:`jaxidl.systems.mjcf` reads them).
+Only smooth rigid-body dynamics are computed in MJX, M(q)·qdd + bias(q, qd) = tau: no constraint
+solver, which reverse mode cannot differentiate, no passive forces and no actuators. Those are
+effects of the plant (:mod:`jaxidl.systems.mjcf` reads them).
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -24,30 +24,31 @@ from jaxidl.effects.ten import COLUMNS, ROWS, moved
 from jaxidl.systems.kinematics import place
 from jaxidl.types import Joints, Scalar
 
-with contextlib.redirect_stdout(io.StringIO()):  # it announces what optional packages are missing
+with contextlib.redirect_stdout(io.StringIO()):  # it prints which optional packages are missing
     from mujoco import mjx
 
 
 @functools.lru_cache(maxsize=64)
 def _constants(source: mujoco.MjModel) -> Any:
-    """What MJX makes of a compiled model, in float64."""
+    """Return MJX's form of a compiled model, in float64."""
     with jax.ensure_compile_time_eval(), jax.enable_x64(True):
         return mjx.put_model(source)
 
 
 class MujocoBody(struct.PyTreeNode):
-    """Body number ``bodies[j]`` moves with joint j. Shares its methods with
-    :class:`jaxidl.systems.point_mass.PointMass`.
+    """A rigid body with the dynamics of a MuJoCo model.
 
-    Its leaves are what effects change, of B bodies and J joints; all else of the model is constant
-    in compiled programs. What is added to bodies is linear in it.
+    Body number ``bodies[j]`` moves with joint j. The methods are those of
+    :class:`jaxidl.systems.point_mass.PointMass`. Its leaves are what effects change, of B bodies
+    and J joints; all else of the model is constant in compiled programs. The dynamics are linear in
+    what is added to bodies.
     """
 
-    # inertial parameters that the bodies have more than the source, in their frames
+    # inertial parameters of the bodies in addition to the source, in their frames
     added: Float[Array, "B 10"]
     armature: Joints  # (J,) rotor inertia [kg or kg m^2]
     gravity: Float[Array, "3"]  # [m/s^2]
-    source: mujoco.MjModel = struct.field(pytree_node=False)  # the body in C, as loaded
+    source: mujoco.MjModel = struct.field(pytree_node=False)  # MuJoCo's model in C, as loaded
     names: tuple[str, ...] = struct.field(pytree_node=False)
     kinds: tuple[str, ...] = struct.field(pytree_node=False)  # slide or hinge
     bodies: tuple[int, ...] = struct.field(pytree_node=False)
@@ -55,29 +56,30 @@ class MujocoBody(struct.PyTreeNode):
 
     @property
     def carrier(self) -> str:
-        """Name of the body in whose frame a payload is."""
+        """Name of the body in whose frame a payload is given."""
         b, source = last_moving(self.source), self.source
         while (
             b not in self.bodies and not source.body_pos[b].any() and source.body_quat[b][0] == 1.0
         ):
-            # the frame is the same: say, the body of a load that was found before
+            # the frame is the same, as for the body of a load that was found before
             b = int(source.body_parentid[b])
         return self.body_names[b]
 
     def equation_of_motion(self, q: Joints, qd: Joints) -> tuple[Float[Array, "J J"], Joints]:
-        """Inertia matrix M (J, J) and bias torque (J,): gravity, Coriolis, centrifugal [N or
-        Nm].
+        """Return inertia matrix M (J, J) and bias torque (J,).
+
+        The bias is gravity, Coriolis and centrifugal torque [N or Nm].
         """
-        q, qd = jnp.asarray(q), jnp.asarray(qd)  # in NumPy's arrays MJX sees constants of the model
+        q, qd = jnp.asarray(q), jnp.asarray(qd)  # MJX treats NumPy arrays as constants
         model = _constants(self.source)
         model = model.replace(
             dof_armature=self.armature, opt=model.opt.replace(gravity=self.gravity)
         )
-        # float64 only where JAX has it
+        # float64 only where JAX has enabled it
         model = jax.tree.map(
             lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model
         )
-        with jax.numpy_rank_promotion("allow"):  # MJX relies on it
+        with jax.numpy_rank_promotion("allow"):  # MJX relies on rank promotion
             data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(self.source, q))
             data = self._heavier(mjx.com_pos(model, data), q.dtype)
             for stage in (mjx.crb, mjx.com_vel):
@@ -85,8 +87,9 @@ class MujocoBody(struct.PyTreeNode):
             return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
 
     def _heavier(self, data: Any, dtype: Any) -> Any:
-        """MJX's data with what is ``added``, as MJX has inertias: about the tree's centre of mass,
-        along the world's axes.
+        """Return MJX's data with what is ``added``, in MJX's form of inertias.
+
+        They are about the tree's centre of mass, along the world's axes.
         """
         offset = data.xpos - data.subtree_com[self.source.body_rootid]
         more = jax.vmap(moved)(jnp.asarray(self.added, dtype), data.xmat, offset)
@@ -94,60 +97,67 @@ class MujocoBody(struct.PyTreeNode):
         return data.tree_replace({"_impl.cinert": data._impl.cinert + order})
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
-        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,)."""
+        """Return the torque (J,) [N or Nm] for the acceleration ``qdd`` (J,)."""
         inertia, bias = self.equation_of_motion(q, qd)
         return inertia @ qdd + bias
 
     def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
-        """Acceleration (J,) [m/s^2 or rad/s^2] under the joint torque ``tau`` (J,)."""
+        """Return the acceleration (J,) [m/s^2 or rad/s^2] under joint torque ``tau`` (J,)."""
         inertia, bias = self.equation_of_motion(q, qd)
         return jax.scipy.linalg.solve(inertia, tau - bias, assume_a="pos")
 
     def mobility(self, q: Joints) -> Float[Array, "J J"]:
-        """Inverse of the inertia matrix (J, J)."""
+        """Return the inverse of the inertia matrix (J, J)."""
         return jnp.linalg.inv(self.equation_of_motion(q, jnp.zeros_like(q))[0])
 
     def add_inertia(self, extra: Joints) -> "MujocoBody":
-        """The body with rotor inertia ``extra`` (J,) more on its joints [kg or kg m^2]."""
+        """Return the body with additional rotor inertia on its joints.
+
+        ``extra`` (J,) is in kg or kg m^2.
+        """
         return self.replace(armature=self.armature + extra)
 
     def add_link(self, extra: Float[Array, "J 10"]) -> "MujocoBody":
-        """The body whose j-th joint's body has inertial parameters ``extra`` (J, 10) more:
-        :mod:`jaxidl.effects.ten`.
+        """Return the body with additional inertial parameters of its joints' bodies.
+
+        ``extra`` (J, 10) has one row per joint; see :mod:`jaxidl.effects.ten`.
         """
         return self.replace(added=self.added.at[jnp.asarray(self.bodies)].add(extra))
 
     def add_mass(self, extra: Joints | Scalar) -> "MujocoBody":
-        """The body whose j-th joint's body weighs ``extra`` (J,) [kg] more; its inertia changes in
-        proportion.
+        """Return the body with additional mass of its joints' bodies.
+
+        ``extra`` (J,) is in kg; a body's inertia changes in proportion.
         """
         share = per_mass(self.source)[list(self.bodies)]
         return self.add_link((extra + jnp.zeros(len(share)))[:, None] * share)
 
     def add_payload(self, extra: Float[Array, "10"]) -> "MujocoBody":
-        """The body whose last body that moves has inertial parameters ``extra`` (10,) more, in its
-        frame.
+        """Return the body with additional inertial parameters of the last body that moves.
+
+        ``extra`` (10,) is given in that body's frame.
         """
         return self.replace(added=self.added.at[last_moving(self.source)].add(extra))
 
     def tilt(self, angles: Float[Array, "2"]) -> "MujocoBody":
-        """The body on a base turned by small ``angles`` (2,) [rad] about the axes of :func:`level`;
-        linear in them.
+        """Return the body on a base turned by small ``angles`` (2,) [rad].
+
+        They are about the axes of :func:`level`; gravity is linear in them.
         """
         return self.replace(gravity=self.gravity + level(self.source) @ angles)
 
 
 def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
-    """The body of a compiled MuJoCo model that has nothing but slides and hinges.
+    """Return the body of a compiled MuJoCo model that has only slides and hinges.
 
     Raises:
-        ValueError: with MuJoCo's words, if it does not take the model's numbers a second time.
+        ValueError: with MuJoCo's message, if it rejects the model's numbers when compiled again.
     """
     bare = skeleton(model)
     kinds = tuple(
         "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type
     )
-    _constants(bare)  # MuJoCo complains here if at all
+    _constants(bare)  # MuJoCo raises here if at all
     return MujocoBody(
         added=jnp.zeros((bare.nbody, 10)),
         armature=jnp.asarray(bare.dof_armature),
@@ -172,8 +182,9 @@ def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
 
 
 def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
-    """Return the inertial parameters of all bodies per unit of mass; of massless ones those of a
-    point at their centre.
+    """Return the inertial parameters of all bodies per unit of mass.
+
+    For massless bodies they are those of a point at their centre.
     """
     c, massless = source.body_ipos, source.body_mass[:, None] <= 0.0
     tensor = (c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
@@ -184,11 +195,10 @@ def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
 
 
 def level(source: mujoco.MjModel) -> Float[np.ndarray, "3 2"]:
-    """Return the change of gravity in the base's frame per radian that the base turns about two
-    horizontal axes.
+    """Return the change of gravity in the base's frame per radian that the base is turned.
 
-    They are x and y where gravity points along −z; else the horizontal direction nearest to x, or
-    to y, and the one across it.
+    It is turned about two horizontal axes: x and y where gravity points along −z; else the
+    horizontal direction nearest to x, or to y, and the one perpendicular to it.
     """
     gravity = source.opt.gravity
     size = np.linalg.norm(gravity)
@@ -200,20 +210,25 @@ def level(source: mujoco.MjModel) -> Float[np.ndarray, "3 2"]:
 
 
 def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Names (J) of a compiled model's joints; those without one are called after their number."""
+    """Return the names (J) of a compiled model's joints.
+
+    Joints without a name are named after their number.
+    """
     return tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
 
 
 def last_moving(model: mujoco.MjModel) -> int:
-    """Number of the last body that some joint moves: what comes after it in the file, a table say,
-    carries no payload.
+    """Return the number of the last body that some joint moves.
+
+    A body that comes after it in the file, such as a table, carries no payload.
     """
     return int(np.flatnonzero(model.body_weldid)[-1])
 
 
 def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Bodies, joints and gravity of a compiled model, without geometry: it costs time, and MJX does
-    not know all of it.
+    """Return bodies, joints and gravity of a compiled model, without geometry.
+
+    Geometry costs time, and MJX does not support all of it.
     """
     spec = mujoco.MjSpec()
     weightless = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_GRAVITY)

@@ -1,4 +1,4 @@
-"""A part of a robot: joints that are not named are locked, and so are joints that mimic another."""
+"""A part of a robot: joints that are not named are locked, as are joints that mimic another."""
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
@@ -24,13 +24,14 @@ def take_part(
     locked: Mapping[str, float],
     urdf: bool,
 ) -> list[str]:
-    """Lock the joints of a spec that are not ``wanted`` (None: all are), and those that a URDF file
-    has mimic another one.
+    """Lock the joints of a spec that are not ``wanted``, and those that mimic another one.
+
+    ``wanted`` None means all; only a URDF file has joints that mimic another.
 
     Args:
-        locked: positions [m or rad] at which joints are locked, by name; the others as the file
-            draws them. A joint that mimics another is locked where that one is, or where it is
-            drawn.
+        locked: positions [m or rad] at which joints are locked, by name; the others as in the file.
+            A joint that mimics another is locked where that one is locked, or where it is in the
+            file.
 
     Returns:
         Notes on what was locked.
@@ -54,7 +55,7 @@ def take_part(
         raise ModelError(
             f"joints of {path} that move freely",
             got,
-            "leave it out: it is locked, or remove its <mimic>",
+            "leave it out, then it is locked, or remove its <mimic>",
         )
     moving = {name for name in names if name not in ties and (wanted is None or name in wanted)}
     if not moving:
@@ -73,28 +74,27 @@ def take_part(
             master, offset, factor = ties[name]
             at = locked.get(master, float(model.qpos0[model.joint(master).qposadr[0]]))
             where[name] = offset + factor * at
-    # what is gone must not be referred to; its numbers are still those of the compiled model
+    # removed joints must not be referred to; the numbers are still those of the compiled model
     joints = {names[joint.id]: joint for joint in spec.joints}
     for name, at in where.items():
         _lock(joints, names.index(name), names, at, model, path)
-    for mimic in mimics:  # first: what is deleted twice crashes
+    for mimic in mimics:  # first, because deleting an element twice crashes
         spec.delete(mimic)
     _forget(spec, {joints[name].name for name in where})
     for name in where:
         spec.delete(joints[name])
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
-        notes.append(f"locked, for they are not among the joints asked for: {few(free)}")
+        notes.append(f"locked, because they are not among the chosen joints: {few(free)}")
     for name, (master, _, _) in ties.items():
         notes.append(
-            f"joint {name} mimics {master}: it is locked at {where[name]:.4g}, its own motion plays"
-            " no part"
+            f"joint {name} mimics {master}: it is locked at {where[name]:.4g} and its own motion is"
+            " ignored"
         )
     return notes
 
 
 def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None, list[str]]:
-    """Return the text of a URDF file with joints that float or slide in a plane fixed, unless they
-    are wanted, and notes.
+    """Return the text of a URDF file with floating and planar joints fixed, and notes.
 
     The text is None where the file has no such joint.
 
@@ -104,7 +104,7 @@ def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None,
     try:
         root = ET.fromstring(path.read_bytes())
     except (ET.ParseError, ValueError, LookupError):
-        return None, []  # MuJoCo says what is wrong
+        return None, []  # MuJoCo will report what is wrong
     loose = [
         joint for joint in root.iterfind("joint") if joint.get("type") in ("floating", "planar")
     ]
@@ -123,7 +123,7 @@ def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None,
         joint.set("type", "fixed")
     notes = (
         [
-            "fixed, for they are not among the joints asked for:"
+            "fixed, because they are not among the chosen joints:"
             f" {few([j.get('name', '') for j in loose])}"
         ]
         if loose
@@ -136,7 +136,7 @@ def _known(wanted: Sequence[str] | None, names: Sequence[str], path: Path) -> No
     if wanted is None:
         return
     if not wanted:
-        raise ModelError(f"joints of {path} to look at", "none", f"name some of {few(names, 20)}")
+        raise ModelError(f"at least one joint of {path}", "none", f"name some of {few(names, 20)}")
     for i, name in enumerate(wanted):
         if name not in names:
             raise ModelError(
@@ -154,8 +154,9 @@ def _lock(
     model: mujoco.MjModel,
     path: Path,
 ) -> None:
-    """Move a joint's body to where the joint is at ``at`` [m or rad]; the joint itself stays, and
-    must be removed.
+    """Move a joint's body to where the joint is at ``at`` [m or rad].
+
+    The joint itself stays, and must be removed.
     """
     if int(model.jnt_type[j]) not in _MOVING or at == model.qpos0[model.jnt_qposadr[j]]:
         return
@@ -170,7 +171,7 @@ def _lock(
         )
         raise ModelError(
             f"joint {names[j]} of {path} to be locked at {at:g}",
-            "a body that is not turned so simply",
+            "a body with another kind of orientation, or with other joints",
             remedy,
         )
     rotation, shift = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)  # of the body, in its own frame
@@ -188,8 +189,9 @@ def _lock(
 
 
 def _forget(spec: mujoco.MjSpec, gone: set[str]) -> None:
-    """Remove what refers to joints that are ``gone``, and nothing that acts on others too: that is
-    for the caller to refuse.
+    """Remove elements that refer only to joints that are ``gone``.
+
+    Elements that also act on others stay, for the caller to refuse.
     """
     tendons = [t for t in spec.tendons if len(t.path) and all(_of(wrap) in gone for wrap in t.path)]
     strings = {tendon.name for tendon in tendons}
@@ -211,7 +213,7 @@ def _forget(spec: mujoco.MjSpec, gone: set[str]) -> None:
 
 
 def _moot(spec: mujoco.MjSpec, gone: set[str], tendons: set[str]) -> list[mujoco.MjsEquality]:
-    """Constraints between parts that no longer move against each other."""
+    """Return constraints between parts that no longer move against each other."""
     found, kinds = [], mujoco.mjtEq
     for equality in spec.equalities:
         names = {equality.name1, equality.name2} - {""}
@@ -237,8 +239,9 @@ def _moot(spec: mujoco.MjSpec, gone: set[str], tendons: set[str]) -> list[mujoco
 
 
 def _carrier(body: mujoco.MjsBody | None, gone: set[str]) -> str | None:
-    """Name of a joint of the body that carries this one, after the joints that are ``gone``; None
-    if nothing moves it.
+    """Return the name of a joint of the body that carries this one, without joints ``gone``.
+
+    None if nothing moves it.
     """
     while body is not None and body.name != "world":
         if left := [joint.name for joint in body.joints if joint.name not in gone]:
@@ -251,6 +254,6 @@ _ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
 def _of(wrap: mujoco.MjsWrap) -> str | None:
-    """Name of the joint that a tendon acts on there."""
+    """Return the name of the joint that a tendon acts on there."""
     target = wrap.target
     return target.name if isinstance(target, mujoco.MjsJoint) else None

@@ -11,13 +11,16 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
 
-# an arm of two links needs up to 12 to rest without creeping, six coupled joints more
+# an arm of two links needs up to 12 to rest without creeping; six coupled joints need more
 GAUSS_SEIDEL_ROUNDS = 40
 
 
 @runtime_checkable
 class RigidBody(Protocol):
-    """What a plant and a model need of a body; see :class:`jaxidl.systems.point_mass.PointMass`."""
+    """The methods that a plant and a model require of a body.
+
+    See :class:`jaxidl.systems.point_mass.PointMass`.
+    """
 
     def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints: ...
 
@@ -37,21 +40,23 @@ class RigidBody(Protocol):
 
 
 class Plant(struct.PyTreeNode):
-    """A body and its effects. Knows neither time nor batch: scan and vmap come from outside."""
+    """A body and its effects.
+
+    It knows neither time nor batch: scan and vmap are applied from outside.
+    """
 
     body: RigidBody
     effects: tuple[Effect, ...] = ()
 
     def start(self, q: Joints) -> tuple[Any, ...]:
-        """Hidden states of all effects at rest at ``q`` (J,)."""
+        """Return the hidden states of all effects at rest at ``q`` (J,)."""
         return tuple(effect.start(q) for effect in self.effects)
 
     def acceleration(self, state: State, tau: Joints, dt: float) -> Joints:
-        """Acceleration (J,) [m/s^2] over a step ``dt`` [s] under the delivered torque ``tau`` (J,)
-        [N].
+        """Return the acceleration (J,) [m/s^2] over a step ``dt`` [s].
 
-        Dry friction takes the velocity towards zero by as much as its level can in one step, and
-        never through it.
+        ``tau`` (J,) [N] is the delivered torque. Dry friction takes the velocity towards zero by as
+        much as its level can in one step, and never through it.
         """
         q, qd = state
         body, total = self.body, tau
@@ -67,19 +72,20 @@ class Plant(struct.PyTreeNode):
         return qdd - mobility @ friction_torque(free / dt, mobility, self.grip(q, qd, tau, free))
 
     def grip(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
-        """Level (J,) [N or Nm] of all dry friction together; see
-        :meth:`jaxidl.effects.Effect.dry`.
+        """Return the level (J,) [N or Nm] of all dry friction together.
+
+        See :meth:`jaxidl.effects.Effect.dry`.
         """
         levels = (effect.dry(q, qd, tau, direction) for effect in self.effects if _grips(effect))
         return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
-        """Torque (J,) [N or Nm] that makes acceleration ``qdd`` (J,) in a state: a corrected model
-        can command as a body does.
+        """Return the torque (J,) [N or Nm] that produces the acceleration ``qdd`` (J,) in a state.
 
-        Friction of a joint at rest is overcome in the direction of ``qdd``. What the motor and the
-        encoders do to a command over time (lag, delay, hidden states) has no inverse at one instant
-        and is left out; friction that depends on the torque is that of the torque without it.
+        A corrected model can thus command as a body does. Friction of a joint at rest is overcome
+        in the direction of ``qdd``. What the motor and the encoders do to a command over time (lag,
+        delay, hidden states) has no inverse at one instant and is left out; friction that depends
+        on the torque is that of the torque without it.
         """
         body, torque = self.body, jnp.zeros_like(qd)
         for effect in self.effects:
@@ -94,11 +100,10 @@ class Plant(struct.PyTreeNode):
     def step(
         self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float
     ) -> tuple[State, tuple[Any, ...]]:
-        """State and hidden states one time step ``dt`` [s] later, under the commanded torque
-        ``tau`` (J,) [N].
+        """Return state and hidden states one time step ``dt`` [s] later.
 
-        The command passes the effects' ``actuate`` in their order; the state then moves by q +
-        dt·qd + dt²·qdd/2, qd + dt·qdd.
+        ``tau`` (J,) [N] is the commanded torque. The command passes the effects' ``actuate`` in
+        their order; the state then moves by q + dt·qd + dt²·qdd/2, qd + dt·qdd.
         """
         after = []
         for effect, memory in zip(self.effects, hidden, strict=True):
@@ -107,8 +112,9 @@ class Plant(struct.PyTreeNode):
         return integrate(state, self.acceleration(state, tau, dt), dt), tuple(after)
 
     def sense(self, hidden: tuple[Any, ...], q: Joints, noise: Joints) -> Joints:
-        """Encoder reading (J,) at ``q`` (J,), given hidden states and standard-normal draws
-        ``noise`` (J,).
+        """Return the encoder reading (J,) at ``q`` (J,).
+
+        ``noise`` (J,) are standard-normal draws.
         """
         for effect, memory in zip(self.effects, hidden, strict=True):
             q = effect.sense(memory, q, noise)
@@ -116,16 +122,16 @@ class Plant(struct.PyTreeNode):
 
 
 def _grips(effect: Effect) -> bool:
-    """Has the effect dry friction?"""
+    """Return whether the effect has dry friction."""
     return type(effect.effect if isinstance(effect, OnJoint) else effect).dry is not Effect.dry
 
 
 def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:
-    """Torque (J,) within ±``level`` that brings the joints to rest, or as near as it can.
+    """Return the torque (J,) within ±``level`` that brings the joints closest to rest.
 
-    Joint by joint, over and over (projected Gauss-Seidel): each brakes what the others leave of
-    ``push`` (J,), the acceleration that would carry on [m/s^2]. One joint needs one round, joints
-    that the inertia couples more.
+    Projected Gauss-Seidel, joint by joint and repeated: each joint brakes what the others leave of
+    ``push`` (J,), the acceleration [m/s^2] to be braked to come to rest in one step. One joint
+    needs one round, joints coupled by inertia need more.
     """
 
     def around(_: Any, grip: Joints) -> Joints:
@@ -143,8 +149,9 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:
-    """Constant acceleration over one step: the house's integrator, for plants and for desired
-    trajectories.
+    """Return the state after one step of constant acceleration.
+
+    This integrator serves plants and desired trajectories.
     """
     q, qd = state
     return State(q + dt * qd + 0.5 * dt**2 * qdd, qd + dt * qdd)

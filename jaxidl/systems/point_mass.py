@@ -8,45 +8,46 @@ from jaxidl.types import Joints, Scalar
 
 
 class PointMass(struct.PyTreeNode):
-    """M·qdd = tau with M diagonal. Bodies of the house share these methods, so a plant does not ask
-    which it has.
+    """A rigid body with M·qdd = tau, M diagonal.
+
+    All rigid bodies share these methods, so a plant need not distinguish them.
     """
 
     mass: Joints  # (J,) mass seen by each axis [kg]
 
     def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
-        """Acceleration (J,) [m/s^2] under the joint torque ``tau`` (J,) [N]."""
+        """Return the acceleration (J,) [m/s^2] under the joint torque ``tau`` (J,) [N]."""
         return tau / self.mass
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
-        """Torque (J,) [N] that makes acceleration ``qdd`` (J,) [m/s^2]."""
+        """Return the torque (J,) [N] for the acceleration ``qdd`` (J,) [m/s^2]."""
         return self.mass * qdd
 
     def mobility(self, q: Joints) -> Float[Array, "J J"]:
-        """Inverse of the inertia matrix (J, J) [1/kg]."""
+        """Return the inverse of the inertia matrix (J, J) [1/kg]."""
         return jnp.diag(1.0 / self.mass)
 
     def add_inertia(self, extra: Joints) -> "PointMass":
-        """The body with ``extra`` (J,) [kg] on its axes."""
+        """Return the body with ``extra`` (J,) [kg] on its axes."""
         return PointMass(self.mass + extra)
 
     def add_mass(self, extra: Joints | Scalar) -> "PointMass":
-        """A point's mass and an axis' inertia are the same thing."""
+        """Return the body with ``extra`` mass: for a point it is the same as an axis' inertia."""
         return PointMass(self.mass + extra)
 
     def add_link(self, extra: Float[Array, "J 10"]) -> "PointMass":
-        """Of the ten inertial parameters only mass matters where nothing turns."""
+        """Return the body with extra mass: the other nine parameters need a rotation."""
         return PointMass(self.mass + extra[:, 0])
 
     def add_payload(self, extra: Float[Array, "10"]) -> "PointMass":
-        """All axes move the load; where it sits makes no difference."""
+        """Return the body with the load's mass on all axes; its position makes no difference."""
         return PointMass(self.mass + extra[0])
 
     def tilt(self, angles: Float[Array, "2"]) -> "PointMass":
-        """There is no gravity to point another way."""
+        """Return the body unchanged: it has no gravity."""
         return self
 
 
 def point_mass(mass: Scalar, joints: int = 2) -> PointMass:
-    """The same ``mass`` [kg] on each of ``joints`` axes."""
+    """Return a body with the same ``mass`` [kg] on each of ``joints`` axes."""
     return PointMass(jnp.full(joints, mass, jnp.result_type(float)))

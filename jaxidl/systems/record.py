@@ -1,5 +1,6 @@
-"""``effects.json`` beside a model: which effects the plant has, and which of them the model's own
-file does not hold.
+"""``effects.json`` beside a model: the plant's effects.
+
+It says which of them the model's own file does not contain.
 """
 
 import json
@@ -15,24 +16,25 @@ from jaxidl.errors import EffectError, ModelError
 from jaxidl.types import Joints, Scalar
 
 EFFECTS = "effects.json"
-MOST_STEPS = 10_000  # of a line of dead time: what a damaged file may make us remember
+MOST_STEPS = 10_000  # of a buffer of dead time: a limit on what a damaged file may allocate
 
 
 class Entry(NamedTuple):
     """An effect and where it is written."""
 
     effect: Effect
-    in_mjcf: bool  # reading the model's file restores it
-    mjcf: str | None  # the attribute that it is written into
+    in_mjcf: bool  # true if reading the model's file restores it
+    mjcf: str | None  # the attribute that it is written to
 
     def to_dict(self) -> dict[str, Any]:
-        """The effect's record and where it is written, ready for JSON."""
+        """Return the effect's record and where it is written, ready for JSON."""
         return {**self.effect.to_dict(), "in_mjcf": self.in_mjcf, "mjcf": self.mjcf}
 
 
 def read_record(path: Path, joints: int) -> list[Entry]:
-    """Entries of the ``effects.json`` in the folder of the model file ``path``, if it was written
-    for this model.
+    """Return the entries of the ``effects.json`` beside the model file ``path``.
+
+    None are returned if it was not written for this model.
 
     Raises:
         ModelError: if it is damaged, or has effects that do not fit ``joints`` joints.
@@ -71,7 +73,7 @@ def _refuse_constant(name: str) -> float:
 def _entry(entry: dict[str, Any], joints: int) -> Entry:
     in_mjcf, place = entry.get("in_mjcf", False), entry.get("mjcf")
     if not isinstance(in_mjcf, bool) or not isinstance(place, str | None):
-        raise TypeError("in_mjcf is true or false, mjcf a text or null")
+        raise TypeError("in_mjcf must be true or false, mjcf a text or null")
     for key, value in entry.get("options", {}).items():
         most = {"steps": MOST_STEPS, "joint": joints - 1, "other": joints - 1}.get(key, math.inf)
         kind = int | float if key == "width" else int
@@ -87,7 +89,7 @@ def _entry(entry: dict[str, Any], joints: int) -> Entry:
 
 
 class _Probe:
-    """A body that notes nothing but what it is given has the right shape."""
+    """A body that only checks that what it is given has the right shape."""
 
     def __init__(self, joints: int):
         self.joints = joints
@@ -112,10 +114,12 @@ class _Probe:
 
 
 def check_fits(effect: Effect, joints: int) -> None:
-    """Raise :class:`EffectError` unless the effect is within its bounds and acts on a mechanism of
-    ``joints`` joints.
+    """Raise unless the effect is within its bounds and acts on a mechanism of ``joints`` joints.
 
-    All that it does is traced, not computed, and must have one value per joint.
+    All its methods are traced, not computed, and must return one value per joint.
+
+    Raises:
+        EffectError: naming the effect or the parameter.
     """
     effect.check()
     if isinstance(effect, OnJoint) and not (

@@ -16,7 +16,7 @@ from jaxtyping import Bool, Float, UInt8
 
 from jaxidl.errors import JaxidlError
 
-TABLE = 0.004  # height of its top [m]
+TABLE = 0.004  # height of the table top [m]
 
 
 class NoRenderer(JaxidlError):
@@ -24,8 +24,9 @@ class NoRenderer(JaxidlError):
 
 
 def scene(pick: Float[np.ndarray, "3"], place: Float[np.ndarray, "3"]) -> mujoco.MjModel:
-    """The arm with a tool on its flange (``held``), one under the ``pick`` (3,), one under the
-    ``place`` (3,) [m].
+    """Return the arm with three tools: one on its flange and two on the table.
+
+    The one on the flange is ``held``; the others are under ``pick`` (3,) and ``place`` (3,) [m].
     """
     spec = mujoco.MjSpec.from_string((files("jaxidl.systems") / "arm.xml").read_text())
     cylinder, box = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX
@@ -63,16 +64,15 @@ def film(
     place: Float[np.ndarray, "3"],
     size: tuple[int, int] = (360, 360),
 ) -> UInt8[np.ndarray, "N H W 3"]:
-    """Pictures (N, H, W, 3) of the arm at joint positions ``q`` (N, 7) [rad]; the tool is on the
-    flange where ``held`` (N,).
+    """Return pictures (N, H, W, 3) of the arm at joint positions ``q`` (N, 7) [rad].
 
-    Another process makes them: which graphics MuJoCo takes is settled when it is imported, and
-    drivers may crash.
+    The tool is on the flange where ``held`` (N,). A separate process renders them: the graphics
+    that MuJoCo uses are fixed when it is imported, and drivers may crash.
 
     Raises:
         NoRenderer: where MuJoCo finds no graphics, not even in software.
     """
-    # no screen needed
+    # EGL needs no screen
     environment = os.environ if sys.platform != "linux" else {"MUJOCO_GL": "egl"} | os.environ
     with tempfile.TemporaryDirectory() as name:
         given, made = Path(name) / "given.npz", Path(name) / "made.npy"
@@ -81,7 +81,7 @@ def film(
         said = subprocess.run(words, env=environment, capture_output=True, text=True, check=False)
         if made.is_file():
             return np.load(made)
-    reason = (said.stderr.strip().splitlines() or ["nothing said"])[-1]
+    reason = (said.stderr.strip().splitlines() or ["no message"])[-1]
     raise NoRenderer(
         "a renderer for the pictures",
         reason[:200],
@@ -120,4 +120,4 @@ if __name__ == "__main__":
             job["q"], job["held"], job["pick"], job["place"], tuple(job["size"].tolist())
         )
     np.save(sys.argv[2], done)
-    os._exit(0)  # some drivers complain when they are taken down
+    os._exit(0)  # some drivers fail when they are shut down

@@ -1,5 +1,6 @@
-"""What a rigid body contributes along a log, and how that changes with everything that may be wrong
-about it.
+"""A rigid body's inverse dynamics along a log, and its derivatives.
+
+The derivatives are by everything that may be wrong about the body.
 """
 
 # MuJoCo's names are made when it is imported, where a type checker does not see them
@@ -21,21 +22,21 @@ from jaxidl.types import Joints, Scalar
 
 Rows = Float[np.ndarray, "T J"]
 
-SMALL = 1e-12  # of the largest: what is smaller is rounding, and no information
+SMALL = 1e-12  # share of the largest value: smaller ones are rounding errors
 
 
 class Tables(NamedTuple):
-    """One row per instant (T rows, or none inside a ``vmap``). Inverse dynamics is linear in
-    everything but the state.
+    """Inverse dynamics and its derivatives, one row per instant.
 
-    Arrays are NumPy's along a log, and JAX's in what is compiled.
+    There are T rows, or none inside a ``vmap``. Inverse dynamics is linear in everything but the
+    state. Arrays are NumPy's along a log, and JAX's in compiled programs.
     """
 
     torque: Float[Any, "*T J"]  # inverse dynamics [N or Nm]
     inertia: Float[Any, "*T J J"]  # its derivative by acceleration: the inertia matrix
     by_q: Float[Any, "*T J J"]  # ... by position
     by_qd: Float[Any, "*T J J"]  # ... by velocity
-    # ... by the mass of each joint's body, whose inertia goes with it
+    # ... by the mass of each joint's body, whose inertia changes in proportion
     by_mass: Float[Any, "*T J J"]
     # ... by the ten inertial parameters of each joint's body (the second J), in its frame
     by_link: Float[Any, "*T J J 10"]
@@ -52,10 +53,10 @@ class Tables(NamedTuple):
 
 
 def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
-    """Tables of ``body`` along a log (T, J), in float64 NumPy.
+    """Return tables of ``body`` along a log (T, J), in float64 NumPy.
 
-    All are exact at every instant but the derivatives by position and velocity, which are central
-    differences at every ``stride``-th, and interpolated.
+    All are exact at every instant, except the derivatives by position and velocity: these are
+    central differences at every ``stride``-th instant, interpolated in between.
     """
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
@@ -77,7 +78,7 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
-    """Inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
+    """Return inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):
         return np.asarray(body.mass, float) * qdd
     return _inverse(body.source, q, qd, qdd)
@@ -107,8 +108,9 @@ def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
 
 
 class _Motion(NamedTuple):
-    """MuJoCo's data along a log; spatial vectors of B bodies and J joints: angular, then linear at
-    the tree's centre of mass.
+    """MuJoCo's data along a log, of B bodies and J joints.
+
+    Spatial vectors are angular, then linear at the tree's centre of mass.
     """
 
     torque: np.ndarray  # (T, J)
@@ -122,7 +124,7 @@ class _Motion(NamedTuple):
 
 
 def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> _Motion:
-    """What MuJoCo computes on the way to inverse dynamics."""
+    """Return MuJoCo's intermediate results of inverse dynamics."""
     T, J, B = len(q), source.nv, source.nbody
     shapes = (J,), (J, J), (J, 6), (B, 6), (B, 6), (B, 3), (B, 9), (B, 3)
     out = [np.empty((T, *shape)) for shape in shapes]
@@ -151,7 +153,7 @@ def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarr
 
 
 def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
-    """Which joints (J,) move a body."""
+    """Return which joints (J,) move a body."""
     above = []
     while body:
         above.append(body)
@@ -160,8 +162,9 @@ def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
 
 
 def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
-    """Torque (T, J, 10) per inertial parameter of a body: Newton and Euler about the origin of its
-    frame, along its axes.
+    """Return the torque (T, J, 10) per inertial parameter of a body.
+
+    It follows from Newton's and Euler's equations about the origin of its frame, along its axes.
     """
     into = motion.turn[:, b].transpose(0, 2, 1)
     arm = motion.place[:, b] - motion.centre[:, source.body_rootid[b]]
@@ -184,8 +187,9 @@ def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
 
 
 def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
-    """Torque (T, J, 3) per unit of gravity: minus the mass of each joint's subtree times how its
-    centre moves.
+    """Return the torque (T, J, 3) per unit of gravity.
+
+    It is minus the mass of each joint's subtree times the motion of its centre.
     """
     on = source.dof_bodyid
     arm = motion.centre[:, on] - motion.centre[:, source.body_rootid[on]]
@@ -194,12 +198,15 @@ def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
 
 
 def _cross(vectors: np.ndarray) -> np.ndarray:
-    """Matrices (T, 3, 3) of cross products with vectors (T, 3)."""
+    """Return matrices (T, 3, 3) of cross products with vectors (T, 3)."""
     return np.cross(vectors[:, None, :], np.eye(3)).transpose(0, 2, 1)
 
 
 def _inertia_of(omega: np.ndarray) -> np.ndarray:
-    """(T, 3, 6): times the six elements of an inertia tensor, its product with ``omega`` (T, 3)."""
+    """Return (T, 3, 6): times the six elements of an inertia tensor, its product with omega.
+
+    ``omega`` is (T, 3).
+    """
     out = np.zeros((len(omega), 3, 6))
     for i, places in enumerate(PLACES):
         for j, place in enumerate(places):
@@ -213,7 +220,7 @@ def _without_rounding(x: np.ndarray) -> np.ndarray:
 
 
 def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> list[np.ndarray]:
-    """Derivatives (T, J, J) by position and by velocity.
+    """Return derivatives (T, J, J) by position and by velocity.
 
     MuJoCo in C does this in seconds where MJX's derivatives take minutes to compile; a test
     compares both.
@@ -230,7 +237,7 @@ def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> l
 
 
 def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """MuJoCo's inverse dynamics along a log."""
+    """Return MuJoCo's inverse dynamics along a log."""
     out, data, inverse = np.empty(q.shape), mujoco.MjData(source), mujoco.mj_inverse
     position, velocity, acceleration, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
     for t in range(len(q)):
@@ -241,15 +248,15 @@ def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndar
 
 
 class TabledBody(struct.PyTreeNode):
-    """A body at one instant of a log: it can be altered as any other, and knows by how much its
-    inverse dynamics then differs.
+    """A body at one instant of a log, with the change of its inverse dynamics when it is altered.
 
-    Linear: what another gravity does to what was added is left out.
+    It can be altered as any other body. The change is linear: the effect of changed gravity on what
+    was added is left out.
     """
 
     table: Tables
     qdd: Joints
-    extra: Joints  # (J,) [N or Nm] what the alterations add
+    extra: Joints  # (J,) torque that the alterations add [N or Nm]
 
     def add_inertia(self, extra: Joints) -> "TabledBody":
         return self.replace(extra=self.extra + extra * self.qdd)
