@@ -1,4 +1,4 @@
-"""Policies that say what to do, feedback laws that insist on it."""
+"""Policies that give the desired acceleration, and feedback laws that follow it."""
 
 from jaxidl.control.doomed import Doomed
 from jaxidl.control.estimate import Estimator, Filtered, FiniteDifference

@@ -1,5 +1,6 @@
-"""DOOMED: direct online optimisation of modelling errors (Ratliff et al. 2016), feedback that
-adapts an offset torque.
+"""DOOMED: direct online optimisation of modelling errors (Ratliff et al. 2016).
+
+It is feedback that adapts an offset torque.
 """
 
 from typing import NamedTuple
@@ -21,11 +22,11 @@ class DoomedState(NamedTuple):
 
 
 class Doomed(struct.PyTreeNode):
-    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired: g ← EMA(−rate·e), o ←
-    o + g, within ±``limit``.
+    """Gradient steps on the acceleration error e = qdd_actual − qdd_desired.
 
-    The learner sees o − learner_gain·e, filtered, as it stood *before* the step (entry 0 is 0). The
-    desired trajectory is not used: DOOMED follows the policy itself.
+    g ← EMA(−rate·e), o ← o + g, within ±``limit``. The learner receives o − learner_gain·e,
+    filtered, with its value *before* the step (entry 0 is 0). The desired trajectory is not used:
+    DOOMED follows the policy itself.
     """
 
     rate: Joints | Scalar  # learning rate of the applied offset [N s^2/m]

@@ -1,5 +1,6 @@
-"""What a controller makes of encoder readings: velocity, acceleration, and the desired acceleration
-to compare it with.
+"""A controller's estimates from encoder readings: velocity and acceleration.
+
+They come with the desired acceleration to compare them with.
 """
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
@@ -11,36 +12,35 @@ from jaxidl.types import Joints, Scalar, State
 
 
 class Motion(NamedTuple):
-    """What is known after a reading."""
+    """The estimated motion after a reading."""
 
     sensed: State  # position as read, estimated velocity
     qdd: Joints  # (J,) estimated acceleration [m/s^2 or rad/s^2]
-    # (J,) what the estimate is to be compared with: desired acceleration, as late as the estimate
-    # is
+    # (J,) desired acceleration to compare the estimate with, delayed as the estimate is
     qdd_desired: Joints
 
 
 @runtime_checkable
 class Estimator(Protocol):
-    """``start`` once, then ``update`` with every reading."""
+    """An estimator of motion: ``start`` once, then ``update`` with every reading."""
 
     def start(self, sensed: State) -> Any:
-        """Memory at rest in the ``sensed`` state."""
+        """Return the memory at rest in the ``sensed`` state."""
         ...
 
     def update(
         self, memory: Any, before: State, q: Joints, qdd_desired: Joints, dt: float
     ) -> tuple[Motion, Any]:
-        """Motion and new memory after the reading ``q`` (J,), ``dt`` [s] after the state
-        ``before``; ``qdd_desired`` (J,) was wanted there.
+        """Return motion and new memory after the reading ``q`` (J,).
+
+        The reading is taken ``dt`` [s] after the state ``before``, in which ``qdd_desired`` (J,)
+        was the desired acceleration.
         """
         ...
 
 
 class FiniteDifference(struct.PyTreeNode):
-    """The paper's simulation: finite differences of readings and of velocities, and nothing
-    else.
-    """
+    """The paper's simulation: only finite differences of readings and of velocities."""
 
     def start(self, sensed: State) -> tuple[()]:
         return ()
@@ -53,13 +53,13 @@ class FiniteDifference(struct.PyTreeNode):
 
 
 class FilterMemory(NamedTuple):
-    """What :class:`Filtered` remembers, (J,) each."""
+    """Memory of :class:`Filtered`, (J,) each."""
 
-    difference: Joints  # of the last two readings over the step [m/s or rad/s]
+    difference: Joints  # difference of the last two readings over the step [m/s or rad/s]
     qd: Joints
     qdd: Joints
-    late: Joints  # the desired acceleration of one step before
-    qdd_desired: Joints  # the filtered one
+    late: Joints  # desired acceleration of the step before
+    qdd_desired: Joints  # filtered desired acceleration
 
 
 class Filtered(struct.PyTreeNode):
@@ -91,7 +91,8 @@ class Filtered(struct.PyTreeNode):
 
 
 def share(band: Scalar, dt: float) -> Scalar:
-    """Weight of a new sample [-] in a first-order low pass with cut-off ``band`` [Hz] and time step
-    ``dt`` [s].
+    """Return the weight of a new sample [-] in a first-order low pass.
+
+    ``band`` [Hz] is its cut-off and ``dt`` [s] the time step.
     """
     return -jnp.expm1(-2.0 * jnp.pi * band * dt)

@@ -1,4 +1,4 @@
-"""What a feedback law is."""
+"""The interface of a feedback law."""
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
@@ -8,24 +8,29 @@ from jaxidl.types import Joints, State
 class Feedback(NamedTuple):
     """The two feedback torques of one instant."""
 
-    applied: Joints  # (J,) goes to the plant [N]
-    learning: Joints  # (J,) goes to the learner only [N]
+    applied: Joints  # (J,) applied to the plant [N]
+    learning: Joints  # (J,) for the learner only [N]
 
 
 @runtime_checkable
 class FeedbackLaw(Protocol):
-    """``init`` once, then in every control step ``act`` before the plant moves and ``observe``
-    after it.
+    """A feedback law with a memory.
+
+    ``init`` is called once, then in every control step ``act`` before the plant moves and
+    ``observe`` after it.
     """
 
     def init(self, q: Joints) -> Any:
-        """Memory at the start of an execution at position ``q`` (J,)."""
+        """Return the memory at the start of an execution at position ``q`` (J,)."""
         ...
 
     def act(self, memory: Any, desired: State, sensed: State) -> tuple[Feedback, Any]:
-        """Feedback for this step, given the desired and the sensed state, and the new memory."""
+        """Return this step's feedback, for the desired and the sensed state, and the new memory."""
         ...
 
     def observe(self, memory: Any, qdd_desired: Joints, qdd_actual: Joints) -> Any:
-        """Memory after seeing the acceleration (J,) [m/s^2] that the step made."""
+        """Return the memory after the step.
+
+        The accelerations are (J,) [m/s^2]; ``qdd_actual`` is the one that the step produced.
+        """
         ...

@@ -26,12 +26,12 @@ class PidState(NamedTuple):
 
 
 class Pid(struct.PyTreeNode):
-    """kp·e + kd·ė + I against the desired trajectory; the learner gets the same with its own gains,
-    filtered.
+    """kp·e + kd·ė + I against the desired trajectory.
 
-    Reference experiment, section "One control step": the learning feedback is kp'·e + kd'·ė + ki'·e
-    + I_previous, with the applied law's integral from before this step; it is filtered before the
-    plant moves, so entry t belongs to step t.
+    The learner receives the same with its own gains, filtered. Reference experiment, section "One
+    control step": the learning feedback is kp'·e + kd'·ė + ki'·e + I_previous, with the applied
+    law's integral from before this step; it is filtered before the plant moves, so entry t belongs
+    to step t.
     """
 
     applied: PidGains

@@ -1,4 +1,4 @@
-"""Acceleration policies: the acceleration one wants in a state, with no dynamics in it.
+"""Acceleration policies: the desired acceleration in a state, independent of any dynamics.
 
 A policy is called as ``policy(q, qd, t)`` with positions (J,), velocities (J,) and the number of
 the control step, and returns the desired acceleration (J,) [m/s^2].
@@ -26,11 +26,10 @@ class PdPolicy(struct.PyTreeNode):
 
 
 class LqrPolicy(struct.PyTreeNode):
-    """Kinematic LQR, as on the paper's robot: −K_t·(q − target, qd) for a double integrator on
-    every joint.
+    """Kinematic LQR, as on the paper's robot: −K_t·(q − target, qd).
 
-    One row of gains means an infinite horizon; with several, step t uses row t and everything after
-    the horizon the last.
+    It is that of a double integrator on every joint. One row of gains means an infinite horizon;
+    with several, step t uses row t and every step after the horizon the last row.
     """
 
     target: Joints  # (J,) [m]
@@ -42,10 +41,10 @@ class LqrPolicy(struct.PyTreeNode):
 
 
 class Sequence(struct.PyTreeNode):
-    """One goal after the other with the same gains: what a planner hands to an arm."""
+    """One goal after the other with the same gains: what a planner sends to an arm."""
 
     targets: Float[Array, "G J"]  # (G, J) goals [m or rad]
-    begins: Int[Array, " G"]  # step from which each goal counts; the first is 0
+    begins: Int[Array, " G"]  # step from which each goal applies; the first is 0
     gains: Float[Array, "H 2"]  # see :class:`LqrPolicy`
 
     def __call__(self, q: Joints, qd: Joints, t: Int[Array, ""] | int) -> Joints:
@@ -54,7 +53,10 @@ class Sequence(struct.PyTreeNode):
 
 
 def double_integrator(dt: float) -> tuple[np.ndarray, np.ndarray]:
-    """A (2, 2) and B (2, 1) of one joint under the house's integrator with time step ``dt`` [s]."""
+    """Return A (2, 2) and B (2, 1) of one joint under the package's integrator.
+
+    ``dt`` [s] is the time step.
+    """
     return np.array([[1.0, dt], [0.0, 1.0]]), np.array([[0.5 * dt**2], [dt]])
 
 
@@ -67,11 +69,11 @@ def lqr(
     effort: float = 1e-4,
     horizon: int | None = None,
 ) -> LqrPolicy:
-    """LQR policy towards ``target`` (J,) [m] at rest, minimising Σ position·e² + velocity·qd² +
-    effort·qdd².
+    """Return an LQR policy towards ``target`` (J,) [m] at rest.
 
-    The infinite horizon is solved by SciPy (``solve_discrete_are``); a finite ``horizon`` [steps]
-    runs the Riccati recursion backwards from it with the stage cost at the end.
+    It minimises Σ position·e² + velocity·qd² + effort·qdd². The infinite horizon is solved by SciPy
+    (``solve_discrete_are``); a finite ``horizon`` [steps] runs the Riccati recursion backwards from
+    it, with the stage cost at the end.
 
     Raises:
         ConfigurationError: for a cost that is negative, or zero where it must not be, or an empty
@@ -101,5 +103,5 @@ def lqr(
 
 
 def _gain(value: np.ndarray, a: np.ndarray, b: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """K (1, 2) = (R + BᵀPB)⁻¹ BᵀPA for the value matrix P (2, 2)."""
+    """Return K (1, 2) = (R + BᵀPB)⁻¹ BᵀPA for the value matrix P (2, 2)."""
     return (b.T @ value @ a) / (weight + b.T @ value @ b)

@@ -1,19 +1,19 @@
-"""A trained feedforward as one file for a robot's control computer, which needs JAX and flatbuffers
-but not this package.
+"""A trained feedforward as one file for a robot's control computer.
 
-The paper's control loop runs at 1 kHz in hard real time, and all networks' predictions take less
-than 1 ms of it. There, ::
+The computer needs JAX and flatbuffers but not this package. The paper's control loop runs at 1 kHz
+in hard real time, and all networks' predictions take less than 1 ms of it. There, ::
 
     feedforward = jax.export.deserialize(bytearray(Path("feedforward.jaxexport").read_bytes()))
-    torque = jax.jit(feedforward.call).lower(*feedforward.in_avals).compile()  # seconds, once,
-    before the loop
+    # seconds, once, before the loop
+    torque = jax.jit(feedforward.call).lower(*feedforward.in_avals).compile()
 
 and in the loop ``np.asarray(torque(q, qd, qdd_desired))`` on float32 arrays. ``feedforward.call``
 by itself is dispatched anew at every call, which takes most of a millisecond.
-``experiments/bench/real_time.py`` has the habits that keep a loop on time.
+``experiments/bench/real_time.py`` shows how to keep a loop on time.
 
-Single precision, because a file in double precision can only be called in a process that has set
-``jax_enable_x64``, and is no faster. Rounding changes the arm's torques by up to 4e-5 Nm.
+The file is in single precision, because one in double precision can only be called in a process
+that has set ``jax_enable_x64``, and is no faster. Rounding changes the arm's torques by up to 4e-5
+Nm.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,21 +29,22 @@ from jaxidl.models import ErrorModel, Params
 from jaxidl.systems import RigidBody
 from jaxidl.types import Circumstances, Joints, State
 
-PLATFORMS = ("cpu", "cuda")  # that one file runs on; JAX takes the one it finds
+PLATFORMS = ("cpu", "cuda")  # one file runs on all of these; JAX selects the one available
 DTYPE = jnp.float32
 
 
 def feedforward(
     task: Task, model: RigidBody, error_model: ErrorModel, params: Params
 ) -> Callable[[Joints, Joints, Joints, *tuple[Circumstances, ...]], Joints]:
-    """All of the command but feedback: what :func:`jaxidl.learning.execute.execute` computes from a
-    sensed state.
+    """Return the whole command except feedback, as a function.
+
+    It is what :func:`jaxidl.learning.execute.execute` computes from a sensed state.
 
     Returns:
         A function of position ``q`` (J,) [rad], velocity ``qd`` (J,) [rad/s], desired acceleration
-        (J,) [rad/s^2] and, if the error model knows any, circumstances (C,), to torque (J,) [Nm]:
-        ``model``'s inverse dynamics within ``task.torque_limit`` plus the error model's torque
-        within ``task.feedforward_limit`` and ``task.torque_limit``.
+            (J,) [rad/s^2] and, if the error model uses any, circumstances (C,), to torque (J,)
+            [Nm]: ``model``'s inverse dynamics within ``task.torque_limit`` plus the error model's
+            torque within ``task.feedforward_limit`` and ``task.torque_limit``.
     """
 
     def torque(q: Joints, qd: Joints, qdd_desired: Joints, *circumstances: Circumstances) -> Joints:
@@ -63,26 +64,25 @@ def export_feedforward(
     params: Params,
     platforms: Sequence[str] = PLATFORMS,
 ) -> bytes:
-    """:func:`feedforward` in float32 as a file's content, weights and limits baked in; write it
-    with ``files.write_bytes``.
+    """Return :func:`feedforward` in float32 as a file's content.
 
-    JAX reads it back for half a year of its releases, and an older JAX than the one that wrote it
-    may not.
+    Weights and limits are constants in it. Write it with ``files.write_bytes``. JAX can read it
+    back for half a year of its releases; a JAX older than the one that wrote it may not be able to.
 
     Args:
         task: its limits bound the torques [Nm].
-        model: the rigid body one believes in.
-        error_model: J networks; those that know C circumstances give the function a fourth argument
+        model: the modelled rigid body.
+        error_model: J networks; those that use C circumstances give the function a fourth argument
             (C,).
         params: their weights, as trained.
-        platforms: what the file is to run on, in JAX's words.
+        platforms: the platforms that the file is to run on, by JAX's names.
     """
     bounds = {"torque_limit": task.torque_limit, "feedforward_limit": task.feedforward_limit}
     bounds, model, params = jax.tree.map(_single, (bounds, model, params))
     shapes = [(error_model.joints,)] * 3
     if error_model.circumstance_scales:
         shapes.append((len(error_model.circumstance_scales),))
-    # as the process that loads it will be: without float64. A GPU would round the inputs of
+    # without float64, as in the process that will load it; a GPU would round the inputs of
     # products to 10 bits (TF32)
     with jax.enable_x64(False), jax.default_matmul_precision("float32"):
         program = jax.jit(feedforward(task.replace(**bounds), model, error_model, params))

@@ -20,19 +20,19 @@ Feedforward = Callable[[State, Joints, Circumstances | None], Joints]
 
 
 class Task(struct.PyTreeNode):
-    """What is to be done, whoever does it, and under which circumstances."""
+    """The task to be executed, and under which circumstances."""
 
-    start: State  # initial state as sensed; the true one, too, unless an execution is told another
+    start: State  # initial state as sensed; also the true one, unless given
     policy: Policy  # desired acceleration in a state
     # bound of each of feedback, feedforward and rigid-body torque [N or Nm]
     torque_limit: Joints | Scalar
     feedforward_limit: Joints | Scalar = jnp.inf  # bound of the error model's torque [N or Nm]
     estimator: Estimator = FiniteDifference()
-    # (T, C) what changes from outside: the load that is carried, for one
+    # (T, C) conditions set from outside, such as the load that is carried
     circumstances: Circumstances | None = None
     dt: float = struct.field(pytree_node=False, default=0.001)  # control step [s]
     steps: int = struct.field(pytree_node=False, default=1000)  # T, control steps of one execution
-    # the plant under them
+    # returns the plant under given circumstances
     world: Callable[[Plant, Circumstances], Plant] | None = struct.field(
         pytree_node=False, default=None
     )
@@ -41,7 +41,7 @@ class Task(struct.PyTreeNode):
         return jnp.clip(tau, -self.torque_limit, self.torque_limit)
 
     def plant(self, plant: Plant, circumstances: Circumstances | None) -> Plant:
-        """The plant as it is under ``circumstances`` (C,)."""
+        """Return the plant under ``circumstances`` (C,)."""
         return (
             plant
             if self.world is None or circumstances is None
@@ -50,8 +50,9 @@ class Task(struct.PyTreeNode):
 
 
 def desired_trajectory(task: Task) -> State:
-    """The policy integrated from the start without any dynamics: (T, J) states, each before its
-    step.
+    """Integrate the policy from the start without any dynamics.
+
+    Returns (T, J) states, each before its step.
     """
 
     def instant(state: State, t: Any) -> tuple[State, State]:
@@ -63,8 +64,9 @@ def desired_trajectory(task: Task) -> State:
 
 @cache
 def _warn_of_single_precision() -> None:
-    """Say it once: accelerations from two differences of positions at 1 ms lose most of their
-    digits in single precision.
+    """Warn once that single precision is used.
+
+    Accelerations from two differences of positions at 1 ms lose most of their digits in it.
     """
     remedy = 'call jax.config.update("jax_enable_x64", True) before anything else'
     warnings.warn(
@@ -88,16 +90,15 @@ def execute(
 
     Args:
         plant: the true system.
-        model: the rigid body one believes in; its inverse dynamics is the first part of the
-            command.
+        model: the modelled rigid body; its inverse dynamics are the first part of the command.
         law: feedback, applied and for learning.
         task: start, policy, time step, bounds.
-        noise: (T, J) standard-normal draws; row t makes the sensed state after step t.
+        noise: (T, J) standard-normal draws; row t determines the sensed state after step t.
         feedforward: the error model's torque at the sensed state and desired acceleration; None
             before any learning.
-        start: (J,) where the mechanism truly is at first, if not just where the task says.
+        start: (J,) true initial position of the mechanism. Default: the task's.
         checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode
-            needs no memory to speak of.
+            needs hardly any memory.
 
     The trajectory can be differentiated, forward and in reverse, by every number in ``plant``,
     ``model``, ``law``, ``task`` and in what ``feedforward`` closes over. The derivative is that of

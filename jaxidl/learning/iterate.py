@@ -1,5 +1,6 @@
-"""Task-specific learning: execute, train on what happened, execute again, as one scan over
-iterations.
+"""Task-specific learning as one scan over iterations.
+
+Execute, train on the recorded execution, execute again.
 """
 
 from collections.abc import Callable
@@ -20,29 +21,30 @@ from jaxidl.types import Dataset, History, Key, Trajectory
 
 
 class Setting(struct.PyTreeNode):
-    """One configuration: everything an execution and a training need, traced; the rest is
-    static.
+    """One configuration: all that an execution and a training need.
+
+    Its numbers are traced, except those in static fields.
     """
 
     plant: Plant  # the true system
-    model: RigidBody  # the believed one
+    model: RigidBody  # the modelled rigid body
     law: FeedbackLaw
     task: Task
-    reference: History  # (T, J) positions that q_error is measured against [m]
+    reference: History  # (T, J) positions to which q_error is measured [m]
 
 
 class Metrics(NamedTuple):
-    """What the study records of each execution: means over steps and joints."""
+    """The study's measures of each execution: means over steps and joints."""
 
     q_error: Float[Array, "..."]  # |q − frictionless reference| [m]
     feedback_applied: Float[Array, "..."]  # |applied feedback| [N]
     qdd_error: Float[Array, "..."]  # |desired − actual acceleration| [m/s^2]
     torque: Float[Array, "..."]  # |commanded torque| [N]
-    finite: Bool[Array, "..."]  # did everything in the execution stay finite?
+    finite: Bool[Array, "..."]  # true if everything in the execution stayed finite
 
 
 def measure(run: Trajectory, reference: History) -> Metrics:
-    """The metrics of one execution against the ``reference`` (T, J) positions."""
+    """Return the metrics of one execution against the ``reference`` (T, J) positions."""
     q_error = jnp.abs(run.q - reference).mean()
     feedback = jnp.abs(run.tau_feedback_applied).mean()
     qdd_error = jnp.abs(run.qdd_desired - run.qdd_actual).mean()
@@ -67,7 +69,7 @@ def learn(
     learner: Learner | None = None,
     derivative: str | None = None,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
-    """K executions with K − 1 trainings between them.
+    """Run K executions with K − 1 trainings between them.
 
     Args:
         setting: the configuration.
@@ -76,23 +78,22 @@ def learn(
             ``fold_in(key, k)``.
         source: "indirect", "direct" or "joint".
         keep: also return every execution.
-        starts: (K, J) where the mechanism truly is at the start of each execution, if not just
-            where the task says.
-        kept: of how many earlier executions the data are learned from, too, beside the last one's.
-            An epoch goes over all of it, so that a training takes 1 + kept times the steps.
-        refine: what is made of an execution before it is learned from: estimates that need its
-            future, for one.
-        learner: what to begin with: weights of one's own, or of an earlier call; fresh ones unless
-            given.
-        derivative: "forward" or "reverse" where the result is to be differentiated in that mode, by
+        starts: (K, J) true initial position of each execution. Default: the task's.
+        kept: number of earlier executions whose data are learned from in addition to the last
+            one's. An epoch covers all of it, so that a training takes 1 + kept times the steps.
+        refine: applied to an execution before it is learned from, for example for estimates that
+            need its future.
+        learner: the initial learner, with your own weights or from an earlier call. Default: a new
+            one.
+        derivative: "forward" or "reverse" if the result is to be differentiated in that mode, by
             anything continuous in ``setting``, ``training.learning_rate``, ``learner``, ``noise``
             or ``starts``: through all executions and all training steps. The values are the same
-            but for rounding. Which snapshots were best and which rules the effects followed count
-            as given.
+            except for rounding. Which snapshots were best and which branches the effects followed
+            are treated as fixed.
 
     Returns:
         Metrics with leaves (K,), the learner used in the last execution, and the trajectories (K,
-        T, J) or None.
+            T, J) or None.
     """
     if learner is None:
         learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
@@ -129,7 +130,7 @@ def learn(
             derivative=derivative,
         )
         data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
-        # a training that failed is a failed iteration
+        # a failed training makes a failed iteration
         finite = metrics.finite & jnp.isfinite(progress.validation)
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
         return (learner, memory), (metrics._replace(finite=finite), run)
@@ -146,10 +147,10 @@ def learn(
 
 
 def recall(memory: Dataset, k: Int[Array, ""]) -> Dataset:
-    """The rows of the last executions, (kept + 1, N) each, as one data set; before iteration ``k``
-    there have been k of them.
+    """Return the rows of the last executions, (kept + 1, N) each, as one data set.
 
-    As long as there are fewer than are kept, each is taken several times, as evenly as can be.
+    Before iteration ``k`` there have been k executions. While there are fewer than are kept, each
+    is used several times, as evenly as possible.
     """
     slots = memory.x.shape[0]
     if slots > 1:

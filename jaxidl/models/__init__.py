@@ -1,4 +1,4 @@
-"""The error model and how it learns."""
+"""The error model and its training."""
 
 from jaxidl.models.mlp import ErrorModel, Mlp, Params
 from jaxidl.models.training import Learner, Progress, Training, adam, draw_batches, fit, start

@@ -1,8 +1,9 @@
-"""The error model: one multi-layer perceptron per joint. The only file that imports Flax's layers.
+"""The error model: one multi-layer perceptron per joint.
 
-Linen's ``init`` and ``apply`` keep the networks pure: parameters are an argument, never an
-attribute. Activations are feature-major (features, rows) and weights (out, in): bias and slope
-gradients then reduce along the contiguous axis, and XLA inserts no transposes.
+This is the only file that imports Flax's layers. Linen's ``init`` and ``apply`` keep the networks
+pure: parameters are an argument, never an attribute. Activations are feature-major (features, rows)
+and weights (out, in): bias and slope gradients then reduce along the contiguous axis, and XLA
+inserts no transposes.
 """
 
 from collections.abc import Callable
@@ -19,30 +20,30 @@ from jaxtyping import Array, Float
 from jaxidl.errors import ConfigurationError
 from jaxidl.types import Circumstances, Joints, Key, State
 
-Params = Any  # the pytree of all joints' networks, a leading axis J on every leaf
+Params = Any  # the pytree of all joints' networks, with a leading axis J on every leaf
 
 
 def prelu(z: Float[Array, "N B"], slopes: Float[Array, "N 1"]) -> Float[Array, "N B"]:
-    """z where positive, slopes · z elsewhere (He et al. 2015)."""
+    """Return z where positive and slopes · z elsewhere (He et al. 2015)."""
     return jnp.where(z >= 0, z, slopes * z)
 
 
 def smooth_prelu(
     z: Float[Array, "N B"], slopes: Float[Array, "N 1"], width: float
 ) -> Float[Array, "N B"]:
-    """:func:`prelu` with its kink rounded over ``width``: slopes · z + (1 − slopes) · width · log(1
-    + exp(z / width)).
+    """Return :func:`prelu` with its kink rounded over ``width``.
+
+    It is slopes · z + (1 − slopes) · width · log(1 + exp(z / width)).
     """
     return slopes * z + (1.0 - slopes) * width * jax.nn.softplus(z / width)
 
 
 @jax.custom_vjp
 def prelu_in_training(z: Float[Array, "N B"], slopes: Float[Array, "N 1"]) -> Float[Array, "N B"]:
-    """:func:`prelu` with its backward pass written by hand: the same numbers, reverse mode only,
-    for training steps.
+    """Return :func:`prelu`, with a hand-written backward pass for training steps.
 
-    XLA's own backward pass keeps one more (N, B) array for each layer; a training step without it
-    takes 7 % less time.
+    The values are the same; only reverse mode can differentiate it. XLA's own backward pass stores
+    one more (N, B) array for each layer; without it a training step takes 7 % less time.
     """
     return prelu(z, slopes)
 
@@ -85,18 +86,18 @@ class Mlp(nn.Module):
 
 @dataclass(frozen=True)
 class ErrorModel:
-    """One network per joint on scaled (q, qd, qdd) of all joints; its output, scaled back, is a
-    torque.
+    """One network per joint, from the motion of all joints to a torque.
 
-    Parameters decide the precision: inputs are cast to the weights' type and torques come out in
-    the type of ``q``.
+    Its inputs are the scaled (q, qd, qdd) of all joints; its output, scaled back, is a torque.
+    Parameters decide the precision: inputs are cast to the weights' type and torques are returned
+    in the type of ``q``.
 
     A network with PReLU is continuous but its slope jumps at the kinks, and training follows
     slopes: where a sample crosses a kink the trained weights jump. A derivative through training is
-    exact between two jumps, and those of the paper's networks are so close together that 1e-7 of a
-    gain moves the error after three executions by some per cent. With ``activation_width`` > 0 the
-    kinks are rounded; with 0.5 the derivative tells what a change by 0.1 % does, and networks learn
-    more slowly.
+    exact between two jumps, and those of the paper's networks are so close together that a change
+    of a gain by 1e-7 changes the error after three executions by some per cent. With
+    ``activation_width`` > 0 the kinks are rounded; with 0.5 the derivative predicts the result of a
+    change by 0.1 %, but networks learn more slowly.
     """
 
     joints: int = 2
@@ -105,10 +106,10 @@ class ErrorModel:
     velocity_scale: float = 20.0  # [m/s]
     acceleration_scale: float = 800.0  # [m/s^2]
     torque_scale: float = 800.0  # [N]
-    # of each circumstance (C) that is an input, too; of others nothing is told
+    # one for each circumstance (C) that is an input; the others are not inputs
     circumstance_scales: tuple[float, ...] = ()
     slope: float = 0.01  # initial PReLU slope [-]
-    # over which PReLU's kink is rounded [-]; 0: sharp, as in the paper
+    # width over which PReLU's kink is rounded [-]; 0: sharp, as in the paper
     activation_width: float = 0.0
 
     def __post_init__(self) -> None:
@@ -122,9 +123,9 @@ class ErrorModel:
             )
 
     def init(self, key: Key) -> Params:
-        """Fresh float32 parameters; every joint's network has its own draw."""
+        """Return new float32 parameters; every joint's network has its own draw."""
         inputs = jnp.zeros((len(self._scales()), 1), jnp.float32)
-        network = Mlp(self.layers, self.slope)  # the activation has no say in the weights
+        network = Mlp(self.layers, self.slope)  # initial weights are the same for any activation
         return jax.vmap(lambda k: network.init(k, inputs))(jax.random.split(key, self.joints))
 
     def _scales(self) -> np.ndarray:
@@ -134,8 +135,9 @@ class ErrorModel:
         return np.concatenate([motion, self.circumstance_scales])
 
     def scale_inputs(self, x: Float[Array, "*N X"]) -> Float[Array, "*N F"]:
-        """The inputs among ``x`` (..., X >= 3J), divided by the scales of position, velocity,
-        acceleration and circumstances.
+        """Return the inputs among ``x`` (..., X >= 3J), scaled.
+
+        They are divided by the scales of position, velocity, acceleration and circumstances.
         """
         scales = self._scales().astype(x.dtype)
         x = x[..., : len(scales)]
@@ -144,10 +146,10 @@ class ErrorModel:
     def apply(
         self, params: Params, x: Float[Array, "F B"], *, in_training: bool = False
     ) -> Float[Array, "J B"]:
-        """All networks' scaled outputs (J, B) on scaled, feature-major inputs (F, B).
+        """Return all networks' scaled outputs (J, B) for scaled, feature-major inputs (F, B).
 
-        ``in_training`` takes the faster backward pass, which forward mode cannot differentiate; the
-        values are the same.
+        ``in_training`` selects the faster backward pass, which forward mode cannot differentiate;
+        the values are the same.
         """
         activation = prelu_in_training if in_training else prelu
         if self.activation_width > 0.0:
@@ -159,7 +161,10 @@ class ErrorModel:
     def torque(
         self, params: Params, state: State, qdd: Joints, circumstances: Circumstances | None = None
     ) -> Joints:
-        """Predicted modelling error (J,) [N] in ``state`` at acceleration ``qdd`` (J,) [m/s^2]."""
+        """Return the predicted modelling error (J,) [N].
+
+        It is that in ``state`` at the acceleration ``qdd`` (J,) [m/s^2].
+        """
         told = () if circumstances is None else (circumstances,)
         x = self.scale_inputs(jnp.concatenate([state.q, state.qd, qdd, *told]))
         dtype = jax.tree.leaves(params)[0].dtype

@@ -1,4 +1,4 @@
-"""Training of the error model as one scan. The only file that imports optax."""
+"""Training of the error model as one scan; the only file that imports optax."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -14,25 +14,26 @@ from jaxidl.models.mlp import ErrorModel, Params
 from jaxidl.scan import scan
 from jaxidl.types import Dataset, Key, Scalar
 
-DERIVATIVES = (None, "forward", "reverse")  # that a training can be asked for
+DERIVATIVES = (None, "forward", "reverse")  # modes in which training can be differentiated
 
 
 @dataclass(frozen=True)
 class Training:
-    """How the error model is trained after an execution (reference experiment, "Error model and
-    training").
+    """How the error model is trained after an execution.
+
+    See the reference experiment, "Error model and training".
     """
 
     epochs: int = 20
     batch: int = 64
-    # a number, or traced: an axis of an ablation, or what one differentiates by
+    # a number, or traced: as an axis of an ablation, or to differentiate by it
     learning_rate: Scalar = 1e-3
     holdout_every: int = 5  # rows 6, 11, 16, ... are held out; 0: none
-    snapshot_epochs: float = 10.0  # validation is read about this often
+    snapshot_epochs: float = 10.0  # epochs between two validations
 
     def __post_init__(self) -> None:
         rate = self.learning_rate
-        # a traced one has been checked before
+        # a traced learning rate has been checked before
         if isinstance(rate, float) and not 0.0 <= rate < np.inf:
             raise ConfigurationError("learning_rate >= 0", str(rate), "correct it")
         for name, least in (("batch", 1), ("holdout_every", 0)):
@@ -42,12 +43,13 @@ class Training:
                 )
 
     def steps(self, rows: int, executions: int = 1) -> int:
-        """Training steps of one iteration for a data set of ``rows`` rows."""
+        """Return the number of training steps of one iteration for ``rows`` rows of data."""
         return self.epochs * int(self.mask_of(rows, executions).sum() // self.batch)
 
     def train_mask(self, rows: int) -> Bool[np.ndarray, " N"]:
-        """Which rows are trained on: all but each next row after a positive multiple of
-        ``holdout_every``.
+        """Return which rows are trained on.
+
+        They are all but the row after each positive multiple of ``holdout_every``.
         """
         index = np.arange(rows)
         if not self.holdout_every:
@@ -55,14 +57,16 @@ class Training:
         return (index % self.holdout_every != 1) | (index <= self.holdout_every)
 
     def mask_of(self, rows: int, executions: int) -> Bool[np.ndarray, " N"]:
-        """:meth:`train_mask` of each of several executions' rows: a copy of an execution holds out
-        the same ones.
+        """Return :meth:`train_mask` for each of several executions' rows.
+
+        A copy of an execution holds out the same rows.
         """
         return np.tile(self.train_mask(rows // executions), executions)
 
     def snapshots(self, rows: int, executions: int = 1) -> Bool[np.ndarray, " S"]:
-        """After which training steps the validation loss is read: the first, every so many, and the
-        last.
+        """Return after which training steps the validation loss is read.
+
+        They are the first, further ones at regular intervals, and the last.
         """
         steps = self.steps(rows, executions)
         every = max(
@@ -74,7 +78,7 @@ class Training:
 
 
 class Learner(NamedTuple):
-    """What training carries from step to step, and from iteration to iteration."""
+    """The state that training carries from step to step, and from iteration to iteration."""
 
     params: Params
     optimiser: Any
@@ -83,17 +87,17 @@ class Learner(NamedTuple):
 class Progress(NamedTuple):
     """What one training run reports."""
 
-    loss: Float[Array, " S"]  # loss of each step before its update, scaled units
-    validation: Scalar  # the best validation loss among the snapshots, scaled units
+    loss: Float[Array, " S"]  # loss of each step before its update, in scaled units
+    validation: Scalar  # best validation loss among the snapshots, in scaled units
 
 
 def adam(
     learning_rate: Scalar, beta1: float = 0.9, beta2: float = 0.999, eps: float = 1e-8
 ) -> optax.GradientTransformation:
-    """Adam as the reference program has it: θ ← θ − rate·√(1−β₂ᵗ)/(1−β₁ᵗ) · m/(√v + ε).
+    """Return Adam as in the reference program: θ ← θ − rate·√(1−β₂ᵗ)/(1−β₁ᵗ) · m/(√v + ε).
 
-    ``optax.adam`` adds ε after the bias correction instead; that alone moves losses by 2 % within
-    50 steps, and its two divisions per weight cost more than this form's one, which
+    ``optax.adam`` adds ε after the bias correction instead; that alone changes losses by 2 % within
+    50 steps. Its two divisions per weight also cost more than the single one here, which
     :func:`reciprocal` replaces by multiplications.
     """
 
@@ -124,8 +128,10 @@ def adam(
 
 @jax.custom_jvp
 def root(v: Float[Array, "..."]) -> Float[Array, "..."]:
-    """√v, with derivative 0 at v = 0: of a weight that no sample has moved yet, where √'s own is
-    infinite and 0·∞ no number.
+    """Return √v, with derivative 0 at v = 0.
+
+    v is 0 for a weight that no sample has moved yet; there the derivative of √ is infinite, and 0·∞
+    is NaN.
     """
     return jnp.sqrt(v)
 
@@ -138,20 +144,20 @@ def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Arr
 
 @jax.custom_jvp
 def reciprocal(a: Float[Array, "..."]) -> Float[Array, "..."]:
-    """1/a of positive numbers between 1e-30 and 1e30: in float32 to within 2e-7 relative, exactly
-    rounded in float64.
+    """Return 1/a of positive numbers between 1e-30 and 1e30.
 
-    A core divides 8 numbers in the time of 40 multiplications, and square roots wait for the same
-    unit: with this, Newton's iteration r ← r + r(1 − ar) from a guess by the exponent's bits, a
-    training step takes 5 % less time.
+    In float32 it is accurate to within 2e-7 relative, in float64 exactly rounded. A core divides 8
+    numbers in the time of 40 multiplications, and square roots wait for the same unit: with this,
+    Newton's iteration r ← r + r(1 − ar) from an initial guess by the exponent's bits, a training
+    step takes 5 % less time.
     """
     if a.dtype != jnp.float32:
         return 1 / a
-    # within 13 %
+    # accurate within 13 %
     r = jax.lax.bitcast_convert_type(
         0x7EF311C7 - jax.lax.bitcast_convert_type(a, jnp.int32), jnp.float32
     )
-    for _ in range(3):  # the relative error is squared each time: 2 %, 3e-4, 8e-8
+    for _ in range(3):  # each round squares the relative error: 2 %, 3e-4, 8e-8
         r = r * (2 - a * r)
     return r
 
@@ -163,7 +169,7 @@ def _reciprocal_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Arra
 
 
 def start(training: Training, params: Params) -> Learner:
-    """A learner that has not yet learned."""
+    """Return a learner that has not learned yet."""
     return Learner(params, adam(training.learning_rate).init(params))
 
 
@@ -175,13 +181,14 @@ def loss_of(
     *,
     in_training: bool = False,
 ) -> Scalar:
-    """Sum over joints of the mean squared error in scaled units."""
+    """Return the sum over joints of the mean squared error in scaled units."""
     return jnp.sum(jnp.mean((model.apply(params, x, in_training=in_training) - y) ** 2, axis=1))
 
 
 def draw_batches(key: Key, rows: int, training: Training) -> Int[Array, "S B"]:
-    """Batches without replacement; reshuffled when fewer than a batch remains. Indices count
-    training rows.
+    """Return batches drawn without replacement.
+
+    They are reshuffled when fewer rows than a batch remain. Indices count training rows.
     """
     per_epoch = rows // training.batch
     orders = jax.vmap(lambda k: jax.random.permutation(k, rows))(
@@ -200,19 +207,19 @@ def fit(
     executions: int = 1,
     derivative: str | None = None,
 ) -> tuple[Learner, Progress]:
-    """Train on ``data`` (N rows) with the given ``batches`` (S, B) of training rows; return the
-    best snapshot.
+    """Train on ``data`` (N rows) and return the best snapshot.
 
-    Best is the lowest validation loss among the snapshots; weights and optimiser state are both
-    kept. If no snapshot has a finite validation loss, the learner is returned as it came and
-    ``validation`` is infinite.
+    ``batches`` (S, B) are indices of training rows. Best is the lowest validation loss among the
+    snapshots; weights and optimiser state are both kept. If no snapshot has a finite validation
+    loss, the learner is returned unchanged and ``validation`` is infinite.
 
-    Rows are those of ``executions`` of equal length, one after the other; of each the same ones are
+    Rows are those of ``executions`` of equal length, one after the other; the same rows of each are
     held out.
 
     With ``derivative`` "forward" or "reverse" the result can be differentiated in that mode through
-    all steps, by the data, the weights and the learning rate: of the snapshot taken, whichever else
-    might have been best. The values are the same but for rounding, as of any two programs.
+    all steps, by the data, the weights and the learning rate: the derivative is that of the chosen
+    snapshot, whichever else might have been best. The values are the same except for rounding, as
+    of any two programs.
     """
     if derivative not in DERIVATIVES:
         raise one_of("derivative", derivative, DERIVATIVES)

@@ -1,3 +1,4 @@
-"""A plant driven by the commands of a measured log: rollouts from measured states, and parameters
-fitted to them.
+"""A plant driven by the commands of a measured log.
+
+Rollouts start from measured states, and parameters are fitted to them.
 """

@@ -1,5 +1,6 @@
-"""The gap in motion: from measured states, replay the measured torque and see how far the
-simulation runs away.
+"""Rollout errors: how far a simulation departs from a log.
+
+It starts from measured states and is driven by the measured torque.
 """
 
 from typing import Any, NamedTuple
@@ -14,13 +15,14 @@ from jaxidl.types import State
 
 HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
 WINDOWS = 64
-# hidden states are led along the measured motion for as long before a window begins [s]
+# time before a window in which hidden states follow the measured motion [s]
 SETTLE = 0.1
 
 
 class Windows(NamedTuple):
-    """W windows of a log, of L instants each: those before the window begins, its beginning, and
-    its S steps.
+    """W windows of a log, of L instants each.
+
+    They are the instants before the window begins, its beginning, and its S steps.
     """
 
     q: Float[Array | np.ndarray, "*W L J"]  # measured (smoothed) [m or rad]
@@ -31,13 +33,13 @@ class Windows(NamedTuple):
 def rollout_errors(
     plant: Plant, signals: Signals, aside: np.ndarray
 ) -> dict[str, Float[np.ndarray, " J"]]:
-    """Root mean square position error (J,) [m or rad] after each horizon, over windows that begin
-    where ``aside`` (T,) is true.
+    """Return the root mean square position error (J,) [m or rad] after each horizon.
 
-    What the plant's effects do to the encoders must be undone in the ``signals``
-    (:meth:`jaxidl.logs.signals.Signals.behind`). A window starts from the measured (smoothed)
-    state; hidden states are first driven by the measured motion. A window in which the simulation
-    is not finite counts as an error of the joint's whole range.
+    It is taken over windows that begin where ``aside`` (T,) is true. Effects of the plant on the
+    encoders must be undone in the ``signals`` (:meth:`jaxidl.logs.signals.Signals.behind`). A
+    window starts from the measured (smoothed) state; hidden states are first driven by the measured
+    motion. A window in which the simulation is not finite counts as an error of the joint's whole
+    range.
     """
     lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
     starts = window_starts(signals, aside, lead, length)
@@ -58,10 +60,10 @@ def rollout_errors(
 
 
 def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -> np.ndarray:
-    """First instants of at most ``WINDOWS`` windows, spread evenly, each within a run and from
-    where ``aside`` (T,) is true.
+    """Return first instants of at most ``WINDOWS`` windows, spread evenly.
 
-    None reaches to where late encoders have not told the true position before the run ends.
+    Each window lies within a run and begins where ``aside`` (T,) is true. None extends to the end
+    of a run, where true positions behind late encoders are unknown.
     """
     possible: list[int] = []
     for run in signals.slices:
@@ -74,8 +76,9 @@ def window_starts(signals: Signals, aside: np.ndarray, lead: int, length: int) -
 
 
 def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> Windows:
-    """The windows (W, ...) of ``length`` steps that begin at ``starts`` (W,), with the ``lead``
-    instants before each.
+    """Return windows (W, ...) of ``length`` steps that begin at ``starts`` (W,).
+
+    They include the ``lead`` instants before each.
     """
     return Windows(
         *(
@@ -87,16 +90,15 @@ def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> 
 
 @jax.jit(static_argnames=("lead", "dt"))
 def _simulate(plant: Any, windows: Windows, lead: int, dt: float) -> Any:
-    """Positions (W, S, J) after each step of W rollouts."""
+    """Return positions (W, S, J) after each step of W rollouts."""
     return jax.lax.map(lambda window: replay(plant, window, lead, dt), windows)
 
 
 def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, "S J"]:
-    """Positions (S, J) [m or rad] after each step of one window's rollout: the plant under the
-    measured torque.
+    """Return positions (S, J) [m or rad] after each step of one window's rollout.
 
-    It starts from the measured state; hidden states are led along the measured motion of the
-    ``lead`` instants before.
+    The plant is driven by the measured torque. It starts from the measured state; hidden states
+    follow the measured motion of the ``lead`` instants before.
     """
     q, qd, tau = window
 

@@ -1,11 +1,11 @@
-"""Simulated against measured positions over windows of a log, as a function of the plant's
-parameters, with its derivative.
+"""Simulated against measured positions over windows of a log, with derivatives.
 
-The derivative is that of the simulation as it ran. Where an effect is discontinuous it is that of
-the branch taken: a sliding joint feels the level of its dry friction, a stuck one does not, and
-that a little less would have let it go is not seen; a border that is crossed (the position below
-which a joint sticks) has derivative zero. What encoders do is no part of a rollout; a reading in
-whole counts would have derivative zero as well.
+They are functions of the plant's parameters. The derivative is that of the simulation as it ran.
+Where an effect is discontinuous it is that of the branch taken: a sliding joint feels the level of
+its dry friction, a stuck one does not, and the derivative does not show that slightly less friction
+would have released it; a border that is crossed (the position below which a joint sticks) has
+derivative zero. Effects on the encoders are not part of a rollout; a reading in whole counts would
+have derivative zero as well.
 """
 
 from collections.abc import Sequence
@@ -22,8 +22,8 @@ from jaxidl.logs.signals import Signals
 from jaxidl.replay.rollout import SETTLE, Windows, replay, windows_at
 from jaxidl.systems.free import Free, Names
 
-MOMENTS = 10  # at which positions are compared, evenly over a window
-EVALUATIONS = 40  # of the simulation and its derivative, at most
+MOMENTS = 10  # moments at which positions are compared, evenly over a window
+EVALUATIONS = 40  # most evaluations of the simulation and its derivative
 
 
 @partial(jax.jit, static_argnames=("names", "lead", "every", "dt"))
@@ -37,15 +37,16 @@ def window_errors(
     every: int,
     dt: float,
 ) -> tuple[Float[Array, "W K J"], Bool[Array, " W"]]:
-    """Simulated minus measured positions (W, K, J) [m or rad] at K moments, and which windows (W,)
-    were lost.
+    """Return simulated minus measured positions, and which windows were lost.
+
+    The positions are (W, K, J) [m or rad] at K moments, the lost windows (W,).
 
     Args:
         theta: (P,) parameters in the order of ``names``.
-        plant: whose parameters they are.
+        plant: the plant whose parameters they are.
         windows: (W, L, J), see :class:`jaxidl.replay.rollout.Windows`.
-        span: (J,) a window that is further off or not finite is lost: its error is the span
-            throughout, its derivative zero [m or rad].
+        span: (J,) [m or rad]; a window whose error is larger or not finite is lost: its error is
+            the span throughout, its derivative zero.
         names: the free parameters of each effect.
         lead: instants before a window begins.
         every: steps from one moment to the next.
@@ -57,7 +58,7 @@ def window_errors(
     ]
     error = positions - jnp.asarray(windows.q)[:, lead + every :: every]
     far = jnp.broadcast_to(span, error.shape)
-    lost = ~jnp.all(jnp.abs(error) <= far, axis=(1, 2))  # what is not a number is not within
+    lost = ~jnp.all(jnp.abs(error) <= far, axis=(1, 2))  # NaN counts as lost
     return jnp.where(lost[:, None, None], far, error), lost
 
 
@@ -72,10 +73,10 @@ def window_slopes(
     every: int,
     dt: float,
 ) -> Float[Array, "W K J P"]:
-    """Derivatives of :func:`window_errors` by the parameters, in forward mode: all side by side in
-    one simulation.
+    """Return derivatives of :func:`window_errors` by the parameters, in forward mode.
 
-    A window that was lost, or whose derivatives are not finite, has none.
+    All are computed side by side in one simulation. A window that was lost, or whose derivatives
+    are not finite, has derivative zero.
     """
 
     def of(values: Any) -> Any:
@@ -87,16 +88,17 @@ def window_slopes(
 
 
 class Problem:
-    """Least squares of the windows (W,) that begin at ``starts``, each joint relative to its error
-    at the start or its noise.
+    """Least squares over the windows (W,) that begin at ``starts``.
+
+    Each joint is weighted relative to its initial error or its noise.
 
     Args:
-        free: the plant's free parameters, with their start values.
+        free: the plant's free parameters, with their initial values.
         signals: the log.
         starts: (W,) first instants.
         length: steps of a window.
-        tied: (R, P) directions along which the parameters do not move: others have these parts, and
-            no motion tells them apart.
+        tied: (R, P) directions along which the parameters do not move: other parameters cover these
+            directions, and no motion distinguishes them.
     """
 
     def __init__(
@@ -130,41 +132,42 @@ class Problem:
     def errors(
         self, theta: np.ndarray, windows: Windows | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """:func:`window_errors` of the windows, or of as many others."""
+        """Return :func:`window_errors` of the windows, or of as many others."""
         error, lost = window_errors(
             theta, self.plant, windows or self.windows, self.span, **self.options
         )
         return np.asarray(error), np.asarray(lost)
 
     def residual(self, theta: np.ndarray) -> np.ndarray:
-        """Weighted errors (W K J,) [1], before what keeps the tied directions."""
+        """Return weighted errors (W K J,) [1], followed by a penalty on the tied directions."""
         return np.concatenate(
             [(self.errors(theta)[0] * self.weight).ravel(), self.ties @ (theta - self.start)]
         )
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Their derivatives (W K J + ties, P)."""
+        """Return derivatives (W K J + ties, P) of :meth:`residual`."""
         found = np.asarray(
             window_slopes(theta, self.plant, self.windows, self.span, **self.options)
         )
         return np.concatenate([(found * self.weight[:, None]).reshape(-1, len(theta)), self.ties])
 
     def solve(self, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-        """The best parameters (P,) within the bounds (P,): a trust-region Levenberg-Marquardt
-        method.
+        """Return the best parameters (P,) within the bounds (P,).
 
-        Each parameter is measured with what it does to the positions (``x_scale="jac"``).
+        They are found by a trust-region least-squares method. Each parameter is scaled by its
+        effect on the positions (``x_scale="jac"``).
         """
         limits = {"max_nfev": EVALUATIONS, "ftol": 1e-7, "xtol": 1e-12, "gtol": 1e-12}
-        slopes: Any = self.slopes  # a function, whatever SciPy's stubs expect
+        slopes: Any = self.slopes  # SciPy accepts a function, its stubs do not
         found = least_squares(
             self.residual, self.start, slopes, (lower, upper), x_scale="jac", **limits
         )
         return np.clip(found.x, lower, upper)
 
     def score(self, theta: np.ndarray, starts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Root mean square weighted error (V,) of V other windows, and which were lost; by the same
-        program, filled up.
+        """Return the root mean square weighted error (V,) of V other windows, and which were lost.
+
+        The same compiled program is used, with windows repeated to fill it.
         """
         errors, losts = [], []
         for first in range(0, len(starts), len(self.starts)):
@@ -178,10 +181,10 @@ class Problem:
         return np.concatenate(errors), np.concatenate(losts)
 
     def stderr(self, theta: np.ndarray) -> np.ndarray:
-        """Standard errors (P,): windows count as independent, the moments of one do not (Liang and
-        Zeger, Biometrika 1986).
+        """Return standard errors (P,).
 
-        Zero for a parameter without influence.
+        Windows count as independent, the moments of one window do not (Liang and Zeger, Biometrika
+        1986). The value is zero for a parameter without influence.
         """
         count = len(self.starts)
         slopes = self.slopes(theta)
