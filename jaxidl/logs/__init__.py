@@ -1,5 +1,7 @@
-"""Measured logs as robots give them: read from files, columns recognised, checked, brought onto one
-grid of instants.
+"""Measured logs as robots record them.
+
+They are read from files, their columns are recognised and checked, and they are resampled to one
+uniform time grid.
 """
 
 from jaxidl.logs.log import Log, read

@@ -1,9 +1,8 @@
-"""What must be true of a measured log before anything is concluded from it, and what is worth
-telling about it.
+"""Checks of a measured log before anything is concluded from it, and notes about it.
 
-From a file's columns to numbers of the same joints in order of time, and what a whole log shows of
-motion. What a user has to correct is a `LogError` that names column and row; what only looks odd is
-a note.
+They turn a file's columns into numbers of the same joints in order of time, and examine the motion
+of a whole log. What a user has to correct is a `LogError` that names column and row; what only
+looks odd is a note.
 """
 
 import re
@@ -19,33 +18,33 @@ from jaxidl.logs.missing import count_joints
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.tables import Table, listed, shown
 
-LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log; [s]
-MOVES = 0.02  # [m or rad] of a joint that is taken to stand still: worth telling
-STILL = 1e-9  # [m or rad]; less is no motion
-CLIPPED = 20  # samples in a row at the very same extreme
+LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log [-], [s]
+MOVES = 0.02  # [m or rad] motion of a locked joint that is reported
+STILL = 1e-9  # [m or rad]; a smaller range is no motion
+CLIPPED = 20  # consecutive samples at exactly the same extreme
 LARGEST = 1e9  # no position, speed or torque in SI units is larger
-# no clock that counts in larger units reads as much
+# least value of a Unix time in each unit, and the unit [s]
 UNIX = {"ns": (1e17, 1e-9), "us": (1e14, 1e-6), "ms": (1.2e12, 1e-3)}
 
 
 class Samples(NamedTuple):
-    """What one file holds, in numbers and in order."""
+    """The contents of one file, as numbers and in order."""
 
     table: Table
     time: np.ndarray  # (T,) [s], strictly increasing within a run
     signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
     run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
-    # [m or rad] mean positions of the robot's joints that are not taken, by name
+    # [m or rad] mean positions of the robot's joints that are not used, by name
     still: dict[str, float]
     notes: list[str]
 
 
 def numbers(table: Table, key: str) -> np.ndarray:
-    """A column (T,) as finite float64.
+    """Return a column (T,) as finite float64.
 
     Raises:
-        LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on sizes
-            that no SI unit gives.
+        LogError: on text, empty cells, complex numbers or objects; on NaN and infinity; on values
+            larger than SI units ever give.
     """
     column, where = table.columns[key], f"column {table.called(key)} of {table.name}"
     if isinstance(column, list):
@@ -54,7 +53,7 @@ def numbers(table: Table, key: str) -> np.ndarray:
         got = f"{column.dtype}, {shown(column[:1].tolist()[0])} in {table.row(0)}"
         raise LogError(f"real numbers in {where}", got, "store the column as float64")
     else:
-        with np.errstate(over="ignore"):  # more than 64 bits: infinite, and said below
+        with np.errstate(over="ignore"):  # more than 64 bits: infinite, reported below
             values = column.astype(np.float64)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
@@ -77,7 +76,7 @@ def numbers(table: Table, key: str) -> np.ndarray:
 
 def _parsed(table: Table, key: str, cells: list[str]) -> np.ndarray:
     try:
-        if "_" not in "".join(cells):  # Python takes 1_000 for a number; here it is a slip
+        if "_" not in "".join(cells):  # Python reads 1_000 as a number; here it is an error
             return np.fromiter(map(float, cells), np.float64, len(cells))
     except ValueError:
         pass
@@ -95,11 +94,11 @@ def _parsed(table: Table, key: str, cells: list[str]) -> np.ndarray:
         elif re.fullmatch(r"[-+]?[0-9]+,[0-9]+", text):
             remedy = "write decimals with a point, not a comma"
         raise LogError(f"numbers in column {table.called(key)} of {table.name}", got, remedy)
-    raise AssertionError("a cell that is no number")
+    raise AssertionError("a cell that is not a number")
 
 
 def samples(table: Table, joints: int | None, motor: MotorSide | None = None) -> Samples:
-    """A file's columns as numbers, once they are complete, of equal length, and in order.
+    """Return a file's columns as numbers, complete, of equal length, and in order.
 
     Raises:
         LogError: naming column and row.
@@ -134,15 +133,16 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
     found = distinct(Samples(table, time, signals, run, {}, notes))
     if motor is not None:
         if current and "tau" in signals:
-            notes.append(f"tau of {table.name} plays no part: torques are computed from currents")
+            notes.append(f"tau of {table.name} is ignored: torques are computed from currents")
         found = found._replace(signals=motor.joint_side(found.signals))
     in_order(found)
     return found._replace(still=others(table, notes))
 
 
 def instants(table: Table, notes: list[str]) -> np.ndarray:
-    """Time (T,) [s] of a table; one in seconds and nanoseconds, or with a clock's large numbers,
-    begins at zero.
+    """Return the time (T,) [s] of a table.
+
+    A time in seconds and nanoseconds, or with a clock's large numbers, begins at zero.
 
     Raises:
         LogError: as :func:`numbers`.
@@ -158,7 +158,7 @@ def instants(table: Table, notes: list[str]) -> np.ndarray:
         middle = float(np.median(time))
         if "time" not in table.factors and least < middle < 1e3 * least:
             notes.append(
-                f"time of {table.name} is a clock's in {unit}: converted, and counted from the"
+                f"time of {table.name} is a clock time in {unit}: converted, and counted from the"
                 " first row"
             )
             return (time - time[0]) * scale
@@ -166,7 +166,10 @@ def instants(table: Table, notes: list[str]) -> np.ndarray:
 
 
 def distinct(found: Samples) -> Samples:
-    """Without rows that say the same as the one before, time included: robots log twice."""
+    """Return the samples without rows that repeat the one before, time included.
+
+    Some robots log every row twice.
+    """
     table, every = found.table, np.column_stack([found.time, found.run, *found.signals.values()])
     same = np.concatenate([[False], (every[1:] == every[:-1]).all(axis=1)])
     if not same.any():
@@ -182,8 +185,9 @@ def distinct(found: Samples) -> Samples:
 
 
 def others(table: Table, notes: list[str]) -> dict[str, float]:
-    """Mean positions [m or rad] of joints that are not taken, by name; what cannot be read of them
-    is left out.
+    """Return mean positions [m or rad] of joints that are not used, by name.
+
+    Columns that cannot be read are left out.
     """
     means = {}
     for key in [key for key in table.columns if key.startswith("q@")]:
@@ -197,16 +201,17 @@ def others(table: Table, notes: list[str]) -> dict[str, float]:
                 f"{key[2:]} is locked in the model, but moves by {np.ptp(values):.3g} in"
                 f" {table.name}"
             )
-            notes.append(f"{what}: what that does to the others looks like something missing")
+            notes.append(f"{what}: its effect on the others looks like a missing effect")
     return means
 
 
 def labels(table: Table) -> np.ndarray:
-    """The column ``run`` (T,), whose labels may be anything, as 0, 1, 2, ... in order of
-    appearance.
+    """Return the column ``run`` (T,) as numbers 0, 1, 2, ... in order of appearance.
+
+    Its labels may be anything.
 
     Raises:
-        LogError: on an empty label, and on a run whose rows are not all together.
+        LogError: on an empty label, and on a run whose rows are not contiguous.
     """
     column, codes, run = table.columns["run"], {}, []
     for i, label in enumerate(column if isinstance(column, list) else column.tolist()):
@@ -230,9 +235,7 @@ def labels(table: Table) -> np.ndarray:
 
 
 def in_order(found: Samples) -> None:
-    """Complain where time stands still or goes back within a run, and where a position jumps by a
-    whole turn.
-    """
+    """Raise LogError where time does not increase within a run, or a position jumps by a turn."""
     table, time = found.table, found.time
     with np.errstate(over="ignore"):
         step = np.diff(time)
@@ -277,14 +280,16 @@ def in_order(found: Samples) -> None:
 def motion(
     q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]
 ) -> list[str]:
-    """What is odd about a whole log: channels that stand still, sit at a limit, or jump.
+    """Return notes on what is odd about a whole log.
+
+    These are channels that stay constant, stay at a limit, or jump.
 
     Args:
         q: (T, J) [m or rad]; tau: (T, J) [N or N m]; time: (T,) [s]; dt: the sampling interval [s].
         segments: the rows of each run.
 
     Raises:
-        LogError: if the log is too short, nothing moved or nothing drove it.
+        LogError: if the log is too short, nothing moved or no torque acted.
     """
     if len(time) < LEAST_SAMPLES or round(len(time) * dt, 6) < LEAST_DURATION:
         got = f"{len(time)} samples over {len(time) * dt:.3g} s"
@@ -308,8 +313,8 @@ def motion(
             f"nothing drove it: {listed([f'tau{j}' for j in idle])} zero throughout",
             remedy,
         )
-    notes = [f"q{j} is constant: nothing can be said about that joint" for j in still]
-    notes += [f"tau{j} is zero throughout: taken for a joint without a drive" for j in idle]
+    notes = [f"q{j} is constant: nothing can be found out about that joint" for j in still]
+    notes += [f"tau{j} is zero throughout: treated as a joint without a drive" for j in idle]
     notes += [
         f"tau{j} is constant at {s[0]:g}" for j, s in enumerate(tau.T) if s[0] and not np.ptp(s)
     ]
@@ -322,19 +327,20 @@ def motion(
         jumps = [run.start + i for run in segments for i in _jumps(s[run])]
         if jumps:
             often = f", and {len(jumps) - 1} more" if len(jumps) > 1 else ""
-            notes.append(f"q{j} jumps at {time[jumps[0]]:.6g} s{often}: a glitch of its sensor?")
+            notes.append(f"q{j} jumps at {time[jumps[0]]:.6g} s{often}: possibly a sensor glitch")
     return notes
 
 
 def _longest(flags: np.ndarray) -> int:
-    """The length of the longest row of True in flags (T,)."""
+    """Return the length of the longest sequence of True in flags (T,)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
     return int((edges[1::2] - edges[::2]).max(initial=0))
 
 
 def _jumps(q: np.ndarray) -> list[int]:
-    """Samples of one run (n,) at which the position jumps: its second difference is far above
-    nearly all others.
+    """Return the samples of one run (n,) at which the position jumps.
+
+    There its second difference is far above nearly all others.
     """
     bend = np.abs(np.diff(q, 2))
     # or one count of the encoder

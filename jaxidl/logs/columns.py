@@ -1,9 +1,8 @@
-"""From a file's header to the columns of a log: by their own names, by the joints', or by what the
-user writes.
+"""From a file's header to the columns of a log.
 
-A quantity's columns are a *family*: titles that differ in nothing but the joint. One that is
-complete is taken, the most literal one first; two that are equally literal are for the user to
-choose between.
+Columns are found by their standard names, by the joints' names, or as specified by the user. A
+quantity's columns are a *family*: titles that differ only in the joint. A complete family is taken,
+the most literal one first; between two equally literal ones the user has to choose.
 """
 
 import re
@@ -20,15 +19,14 @@ KNOWN = re.compile(r"(time|run)|(q|tau|qd|qdd|i)(0|[1-9][0-9]{0,3})", re.ASCII)
 
 
 def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False) -> Chosen:
-    """Return which columns of the file ``name`` a log is made of.
+    """Return the columns of the file ``name`` that make up a log.
 
     Args:
         headers: titles of its columns.
-        bare: a title without a number may be of all joints (arrays hold them in one).
+        bare: a title without a number may be that of all joints (arrays hold them in one).
 
     Raises:
-        LogError: if a column is there twice, several may be meant, or ``wanted.columns`` names
-            none.
+        LogError: if a column occurs twice, several may be meant, or ``wanted.columns`` names none.
     """
     if len(headers) > MOST:
         raise LogError(
@@ -70,7 +68,7 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
 def _split(
     times: list[Member], titles: Sequence[tuple[int, str, Title | None]], given: Sequence[Family]
 ) -> bool:
-    """Is time in two columns, of seconds and nanoseconds?"""
+    """Return whether time is in two columns, of seconds and nanoseconds."""
     if any(f.kind == "time" for f in given) or any(
         m.title.strip().lower() == "time" for m in times
     ):
@@ -80,7 +78,7 @@ def _split(
 
 
 def _once(name: str, headers: Sequence[str], bare: bool) -> None:
-    """Complain if a column of a log's own names is there twice."""
+    """Raise LogError if a column with a standard name occurs twice."""
     found: dict[str, int] = {}
     for place, header in enumerate(headers):
         if _literal(header, bare):
@@ -94,7 +92,7 @@ def _once(name: str, headers: Sequence[str], bare: bool) -> None:
 
 
 def _literal(title: str, bare: bool) -> bool:
-    """Is a title one of the log's own names?"""
+    """Return whether a title is one of a log's standard names."""
     key = title.strip().lower() if len(title) < 100 else ""
     return bool(KNOWN.fullmatch(key)) or (bare and key in KINDS)
 
@@ -102,10 +100,9 @@ def _literal(title: str, bare: bool) -> bool:
 def _likeliest(
     name: str, kind: str, members: list[Member], wanted: Wanted, notes: list[str], bare: bool
 ) -> Family | None:
-    """The family of a quantity to take, None if there is none.
+    """Return the family of a quantity to use, None if there is none.
 
-    Columns of the log's own names are taken even if some are missing, so that the complaint is
-    about them.
+    Columns with standard names are used even if some are missing, so that the error is about them.
     """
     literal = [m for m in members if _literal(m.title, bare)]
     literal += [
@@ -155,7 +152,7 @@ def _likeliest(
 
 
 def _advice(kind: str, family: Family, bare: bool) -> str:
-    """How to name a family with ``--columns``."""
+    """Return how to name a family with ``--columns``."""
     first = family.members[0].title.strip()
     if len(family.members) == 1:
         return (
@@ -173,16 +170,12 @@ def _advice(kind: str, family: Family, bare: bool) -> str:
 def _take(
     name: str, family: Family, wanted: Wanted, chosen: Chosen, notes: list[str], bare: bool
 ) -> None:
-    """Write a family's columns into ``chosen``, and into ``notes`` what was not to be expected of
-    them.
-    """
+    """Write a family's columns into ``chosen``, and what was unexpected into ``notes``."""
     kind, single = family.kind, family.kind in INSTANTS
     entries: dict[str, Member] = {}
     if single or (bare and family.plain):
         entries[kind] = family.members[0]
-    elif (
-        not family.joints
-    ):  # columns of the log's own names, some of them missing: they are complained of by name
+    elif not family.joints:  # standard names, some of them missing: the error will name them
         entries = {
             m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}": m
             for m in family.members

@@ -1,4 +1,4 @@
-"""Columns of one quantity, and what is looked for in a log's header."""
+"""Columns of one quantity, and what is searched for in a log's header."""
 
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -10,23 +10,24 @@ INSTANTS = ("time", "sec", "nanosec", "run")  # one column of each
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is looked for in every log of a call. J joints are taken of a robot that may have
-    more.
+    """What is searched for in every log of a call.
+
+    J joints are used, of a robot that may have more.
     """
 
     joints: int | None = None  # J; None: as many as the log has
-    names: tuple[str, ...] = ()  # of all joints of the robot, if they are known
-    taken: tuple[int, ...] = ()  # places in ``names`` of those that are taken
-    columns: tuple[str, ...] = ()  # as the user writes them: KEY=TITLE
-    current: bool = False  # are motor currents there instead of torques?
+    names: tuple[str, ...] = ()  # names of all joints of the robot, if they are known
+    taken: tuple[int, ...] = ()  # indices in ``names`` of the joints that are used
+    columns: tuple[str, ...] = ()  # as written by the user: KEY=TITLE
+    current: bool = False  # true if the log has motor currents instead of torques
 
     @property
     def robot(self) -> int | None:
-        """How many joints the robot has."""
+        """Number of joints of the robot."""
         return len(self.names) or self.joints
 
     def place(self, joint: int) -> int | None:
-        """The place of the robot's joint among those that are taken."""
+        """Return the index of the robot's joint among those that are used."""
         if not self.names:
             return joint
         return self.taken.index(joint) if joint in self.taken else None
@@ -34,14 +35,14 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Chosen:
-    """Which columns a log is made of."""
+    """The columns that make up a log."""
 
-    # in the header, of time, run, q0, tau0, ...; q@NAME is the position of a joint that is not
-    # taken
+    # positions in the header of time, run, q0, tau0, ...; q@NAME is the position of a joint that
+    # is not used
     places: dict[str, int]
-    factors: dict[str, float]  # into SI units; what is not there is in SI units
-    titles: dict[str, str]  # as they stand in the header
-    ignored: tuple[str, ...]  # titles of columns that no one asked for
+    factors: dict[str, float]  # into SI units; keys not listed are in SI units
+    titles: dict[str, str]  # titles as in the header
+    ignored: tuple[str, ...]  # titles of columns that are not needed
     notes: tuple[str, ...] = ()
 
 
@@ -55,8 +56,9 @@ class Member(NamedTuple):
 
 @dataclass
 class Family:
-    """Columns of one quantity; ``joints`` are places in the robot, from ``base`` on where titles
-    are numbered.
+    """Columns of one quantity.
+
+    ``joints`` are indices in the robot, from ``base`` on where titles are numbered.
     """
 
     kind: str
@@ -67,7 +69,7 @@ class Family:
 
     @property
     def plain(self) -> bool:
-        """Is it one column that names no joint?"""
+        """Return whether it is one column that names no joint."""
         return (
             len(self.members) == 1
             and self.members[0].read.number is None
@@ -75,8 +77,9 @@ class Family:
         )
 
     def complete(self, wanted: Wanted, bare: bool = False) -> bool:
-        """Is there one column for each joint that is taken? Notes which is whose. If ``bare``, one
-        may be of all joints.
+        """Return whether there is one column for each joint that is used, and note them.
+
+        If ``bare``, one column may be that of all joints.
         """
         if bare and self.plain:
             return True
@@ -114,7 +117,7 @@ class Family:
 
 
 def shortened(text: str, most: int = 40) -> str:
-    """Return a text that fits a line, and that any terminal prints."""
+    """Return a text short enough for a line, with characters that any terminal prints."""
     plain = "".join(
         letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text[: 2 * most]
     )

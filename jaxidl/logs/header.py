@@ -1,5 +1,6 @@
-"""What a column's title says: which quantity, of which joint, in which unit. One title at a time,
-nothing is decided here.
+"""The meaning of a column's title: quantity, joint and unit.
+
+Titles are read one at a time; nothing is decided here.
 """
 
 import re
@@ -103,7 +104,7 @@ UNITS: dict[str, dict[str, float]] = {
     "sec": {"s": 1},
     "nanosec": {"ns": 1},
     "run": {},
-}  # of a slide or a hinge, into SI units
+}  # of a slide or a hinge, factor into SI units
 SUFFIXES = {
     *[
         "rad",
@@ -124,38 +125,41 @@ SUFFIXES = {
         "us",
         "ns",
     ]
-}  # units after an underscore
+}  # units written after an underscore
 
 
 class Title(NamedTuple):
-    """What a title may say. ``joint`` is the place of a name in the robot's, ``number`` one that
-    stands in the title.
+    """The possible meaning of a title.
+
+    ``joint`` is the index of the robot's joint that it names, ``number`` a number in the title.
     """
 
     kind: str
-    words: tuple[str, ...]  # what tells it from titles of other quantities; the same for all joints
+    words: tuple[str, ...]  # what sets it apart from other quantities; the same for all joints
     joint: int | None
     number: int | None
-    unit: str | None  # as written
+    unit: str | None  # as in the title
 
     @property
     def wish(self) -> bool:
-        """Is it what was asked for, not what was measured? A torque command will do, a position
-        command will not.
+        """Return whether it is a target rather than a measurement.
+
+        A torque command can be used, a position command cannot.
         """
         return bool((WISHES - COMMANDS if self.kind == "tau" else WISHES).intersection(self.words))
 
     @property
     def rank(self) -> int:
-        """How much of a guess it is: 0 is the quantity's own word, 1 has small talk, 2 wishes and
-        other words.
+        """Return how uncertain the reading is.
+
+        0 is the quantity's own word, 1 has filler words, 2 has target words or other words.
         """
         left = [word for word in self.words if KIND_OF.get(word) != self.kind]
         return 0 if not left else 1 if SMALL_TALK.issuperset(left) else 2
 
 
 def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -> Title | None:
-    """Return what a column's title says, or None if it names no quantity that a log has.
+    """Return the meaning of a column's title, or None if it names no quantity that a log has.
 
     Args:
         title: of the column, such as ``q0``, ``actual_q_0 [deg]``, ``elbow/effort`` or ``time_ms``.
@@ -187,7 +191,7 @@ def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -
 
 
 def _unit(title: str) -> tuple[str, str | None]:
-    """A title without the brackets that hold a unit, and the unit; ``q[0]`` has none."""
+    """Return a title without the brackets that hold a unit, and the unit; ``q[0]`` has none."""
     for found in re.finditer(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", title):
         if found[1] and not found[1].isdecimal():
             return title[: found.start()] + " " + title[found.end() :], found[1]
@@ -196,17 +200,18 @@ def _unit(title: str) -> tuple[str, str | None]:
 
 @lru_cache(4096)
 def tokens(text: str) -> list[str]:
-    """Words and numbers of a title or a name, in small letters; a hump begins a word."""
+    """Return words and numbers of a title or a name, in lower case; camel case is split."""
     return re.findall(r"[a-z]+|[0-9]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", text).lower())
 
 
 def _kind(words: Sequence[str]) -> str | None:
-    """The quantity that words name; None if they name none or several, or one that no one looks
-    for.
+    """Return the quantity that words name.
+
+    None if they name none or several, or one that is not needed.
     """
     if OTHERS.intersection(words):
         return None
-    # a letter alone may be anything
+    # a single letter may be anything
     plain = all(word in KIND_OF or word in SMALL_TALK or word in WISHES for word in words)
     kinds = {
         KIND_OF[word]
@@ -223,7 +228,10 @@ def _kind(words: Sequence[str]) -> str | None:
 
 
 def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[str]]:
-    """The joint whose name stands in the words, the longest if several do, and the other words."""
+    """Return the joint whose name occurs in the words, and the other words.
+
+    It is the longest name if there are several.
+    """
     best: tuple[int, int, int] | None = None  # length, joint, place
     for length, joint, spelled in _spellings(robot):
         if best is not None and length < best[0]:
@@ -231,7 +239,7 @@ def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[s
         for at in range(len(words) - length + 1):
             if words[at : at + length] == list(spelled) and len(words) > length:
                 if best is not None and best[1] != joint:
-                    return None, words  # two joints: say nothing
+                    return None, words  # two joints: undecided
                 best = length, joint, at
     return (
         (None, words) if best is None else (best[1], words[: best[2]] + words[best[2] + best[0] :])
@@ -240,8 +248,9 @@ def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[s
 
 @lru_cache(16)
 def _spellings(robot: tuple[str, ...]) -> list[tuple[int, int, tuple[str, ...]]]:
-    """Ways to write each joint's name, longest first: whole, and without "joint", unless another
-    has that too.
+    """Return ways to write each joint's name, longest first.
+
+    They are the whole name, and the name without "joint", unless another joint has that too.
     """
     ways: dict[tuple[str, ...], set[int]] = {}
     for j, name in enumerate(robot):
@@ -256,8 +265,9 @@ def _spellings(robot: tuple[str, ...]) -> list[tuple[int, int, tuple[str, ...]]]
 
 
 def joint_called(text: str, robot: Sequence[str]) -> int | None:
-    """Return the place of the joint that a text names, with or without "joint" in it; None if there
-    is none.
+    """Return the index of the joint that a text names; None if there is none.
+
+    The text may have "joint" in it or not.
     """
     if text in robot:
         return list(robot).index(text)
@@ -265,8 +275,9 @@ def joint_called(text: str, robot: Sequence[str]) -> int | None:
 
 
 def factor(kind: str, unit: str | None) -> float | None:
-    """Return by what to multiply a column into SI units, 1 if it has no unit, None if the unit is
-    not known.
+    """Return the factor that converts a column into SI units.
+
+    It is 1 if the column has no unit, None if the unit is unknown.
     """
     if unit is None:
         return 1.0

@@ -1,8 +1,8 @@
-"""Measured logs: read from CSV, NPZ or Parquet, checked, and brought onto one sampling interval.
+"""Measured logs: read from CSV, NPZ or Parquet, checked, and resampled to one interval.
 
-A log is what a mechanism did: time, positions and torques of its joints, perhaps velocities and
-accelerations, in SI units, in one run or several. What cannot be used is refused with one line that
-names column and row; what was changed is a note.
+A log records what a mechanism did: time, positions and torques of its joints, perhaps velocities
+and accelerations, in SI units, in one run or several. What cannot be used is refused with one line
+that names column and row; what was changed is a note.
 """
 
 import os
@@ -27,7 +27,10 @@ from jaxidl.logs.tables import Table, expanded, listed, load, name_of, reason
 
 @dataclass(frozen=True)
 class Log:
-    """What a mechanism did, sampled at one rate. Within a run the samples are ``dt`` apart."""
+    """A record of a mechanism's motion, sampled at one rate.
+
+    Within a run the samples are ``dt`` apart.
+    """
 
     time: Float64[np.ndarray, " T"]  # [s], increasing within a run
     q: Float64[np.ndarray, "T J"]  # [m or rad]
@@ -36,8 +39,8 @@ class Log:
     qdd: Float64[np.ndarray, "T J"] | None  # [m/s^2 or rad/s^2], if it was measured
     run: Int[np.ndarray, " T"]  # 0, 1, 2, ... in order of appearance
     dt: float  # [s] nominal sampling interval
-    notes: tuple[str, ...]  # what is worth telling and was no error
-    # mean positions [m or rad] of the robot's joints that were not taken, by name
+    notes: tuple[str, ...]  # remarks that are not errors
+    # mean positions [m or rad] of the robot's joints that were not used, by name
     still: tuple[tuple[str, float], ...] = ()
 
     @property
@@ -74,21 +77,20 @@ def read(
 
     Args:
         paths: CSV (comma, semicolon or tab; ``#`` comments), NPZ or Parquet, with columns ``time``,
-            ``q0...``, ``tau0...`` and, where there are such, ``qd0...``, ``qdd0...`` and ``run``
-            (any labels). NPZ may hold ``q`` and ``tau`` as (T, J). Other titles are understood
-            where they can mean one thing only (``actual_q_0``, ``elbow/effort``); a note says how.
-            ROS bags with ``sensor_msgs/JointState`` are read if ``rosbags`` is installed.
-        joints: how many the model has, or their names in its order; None takes the log's word for
-            it.
+            ``q0...``, ``tau0...`` and, if present, ``qd0...``, ``qdd0...`` and ``run`` (any
+            labels). NPZ may hold ``q`` and ``tau`` as (T, J). Other titles are recognised where
+            they can have one meaning only (``actual_q_0``, ``elbow/effort``); a note says how. ROS
+            bags with ``sensor_msgs/JointState`` are read if ``rosbags`` is installed.
+        joints: number of the model's joints, or their names in its order. Default: as in the log.
         robot: names of all joints of the robot, in order; columns of those not in ``joints`` are
             left out. Default: ``joints``.
         columns: which column is which, as ``"q0=actual_q_0"`` or, for all joints,
             ``"q=actual_q_*"``.
-        motor: how joints follow from motors, where the log has motors' data.
-        topic: of a ROS bag, if it has several with joint states.
+        motor: how joints follow from motors, if the log has motors' data.
+        topic: topic of a ROS bag, if it has several with joint states.
 
     Raises:
-        LogError: if a file cannot be read, or what it holds cannot be used.
+        LogError: if a file cannot be read, or its contents cannot be used.
     """
     files = [Path(path) for path in ([paths] if isinstance(paths, Path | str) else paths)]
     if not files:
@@ -108,7 +110,7 @@ def read(
             raise LogError(
                 "each log once",
                 f"{name_of(path)} twice",
-                "leave one of them out, or data kept aside would be known",
+                "leave one of them out, otherwise held-out data would be known",
             )
     return _assemble(tables, count, motor)
 
@@ -122,13 +124,13 @@ def from_arrays(
     run: object | None = None,
     joints: int | None = None,
 ) -> Log:
-    """A log from arrays, checked as a file is.
+    """Return a log from arrays, checked as a file is.
 
     Args:
         time: (T,) [s].
         q: (T, J) or (T,) [m or rad]; so are tau [N or N m], and qd and qdd if given.
         run: (T,) labels of any kind; None is one run.
-        joints: how many the model has; None takes the arrays' word for it.
+        joints: number of the model's joints. Default: as in the arrays.
 
     Raises:
         LogError: if they cannot be used.
@@ -136,7 +138,7 @@ def from_arrays(
     given = {"time": time, "q": q, "tau": tau, "qd": qd, "qdd": qdd, "run": run}
     arrays = {}
     for key, value in given.items():
-        if np.ma.is_masked(value):  # an array would bring back what was masked
+        if np.ma.is_masked(value):  # a plain array would bring back masked values
             raise LogError(
                 f"every value of {key}",
                 "masked values",
@@ -145,7 +147,7 @@ def from_arrays(
         try:
             if value is not None:
                 arrays[key] = np.asarray(value)
-        except Exception as error:  # whatever a foreign array type raises
+        except Exception as error:  # foreign array types may raise anything
             raise LogError(
                 f"an array for {key}", reason(error), "give lists of numbers of one length"
             ) from None
@@ -153,7 +155,7 @@ def from_arrays(
 
 
 def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None = None) -> Log:
-    """One log of all files' runs."""
+    """Return one log of all files' runs."""
     found: list[Samples] = []
     notes: list[str] = []
     for table in tables:

@@ -14,8 +14,9 @@ KEY = re.compile(
 
 
 def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False) -> list[Family]:
-    """Return the families that ``wanted.columns`` name as ``KEY=TITLE`` in the header of the file
-    ``name``.
+    """Return the families that ``wanted.columns`` name in the header of the file ``name``.
+
+    They are given as ``KEY=TITLE``.
 
     Raises:
         LogError: if one cannot be read, or there is no such column.
@@ -88,7 +89,7 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
 
 
 def _matching(name: str, headers: Sequence[str], title: str) -> list[int]:
-    """Places of the columns with a title, which may hold a star."""
+    """Return the indices of the columns with a title, which may contain a star."""
     if "*" in title:
         return [place for place, _ in _starred(name, headers, title)]
     plain = [header.strip() for header in headers]
@@ -108,8 +109,9 @@ def _matching(name: str, headers: Sequence[str], title: str) -> list[int]:
 
 
 def _starred(name: str, headers: Sequence[str], title: str) -> list[tuple[int, str]]:
-    """Places of the columns that fit a title with one star, and what stands for the star in
-    each.
+    """Return the indices of the columns that match a title with one star.
+
+    Each comes with the text in place of the star.
     """
     if title.count("*") > 1:
         raise LogError(
@@ -136,7 +138,7 @@ def _starred(name: str, headers: Sequence[str], title: str) -> list[tuple[int, s
 
 
 def _label(text: str, part: str, wanted: Wanted) -> int | str:
-    """What a star stands for: a joint's number, or its name."""
+    """Return what a star represents: a joint's number, or its name."""
     if part.strip().isdecimal():
         return int(part.strip()[:6])
     if joint_called(part, wanted.names) is None:

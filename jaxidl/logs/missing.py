@@ -1,4 +1,4 @@
-"""Columns that a log needs and does not have: what to say about them."""
+"""Columns that a log needs and does not have, and the errors about them."""
 
 import difflib
 import re
@@ -10,7 +10,10 @@ from jaxidl.logs.tables import Table, listed, shown
 
 
 def meant(name: str) -> str | None:
-    """The column that a title may stand for: ``t [ms]`` is ``time``, ``Torque_1`` is ``tau1``."""
+    """Return the column that a title may mean.
+
+    ``t [ms]`` is ``time``, ``Torque_1`` is ``tau1``.
+    """
     title = read_title(name[:40])
     if title is None or title.wish:
         return None
@@ -18,11 +21,11 @@ def meant(name: str) -> str | None:
 
 
 def count_joints(table: Table, joints: int | None, current: bool = False) -> int:
-    """J, once time is there, and q and tau are there for each of the joints 0 to J - 1.
+    """Return J, after checking that time, and q and tau of each joint 0 to J - 1, are there.
 
     Args:
-        joints: how many the model has; None takes the log's word for it.
-        current: are motor currents there instead of torques?
+        joints: number of the model's joints; None takes that of the log.
+        current: true if the log has motor currents instead of torques.
 
     Raises:
         LogError: if a column is missing, with the one that may be it; if the joints are not the
@@ -54,14 +57,14 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
 
 
 def _without_drive(table: Table, count: int, current: bool) -> None:
-    """Complain about a log that has positions and no torques, and say where they may come from."""
+    """Raise LogError for a log with positions and no torques, naming possible sources."""
     key, what = (CURRENT, "currents") if current else ("tau", "torques")
     expected = f"{what} {key}0{f'..{key}{count - 1}' if count > 1 else ''} in {table.name}"
     got = f"columns {listed([*table.columns, *table.ignored])}"
     if current:
         torques = "tau0" in table.columns
         remedy = (
-            "leave --torque-constant out: the log has torques"
+            "leave out --torque-constant: the log has torques"
             if torques
             else f"name them: --columns '{key}=title_*'"
         )
@@ -88,7 +91,7 @@ def _without_drive(table: Table, count: int, current: bool) -> None:
 
 
 def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int | None) -> None:
-    """Complain unless a kind of column is there for the joints 0, 1, ..., count - 1."""
+    """Raise LogError unless a kind of column is there for the joints 0, 1, ..., count - 1."""
     if has == list(range(count)):
         return
     missing = sorted(set(range(count)) - set(has))
@@ -113,7 +116,7 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
 
 
 def _near(table: Table, key: str) -> str | None:
-    """What to do about a missing column if it seems to go by another name."""
+    """Return the remedy for a missing column if it seems to have another name."""
     candidates = [name for name in table.ignored[:200] if len(name) <= 40]
     near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(
         key, candidates, 1, 0.7

@@ -1,8 +1,8 @@
-"""Data of motors instead of joints: currents, positions before the gear, and joints that two motors
-turn together.
+"""Data of motors instead of joints.
 
-With the coupling C (J, J), joints follow motors as q = C (q_motor / ratio) + offset; equal power on
-both sides makes the joints' torques C^-T (ratio · torque_constant · current).
+These are currents, positions before the gear, and joints that two motors drive together. With the
+coupling C (J, J), joints follow motors as q = C (q_motor / ratio) + offset; equal power on both
+sides gives the joints' torques C^-T (ratio · torque_constant · current).
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,8 +18,8 @@ from jaxidl.logs.families import shortened
 from jaxidl.logs.header import CURRENT, joint_called
 
 KEYS = ("torque_constant", "gear_ratio", "coupling", "offset", "motor_positions", "joints")
-LARGEST_FILE = 2**20  # bytes of a description
-WORST = 1e6  # condition of a coupling
+LARGEST_FILE = 2**20  # largest description [bytes]
+WORST = 1e6  # largest condition number of a coupling
 
 
 @dataclass(frozen=True)
@@ -28,14 +28,15 @@ class MotorSide:
 
     # [Nm/A] of the motor, before the gear; None: torques were logged
     torque_constant: Float64[np.ndarray, " J"] | None
-    gear_ratio: Float64[np.ndarray, " J"]  # motor's motion per joint's; for a slide in rad/m
+    gear_ratio: Float64[np.ndarray, " J"]  # motor motion per joint motion; for a slide in rad/m
     coupling: Float64[np.ndarray, "J J"] | None = None
     offset: Float64[np.ndarray, " J"] | None = None  # [rad or m] of joints where motors are at zero
-    positions: bool = False  # are positions, speeds and accelerations those of the motors?
+    positions: bool = False  # true if positions, speeds and accelerations are those of the motors
 
     def joint_side(self, signals: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Return signals (T, J) of the joints from those of the motors: ``q``, ``tau`` and so on,
-        ``i`` [A] becomes ``tau``.
+        """Return signals (T, J) of the joints from those of the motors.
+
+        They are ``q``, ``tau`` and so on; ``i`` [A] becomes ``tau``.
         """
         found = dict(signals)
         if self.torque_constant is not None:
@@ -50,7 +51,7 @@ class MotorSide:
         return found
 
     def note(self) -> str:
-        """Say what was computed."""
+        """Return a note on what was computed."""
         what = "motor torque" if self.torque_constant is None else "current * torque constant"
         moved = ", positions from the motors'" if self.positions else ""
         return (
@@ -65,16 +66,16 @@ def motor_side(
     torque_constant: Sequence[float] = (),
     gear_ratio: Sequence[float] = (),
 ) -> MotorSide | None:
-    """Return what is said of the motors of the joints ``names`` (J,), in a YAML file or in numbers;
-    None if nothing is.
+    """Return the description of the motors of the joints ``names`` (J,); None if there is none.
 
-    The file has ``torque_constant`` [Nm/A], ``gear_ratio``, ``offset`` [rad or m]: each one number
-    for all joints, a list (J,), or numbers by joint; or all of a joint's under ``joints``, by its
-    name. Besides ``coupling`` (J, J) and ``motor_positions: true``.
+    It comes from a YAML file or from numbers. The file has ``torque_constant`` [Nm/A],
+    ``gear_ratio``, ``offset`` [rad or m]: each one number for all joints, a list (J,), or numbers
+    by joint; or all values of a joint under ``joints``, by its name. It may also have ``coupling``
+    (J, J) and ``motor_positions: true``.
 
     Args:
-        torque_constant: one for all, or one for each joint; so is ``gear_ratio``. Not both these
-            and the file.
+        torque_constant: one for all, or one for each joint; so is ``gear_ratio``. These cannot be
+            combined with the file.
 
     Raises:
         LogError: if the file cannot be read, or its numbers do not fit.
@@ -117,7 +118,7 @@ def motor_side(
         raise LogError(
             f"offset in {where} beside motor_positions: true",
             "positions of joints",
-            "remove offset, or say so",
+            "remove offset, or add motor_positions: true",
         )
     for key, value in (("torque_constant", constant), ("gear_ratio", ratio)):
         if value is not None and not value.all():
@@ -137,7 +138,7 @@ def motor_side(
 
 
 def _read(path: Path) -> dict[str, Any]:
-    import yaml  # only where there is such a file
+    import yaml  # needed only if there is such a file
 
     try:
         if path.stat().st_size > LARGEST_FILE:
@@ -196,7 +197,7 @@ def _by_joint(said: dict[str, Any], names: Sequence[str], where: str) -> dict[st
 def _per_joint(
     said: Mapping[str, Any], key: str, names: Sequence[str], where: str
 ) -> np.ndarray | None:
-    """Numbers (J,) that are given as one, as a list or by joint."""
+    """Return numbers (J,) that are given as one, as a list or by joint."""
     if key not in said:
         return None
     value, count = said[key], len(names)
@@ -208,7 +209,7 @@ def _per_joint(
             raise LogError(
                 f"{key} of joint {missing[0]} in {where}",
                 got,
-                "give one for each joint that is looked at",
+                "give one for each joint that is used",
             )
         value = [by_place[j] for j in range(count)]
     entries = value if isinstance(value, list) else [value] * count
@@ -231,8 +232,8 @@ def _coupling(said: Mapping[str, Any], count: int, where: str) -> np.ndarray | N
     )
     if not square or not all(_is_number(entry) for row in rows for entry in row):
         remedy = (
-            f"write {count} lists of {count}: row j says how joint j moves with each motor behind"
-            " its gear"
+            f"write {count} lists of {count}: row j gives the motion of joint j per motion of each"
+            " motor behind its gear"
         )
         raise LogError(
             f"a coupling of {count} x {count} finite numbers in {where}",

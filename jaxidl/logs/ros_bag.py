@@ -1,5 +1,6 @@
-"""ROS bags with joint states: MCAP, SQLite, or bags of ROS 1, through the optional package
-``rosbags``; no ROS is needed.
+"""ROS bags with joint states: MCAP, SQLite, or bags of ROS 1.
+
+They are read through the optional package ``rosbags``; ROS itself is not needed.
 """
 
 import warnings
@@ -17,11 +18,14 @@ from jaxidl.logs.tables import Table, listed, name_of, reason
 ENDINGS = (".mcap", ".db3", ".bag")
 TYPE = "sensor_msgs/msg/JointState"
 FIELDS = ("position", "velocity", "effort")
-MOST = 10_000_000  # messages
+MOST = 10_000_000  # most messages read
 
 
 def is_bag(path: Path) -> bool:
-    """Is a path that of a ROS bag: a file of such a name, or a folder with a ``metadata.yaml``?"""
+    """Return whether a path is that of a ROS bag.
+
+    A bag is a file with such a suffix, or a folder with a ``metadata.yaml``.
+    """
     try:
         return path.suffix.lower() in ENDINGS or (
             path.is_dir() and (path / "metadata.yaml").is_file()
@@ -31,11 +35,12 @@ def is_bag(path: Path) -> bool:
 
 
 def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
-    """Return the joint states of a bag as a table; columns are called ``NAME/position``,
-    ``NAME/velocity`` and ``NAME/effort``.
+    """Return the joint states of a bag as a table.
+
+    Columns are called ``NAME/position``, ``NAME/velocity`` and ``NAME/effort``.
 
     Args:
-        topic: the one to read. Default: the only one with joint states.
+        topic: the topic to read. Default: the only one with joint states.
 
     Raises:
         LogError: if ``rosbags`` is not installed, the bag cannot be read, or has no such topic.
@@ -72,7 +77,7 @@ def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
 
 
 def _bag_of(path: Path) -> Path:
-    """A SQLite file is read through the folder that it is in."""
+    """Return the bag's path; a SQLite file is read through the folder that it is in."""
     return (
         path.parent
         if path.suffix.lower() == ".db3" and (path.parent / "metadata.yaml").is_file()
@@ -111,7 +116,7 @@ def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
 
 
 def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Table:
-    """A table of the messages of the publisher whose joints are those of the robot."""
+    """Return a table of the messages of the publisher whose joints are those of the robot."""
     notes: list[str] = []
     groups = Counter(tuple(message.name) for _, _, message in rows)
     robot = {wanted.names[j] for j in wanted.taken}
@@ -146,10 +151,10 @@ def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Tab
             )
         values = np.array([getattr(m, field) for _, _, m in mine], float)
         for j in range(count):
-            if not np.isnan(values[:, j]).all():  # as drivers fill in what they do not know
+            if not np.isnan(values[:, j]).all():  # some drivers fill unknown fields with NaN
                 headers.append(f"{names[j]}/{field}" if names else f"{field}_{j}")
                 columns.append(values[:, j])
-    if not wanted.names and names:  # no names to look for: joints in the order of the messages
+    if not wanted.names and names:  # no names given: joints in the order of the messages
         headers = [
             headers[0],
             *(f"{h.rpartition('/')[2]}_{names.index(h.rpartition('/')[0])}" for h in headers[1:]),

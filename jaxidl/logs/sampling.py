@@ -1,4 +1,4 @@
-"""Runs of a log brought onto one uniform grid of instants, whatever their clocks did."""
+"""Runs of a log resampled to one uniform time grid, whatever their clocks."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -12,14 +12,14 @@ from jaxidl.logs.checks import Samples
 LATEST = 1e10  # [s]; a Unix time is smaller
 LEAST_RATE = 20.0  # [Hz]
 LEAST_RUN = 50  # samples
-BRIDGED = 5  # as many missing samples in a row are interpolated, more split the run
-UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left as they are
-IRREGULAR = 0.1  # share of intervals off by half; more is jitter
-SAME_RATE = 0.01  # relative; further apart is another rate
-# times slower: from here on samples are averaged, or what is faster would fold over
+BRIDGED = 5  # up to this many consecutive missing samples are interpolated; more split the run
+UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left unchanged
+IRREGULAR = 0.1  # share of intervals off by half an interval; more is jitter
+SAME_RATE = 0.01  # relative difference; a larger one is a different rate
+# times slower from which on samples are averaged, otherwise there would be aliasing
 AVERAGED = 1.25
-MOST_APART = 5.0  # times; rates further apart are not brought together
-MOST_GAPS = 0.5  # share of the time in intervals half as long again as most
+MOST_APART = 5.0  # ratio of rates that are not resampled to one
+MOST_GAPS = 0.5  # share of the time in intervals at least 1.5 times the usual one
 
 
 class Piece(NamedTuple):
@@ -27,7 +27,7 @@ class Piece(NamedTuple):
 
     samples: Samples
     where: slice  # rows of it
-    # (n,) of each sample on a uniform grid that starts with the first; misses the missing ones
+    # (n,) index of each sample on a uniform grid from the first on; missing ones leave gaps
     number: np.ndarray
     step: float  # [s] interval of that grid
 
@@ -37,19 +37,20 @@ class Even(NamedTuple):
 
     time: np.ndarray  # (n,) [s]
     signals: dict[str, np.ndarray]  # each (n, J)
-    missing: int  # samples that were not measured
+    missing: int  # number of samples that were not measured
     # largest deviation of an interval from the nominal one, relative to it; 0 if no sample was
     # moved
     uneven: float
-    slowed: bool  # brought to the rate of another run
+    slowed: bool  # true if resampled to the rate of another run
 
 
 def pieces(found: Samples, notes: list[str]) -> list[Piece]:
-    """A file's runs, cut where many samples are missing; what is too short is left out. What was
-    done goes to the notes.
+    """Return a file's runs, split where many samples are missing.
+
+    Runs that are too short are left out. What was done is added to the notes.
 
     Raises:
-        LogError: if time is too irregular to call it sampled.
+        LogError: if time is too irregular for a sampled log.
     """
     table, result, short = found.table, [], 0
     edges = np.flatnonzero(np.diff(found.run)) + 1
@@ -79,11 +80,10 @@ def pieces(found: Samples, notes: list[str]) -> list[Piece]:
 
 
 def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
-    """How many sampling intervals lie between the rows of one run, (stop - start - 1,): 1 where no
-    sample is missing.
+    """Return the number of sampling intervals between the rows of one run, (stop - start - 1,).
 
-    A clock that jitters misses none, but for gaps; more time in gaps than between samples is no
-    sampling.
+    It is 1 where no sample is missing. A clock that jitters misses none, except for gaps; if more
+    time is in gaps than between samples, the log is not sampled.
     """
     if stop - start < LEAST_RUN:
         return np.ones(stop - start - 1, int)
@@ -109,15 +109,16 @@ def _counts(found: Samples, start: int, stop: int) -> np.ndarray:
 
 
 def _slope(number: np.ndarray, time: np.ndarray) -> float:
-    """The interval [s] that fits all samples best: the median alone would drift where time is
-    written with few digits.
+    """Return the interval [s] that fits all samples best.
+
+    The median alone would drift where time is written with few digits.
     """
     centred = number - number.mean()
     return float(centred @ (time - time[0]) / (centred @ centred))
 
 
 def interval(cut: Iterable[Piece]) -> float:
-    """The sampling interval [s] of all pieces.
+    """Return the sampling interval [s] of all pieces.
 
     Raises:
         LogError: if time cannot be in seconds, or the pieces differ.
@@ -125,7 +126,7 @@ def interval(cut: Iterable[Piece]) -> float:
     cut = list(cut)
     steps = np.array([piece.step for piece in cut])
     same = steps.max() <= (1 + SAME_RATE) * steps.min()
-    # what is slower has no more to tell
+    # slower pieces contain no faster motion
     dt = float(np.quantile(steps, 0.5, method="nearest") if same else steps.max())
     name, time = cut[0].samples.table.name, cut[0].samples.time
     if dt > 1 / LEAST_RATE:
@@ -157,12 +158,15 @@ def interval(cut: Iterable[Piece]) -> float:
 
 
 def resample(piece: Piece, dt: float) -> Even:
-    """A piece on a uniform grid; the samples stay as they are where they are on it already."""
+    """Return a piece on a uniform grid.
+
+    Samples that are on the grid already stay unchanged.
+    """
     time, signals = (
         piece.samples.time[piece.where],
         {kind: s[piece.where] for kind, s in piece.samples.signals.items()},
     )
-    # clocks of two recordings differ by parts in a million
+    # clocks of two recordings differ by parts per million
     step = piece.step if abs(piece.step / dt - 1) < 1e-4 else dt
     grid = (time - time[0]) / step
     if abs(piece.step / dt - 1) > SAME_RATE:
@@ -199,7 +203,7 @@ def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> di
             kind: np.stack([np.interp(places, grid, s) for s in signal.T], axis=1)
             for kind, signal in signals.items()
         }
-    # narrower at the ends: still centred
+    # narrower at the ends, to stay centred
     half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))
     half = np.maximum(half, 1e-3)
     found = {}

@@ -1,11 +1,10 @@
-"""A log made ready for comparison: smoothed, differentiated, compared with the rigid body, thinned
-out.
+"""A log prepared for comparison: smoothed, differentiated, compared, thinned out.
 
-One zero-phase low-pass H (Butterworth, fourth order, forwards and backwards) is used throughout.
-Positions pass it before they are differentiated (five-point stencils), commands and every torque
-that an effect predicts pass it afterwards, so both sides of the comparison lose the same
-frequencies. Its band is where the encoder's noise, twice differentiated and multiplied by inertia,
-reaches ``NOISE_SHARE`` of the commanded torque.
+It is compared with the rigid body. One zero-phase low-pass H (Butterworth, fourth order, forwards
+and backwards) is used throughout. Positions pass it before they are differentiated (five-point
+stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of
+the comparison lose the same frequencies. Its band is where the encoder's noise, twice
+differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the commanded torque.
 """
 
 import math
@@ -22,21 +21,21 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.logs.log import Log
 from jaxidl.systems.tables import Tables, tables
 
-NOISE_SHARE = 0.02  # of the command's spread: where the band ends
-BAND = (4.0, 100.0)  # least and largest [Hz]
-HIGHEST_BAND = 0.2  # of the sampling rate
-ROWS_PER_HERTZ = 3.0  # rows kept a second, over the band,
-# and of a long log altogether: time, for which neighbours, much alike, give little in return
+NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
+BAND = (4.0, 100.0)  # least and largest band [Hz]
+HIGHEST_BAND = 0.2  # largest band over the sampling rate
+ROWS_PER_HERTZ = 3.0  # rows kept per second, over the band
+# most rows of a long log: more take time, and neighbours are too similar to add much
 MOST_ROWS = 8000
-# on both sides of where a rest begins or ends the filter blurs [periods of the band's end]
+# the filter blurs this range around the begin and end of a rest [periods of the band's end]
 REST_EDGE = 0.6
-REST_SPEED = 0.01  # of a joint's highest: below it dry friction may be anything within its level
+REST_SPEED = 0.01  # share of a joint's top speed below which friction is anywhere within its level
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
-TABLE_RATE = 40.0  # of the tables other than the torque [Hz]
+TABLE_RATE = 40.0  # rate of the tables other than the torque [Hz]
 
 
 class Signals(NamedTuple):
-    """T instants of J joints at the log's rate, and N rows kept of them."""
+    """T instants of J joints at the log's rate, of which N rows are kept."""
 
     dt: float
     band: float  # [Hz]
@@ -47,30 +46,31 @@ class Signals(NamedTuple):
     tau: Float[np.ndarray, "T J"]  # commands as logged
     tables: Tables  # of the modelled rigid body, T rows
     sigma: Float[np.ndarray, " J"]  # encoder noise, standard deviation [m or rad]
-    # what it alone puts into the residual, root mean square [N or Nm]
+    # residual due to that noise alone, root mean square [N or Nm]
     noise_floor: Float[np.ndarray, " J"]
-    rest_speed: Float[np.ndarray, " J"]  # below it a joint counts as resting [m/s or rad/s]
+    rest_speed: Float[np.ndarray, " J"]  # a joint rests below this speed [m/s or rad/s]
     rows: np.ndarray  # (N,) instants kept
-    # command − inverse dynamics there: what the rigid body does not explain [N or Nm]
+    # command − inverse dynamics in these rows: the residual of the rigid body [N or Nm]
     balance: Float[np.ndarray, "N J"]
     moving: Bool[np.ndarray, "T J"]
-    # neither: just before or after a rest, where the filter blurs both
+    # instants in neither are just before or after a rest, where the filter blurs both
     resting: Bool[np.ndarray, "T J"]
-    # of each joint: last instant and largest torque withstood of each rest [N or Nm]
+    # for each joint: last instant and largest torque withstood of each rest [N or Nm]
     peaks: tuple[Float[np.ndarray, "E 2"], ...]
 
     body: Any  # the modelled rigid body
-    notes: tuple[str, ...] = ()  # what of the log was not used, and why
-    # instants at the end of each run whose true positions only later readings would have told
+    notes: tuple[str, ...] = ()  # parts of the log that were not used, and why
+    # instants at the end of each run whose true positions need later readings
     late: int = 0
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
-        """H applied to each run of ``x`` (T, ...)."""
+        """Return H applied to each run of ``x`` (T, ...)."""
         return _by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
 
     def command(self, x: np.ndarray) -> np.ndarray:
-        """H applied to delivered torques (T, ...); a command is held, so that it acts half an
-        interval later on average.
+        """Return H applied to delivered torques (T, ...).
+
+        A command is held, so that it acts half an interval later on average.
         """
         return self.smooth(
             _by_run(
@@ -79,15 +79,15 @@ class Signals(NamedTuple):
         )
 
     def differentiate(self, x: np.ndarray) -> np.ndarray:
-        """First derivative by time of each run of ``x`` (T, ...)."""
+        """Return the first derivative by time of each run of ``x`` (T, ...)."""
         return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
 
     def behind(self, effects: Sequence[Effect]) -> "Signals":
-        """The signals with the true motion that ``effects`` on the encoders leave: what a rollout
-        begins at and is held against.
+        """Return the signals with the true motion behind the encoder readings.
 
-        Only ``q``, ``qd``, ``qdd`` and ``late`` change; what was computed along the measured motion
-        stays as it is.
+        ``effects`` act on the encoders. This motion is what a rollout starts from and is compared
+        with. Only ``q``, ``qd``, ``qdd`` and ``late`` change; what was computed along the measured
+        motion stays unchanged.
         """
         q, qd, qdd = true_motion(effects, self.q, self.qd, self.qdd, self.slices, self.dt)
         return self._replace(
@@ -98,13 +98,13 @@ class Signals(NamedTuple):
 def prepare(
     log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: float = 1.0
 ) -> Signals:
-    """Signals of a log and its modelled rigid body.
+    """Return the signals of a log with its modelled rigid body.
 
     Args:
-        log: what was measured.
+        log: the measured log.
         body: the modelled rigid body.
-        effects: the model's own, of which those on the encoders are undone;
-            :func:`jaxidl.gap.rows.rows_of` must know them, too.
+        effects: the model's own effects, of which those on the encoders are undone; they must also
+            be given to :func:`jaxidl.gap.rows.rows_of`.
         narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
@@ -138,7 +138,7 @@ def prepare(
         for s in slices
     ]
     floor = noise_torque(reach, band, dt)
-    rests[[s.stop - 1 for s in slices]] = False  # a rest does not go on in the next run
+    rests[[s.stop - 1 for s in slices]] = False  # a rest does not continue in the next run
     peaks = tuple(
         withstood(
             rests[:, j],
@@ -185,11 +185,10 @@ def _in_step(
     dt: float,
     what: str,
 ) -> tuple[np.ndarray, tuple[str, ...]]:
-    """The logged derivative (T, J) where it is in step with the positions, else the ``derived``
-    one; and a note that says so.
+    """Return the logged derivative (T, J) where it is in step with the positions, and a note.
 
-    Robots filter the velocity that they report. Late by more than half a sample it would pass for
-    friction and inertia.
+    Elsewhere return the ``derived`` one; the note says so. Robots filter the velocity that they
+    report. If it is late by more than half a sample, that would be taken for friction and inertia.
     """
     if logged is None:
         return derived, ()
@@ -210,8 +209,9 @@ def _in_step(
 def true_positions(
     effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float
 ) -> np.ndarray:
-    """Positions (T, J) behind encoder readings ``q`` (T, J): what ``effects`` do to the encoders
-    undone, the last one first.
+    """Return the positions (T, J) behind encoder readings ``q`` (T, J).
+
+    What ``effects`` do to the encoders is undone, the last one first.
     """
     for effect in filter(on_encoders, reversed(effects)):
         undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))
@@ -227,26 +227,25 @@ def true_motion(
     slices: tuple[slice, ...],
     dt: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions, velocities and accelerations (T, J) behind measured ones, as
-    :func:`true_positions` has it.
+    """Return positions, velocities and accelerations (T, J) behind measured ones.
 
-    It comes after smoothing, as where an effect is fitted: a shift in time averages neighbouring
-    samples, and on raw ones that would pass for a quieter encoder.
+    See :func:`true_positions`. It is applied after smoothing, as where an effect is fitted: a shift
+    in time averages neighbouring samples, and on raw ones that would look like a quieter encoder.
     """
     if not any(map(on_encoders, effects)):
         return q, qd, qdd
     true = true_positions(effects, q, slices, dt)
     slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))
-    # a logged velocity is changed, not made anew: it is as late as the position
+    # a logged velocity is corrected, not derived anew: it is as late as the position
     speed = slope(true - q)
     return true, qd + speed, qdd + slope(speed)
 
 
 def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
-    """How many instants at the end of a run like ``q`` (T, J) have true positions that only later
-    readings would tell.
+    """Return how many instants at the end of a run need later readings for true positions.
 
-    They are those at the end of half a steady motion that change when its other half is read, too.
+    The run is like ``q`` (T, J). They are the instants at the end of half a steady motion that
+    change when its other half is read too.
     """
     if not any(map(on_encoders, effects)):
         return 0
@@ -260,34 +259,34 @@ def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
 
 
 def on_encoders(effect: Effect) -> bool:
-    """Does the effect change what the encoders read in a way that can be undone?"""
+    """Return whether the effect changes the encoders' readings in a way that can be undone."""
     inner = effect.effect if isinstance(effect, OnJoint) else effect
     return type(inner).true_position is not Effect.true_position
 
 
 @lru_cache(maxsize=16)
 def _design(band: float, dt: float) -> Any:
-    """H's second-order sections."""
+    """Return H's second-order sections."""
     return signal.butter(4, band, fs=1.0 / dt, output="sos")
 
 
 def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
-    """H on one run (T, ...)."""
+    """Return H applied to one run (T, ...)."""
     sections = _design(band, dt)
     return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
 
 
 def derivative(x: np.ndarray, dt: float) -> np.ndarray:
-    """First derivative (T, ...) by a five-point stencil, by shorter ones at the ends."""
+    """Return the first derivative (T, ...) by a five-point stencil, a shorter one at the ends."""
     out = np.gradient(x, dt, axis=0, edge_order=2)
     out[2:-2] = (8.0 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12.0 * dt)
     return out
 
 
 def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
-    """Standard deviation (J,) [m or rad] of white noise on positions.
+    """Return the standard deviation (J,) [m or rad] of white noise on positions.
 
-    It is what is left above 0.6 of the Nyquist frequency, where nothing moves.
+    It is computed from the content above 0.6 of the Nyquist frequency, where nothing moves.
     """
     sections = signal.butter(6, 0.6, "highpass", output="sos")
     high = np.concatenate([signal.sosfiltfilt(sections, q[s], axis=0)[20:-20] for s in slices])
@@ -295,14 +294,15 @@ def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
 
 
 def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
-    """Root mean square (J,) torque that encoder noise makes within the band: white noise
-    differentiated twice.
+    """Return the root mean square (J,) torque that encoder noise causes within the band.
+
+    It is white noise differentiated twice.
     """
     return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
 
 
 def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
-    """The band [Hz], the same for all joints."""
+    """Return the band [Hz], the same for all joints."""
     spread = np.std(tau, axis=0)
     free = (reach > 0.0) & (spread > 0.0)
     widest = min(BAND[1], HIGHEST_BAND / dt)
@@ -315,11 +315,10 @@ def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
 def classify(
     qd: np.ndarray, rest_speed: np.ndarray, half: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Moving and resting instants (T, J), and whole rests with the instants where the filter blurs
-    their ends.
+    """Return moving and resting instants (T, J), and whole rests with their blurred ends.
 
-    A rest shorter than the filter, which reaches ``half`` instants, is a reversal: neither motion
-    nor rest.
+    The filter blurs the ends of a rest. A rest shorter than the filter, which reaches ``half``
+    instants, is a reversal: neither motion nor rest.
     """
     slow = np.abs(qd) < rest_speed
     long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
@@ -336,11 +335,11 @@ def withstood(
     seen: float,
     edge: int,
 ) -> np.ndarray:
-    """Last ``resting`` instant of each rest that ends within the log, and the largest unfiltered
-    ``torque`` (T,) of it (E, 2).
+    """Return the last instant of each rest that ends within the log, and its largest torque.
 
-    A rest ends when its torque exceeds what holds it, at the instant when the unfiltered position
-    ``q`` (T,) has moved by more than ``seen`` [m or rad]; filtered, the peak would be cut off.
+    The instant is a ``resting`` one, the ``torque`` (T,) unfiltered; the result is (E, 2). A rest
+    ends when its torque exceeds what holds it, at the instant when the unfiltered position ``q``
+    (T,) has moved by more than ``seen`` [m or rad]; filtered, the peak would be cut off.
     """
     labelled: Any = ndimage.label(rests)
     found = []
@@ -355,7 +354,7 @@ def withstood(
 
 
 def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
-    """Root mean square inertia matrix (J, J) over the positions (T, J) of a log."""
+    """Return the root mean square inertia matrix (J, J) over the positions (T, J) of a log."""
     few = q[np.linspace(0, len(q) - 1, 50).astype(int)]
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
 
@@ -363,5 +362,5 @@ def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
 def _by_run(
     x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """``f`` applied to each run of ``x`` (T, ...)."""
+    """Return ``f`` applied to each run of ``x`` (T, ...)."""
     return np.concatenate([f(x[s]) for s in slices])

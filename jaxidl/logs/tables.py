@@ -1,5 +1,6 @@
-"""Tables in files: CSV, NPZ or Parquet into columns by name. What the columns hold is looked at
-elsewhere.
+"""Tables in files: CSV, NPZ or Parquet, read into columns by name.
+
+The contents of the columns are checked elsewhere.
 """
 
 import csv
@@ -16,7 +17,7 @@ from jaxidl.logs.columns import MOST, choose
 from jaxidl.logs.families import INSTANTS, Chosen, Wanted
 from jaxidl.logs.header import UNITS
 
-LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; text takes ten times as much while it is read
+LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; reading text takes ten times as much
 MAGIC = {
     b"PAR1": "Parquet",
     b"PK": "a ZIP archive, such as NPZ or a spreadsheet",
@@ -29,50 +30,50 @@ MAGIC = {
 
 @dataclass(frozen=True)
 class Table:
-    """The columns of one file, not yet looked at."""
+    """The columns of one file, not checked yet."""
 
-    name: str  # of the file
-    columns: dict[str, np.ndarray | list[str]]  # each (T,); text, where the format has nothing else
-    ignored: tuple[str, ...] = ()  # names of columns that no one asked for
-    lines: list[int] | None = None  # (T,) line of the file in which each row stands
-    # into SI units, by column; 1 if it is not there
+    name: str  # name of the file
+    columns: dict[str, np.ndarray | list[str]]  # each (T,); text where the format has nothing else
+    ignored: tuple[str, ...] = ()  # names of columns that are not needed
+    lines: list[int] | None = None  # (T,) line of the file that holds each row
+    # factors into SI units, by column; 1 if not listed
     factors: Mapping[str, float] = field(default_factory=dict)
-    # of columns that the file calls otherwise
+    # titles of columns that have another name in the file
     titles: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # on how columns were understood
     rows: np.ndarray | None = None  # (T,) number of each row in the file, where some were dropped
 
     def called(self, key: str) -> str:
-        """How to call a column so that a person finds it."""
+        """Return a name of the column by which a person finds it."""
         title = self.titles.get(key, key)
         return key if title.lower() == key else f"{key} ({shown(title, 44)[1:-1]})"
 
     def row(self, i: int) -> str:
-        """How to call row i, counted from 0, so that a person finds it."""
+        """Return a name of row i, counted from 0, by which a person finds it."""
         i = i if self.rows is None else int(self.rows[i])
         return f"row {i + 1}" if self.lines is None else f"row {i + 1} (line {self.lines[i]})"
 
 
 def shown(value: object, most: int = 30) -> str:
-    """A value as Python writes it, cut to a length that fits a line."""
+    """Return a value as Python writes it, cut to a length that fits a line."""
     try:
         text = repr(value[: 4 * most] if isinstance(value, str | bytes) else value)
-    except Exception:  # an integer of thousands of digits, or a foreign object
+    except Exception:  # such as an integer of thousands of digits, or a foreign object
         text = f"a {type(value).__name__}"
     return text if len(text) <= most else text[: most - 4] + "..." + text[-1]
 
 
 def listed(names: Sequence[str], most: int = 8) -> str:
-    """A few names in words."""
+    """Return a few names in words."""
     text = ", ".join(shown(name)[1:-1] for name in names[:most])
     return (text or "none") + (f" and {len(names) - most} more" if len(names) > most else "")
 
 
 def load(path: Path, wanted: Wanted) -> Table:
-    """The table in a file, so far as it is ``wanted``.
+    """Return the table in a file, as far as it is ``wanted``.
 
     Raises:
-        LogError: if there is no such file, or not one of the kind that its name says.
+        LogError: if there is no such file, or it is not of the kind that its name says.
     """
     name, reader = name_of(path), READERS.get(path.suffix.lower())
     try:
@@ -99,7 +100,7 @@ def load(path: Path, wanted: Wanted) -> Table:
                 f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet"
             )
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a parser's guesses about a damaged file
+            warnings.simplefilter("ignore")  # ignore a parser's guesses about a damaged file
             return reader(path, wanted)
     except LogError:
         raise
@@ -145,7 +146,7 @@ def _csv(path: Path, wanted: Wanted) -> Table:
     if _are_numbers(header) or (delimiter not in header and len(header.split()) > 1):
         remedy = "begin with a line time,q0,tau0 and separate columns by commas"
         raise LogError(f"a header with the names of the columns in {name}", shown(header), remedy)
-    if header.count(delimiter) > MOST:  # before it is taken apart
+    if header.count(delimiter) > MOST:  # before it is split
         raise LogError(
             f"at most {MOST} columns in {name}",
             f"{header.count(delimiter)}",
@@ -191,7 +192,7 @@ def _table(
 
 
 def _are_numbers(row: str) -> bool:
-    """Whether a line of text holds numbers only, whatever is between them."""
+    """Return whether a line of text holds numbers only, with any separators."""
     try:
         return (
             len([float(cell) for cell in row[:10_000].replace(";", " ").replace(",", " ").split()])
@@ -214,7 +215,7 @@ def _npz(path: Path, wanted: Wanted) -> Table:
             try:
                 with archive.open(members[place]) as file:
                     arrays[key] = np.lib.format.read_array(file, allow_pickle=False)
-            except Exception as error:  # as above, but known to be this column
+            except Exception as error:  # as above, but the column is known
                 raise LogError(
                     f"an array {key} in {name}", reason(error), "store it again, as float64"
                 ) from None
@@ -259,12 +260,12 @@ def _fits(name: str, size: int) -> None:
 
 
 def name_of(path: Path) -> str:
-    """A file's name in text that any terminal prints."""
+    """Return a file's name as text that any terminal prints."""
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in str(path))
 
 
 def reason(error: Exception) -> str:
-    """What a parser had to say, short enough for a line."""
+    """Return a parser's message, short enough for a line."""
     text = getattr(error, "strerror", None) or str(error)[:1000] or type(error).__name__
     return shown(" ".join(text.split()), 160)[1:-1].rstrip(".")
 
@@ -272,8 +273,9 @@ def reason(error: Exception) -> str:
 def expanded(
     name: str, arrays: dict[str, np.ndarray], wanted: Wanted, chosen: Chosen | None = None
 ) -> Table:
-    """Arrays (T, J) of all joints taken apart into columns; of a whole robot's, those of the joints
-    that are taken.
+    """Return arrays (T, J) of all joints split into columns.
+
+    Of a whole robot's joints, those that are used are returned.
 
     Raises:
         LogError: if they have no such shape.
