@@ -23,12 +23,12 @@ from common import arguments, machine, report
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {
-    "systems/plant.py": ("plant", "golden", "effects"),
-    "learning/execute.py": ("golden", "learning"),
-    "learning/sources.py": ("golden", "learning"),
-    "models/training.py": ("training", "golden"),
-    "gap/score.py": ("gap_score", "gap_workflow"),
-    "jobs/store.py": ("jobs", "sweep", "properties_stored"),
+    "systems/plant.py": ("systems/plant", "paper/golden", "effects/definitions"),
+    "learning/execute.py": ("paper/golden", "learning/learning"),
+    "learning/sources.py": ("paper/golden", "learning/learning"),
+    "models/training.py": ("models/training", "paper/golden"),
+    "gap/score.py": ("gap/sets", "gap/workflow"),
+    "jobs/store.py": ("jobs/sweep", "paper/sweep", "paper/properties"),
 }
 OPPOSITE = {
     ast.Add: ast.Sub,
@@ -119,7 +119,7 @@ def noticed(module: str, text: str, cache: str) -> str:
             )
         shutil.copy(ROOT / "pyproject.toml", folder)
         (folder / "jaxidl" / module).write_text(text)
-        files = [f"tests/test_{test}.py" for test in MODULES[module]]
+        files = ["tests/" + test.replace("/", "/test_") + ".py" for test in MODULES[module]]
         environment = os.environ | {
             "PYTHONPATH": name,
             "JAX_COMPILATION_CACHE_DIR": cache,

@@ -1,0 +1,312 @@
+"""Fits stay physical: bounds, friction that dissipates, links that could be built; and an effect
+beside its own parts.
+"""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl.effects import (
+    CATALOGUE,
+    AsymmetricFriction,
+    CoulombFriction,
+    Effect,
+    Parameter,
+    Payload,
+    Scale,
+    register,
+)
+from jaxidl.gap import from_arrays
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.consistent import consistent
+from jaxidl.gap.find import find, seen_anew
+from jaxidl.gap.library import beside, items_of, library, pushed, residual, rms, scales
+from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
+from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import shapes_of
+from jaxidl.gap.values import values
+from jaxidl.logs.signals import prepare
+from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.tables import inverse_dynamics
+from tests.helpers.registry import restored
+
+clean = pytest.fixture(restored)
+DT, STEPS = 2e-3, 6000
+SCALE = Scale(
+    torque=30.0, speed=2.0, lower=-0.3, upper=0.9, inertia=2.0, residual=1.5, band=40.0, dt=2e-3
+)
+
+
+def best(gram, right, lower=-np.inf, upper=np.inf, unequal=(), cones=()):
+    p = len(right)
+    bounds = (np.broadcast_to(float(x), p) for x in (lower, upper))
+    return consistent(gram, right, *bounds, np.array(unequal, float).reshape(-1, p), cones)
+
+
+# the conic program
+
+
+def test_without_conditions_it_is_least_squares_and_bounds_hold():
+    x = np.random.default_rng(0).normal(size=(50, 3))
+    gram, right = x.T @ x, x.T @ (x @ [1.0, -2.0, 3.0])
+    np.testing.assert_allclose(best(gram, right), [1.0, -2.0, 3.0], atol=1e-6)
+    bounded = best(gram, right, -1.0, 2.0)
+    assert bounded.min() == pytest.approx(-1.0, abs=1e-6)
+    assert bounded.max() == pytest.approx(2.0, abs=1e-6)
+
+
+def test_friction_that_would_drive_is_cut_to_what_dissipates():
+    """Two levels that the fit wants at +2 and -1, and whose sum is seen alone somewhere: it may not
+    fall below zero.
+    """
+    found = best(np.eye(2), np.array([1.0, -2.0]), unequal=[[1.0, 0.0], [1.0, 1.0]])
+    np.testing.assert_allclose(found, [1.5, -1.5], atol=1e-6)
+
+
+def test_a_link_that_no_mass_has_becomes_one_that_some_have():
+    """More mass is wanted taken from a link than it has."""
+    nominal = np.array([2.0, 0.1, 0.0, 0.2, 0.05, 0.06, 0.04, 0.0, 0.0, 0.0])
+    base, slopes = pseudo_inertia(nominal), pseudo_inertia(np.eye(10))
+    wanted = np.zeros(10)
+    wanted[0] = -2.5
+    change = best(np.eye(10), wanted, cones=[(base, slopes)])
+    least = np.linalg.eigvalsh(pseudo_inertia(nominal + change))[0]
+    assert -1e-6 < least < 1e-3  # at the border
+    assert -2.0 < change[0] < -1.5
+    assert physical(nominal)
+    assert not physical(nominal + wanted)
+    small = 0.04 * wanted  # what a link can lose is left alone
+    np.testing.assert_allclose(best(np.eye(10), small, cones=[(base, slopes)]), small, atol=1e-5)
+
+
+def test_conditions_that_nothing_fulfils_are_reported():
+    assert best(np.eye(1), np.ones(1), 0.0, 1.0, unequal=[[-1.0]]) == pytest.approx(0.0, abs=1e-6)
+    assert (
+        consistent(np.eye(1), np.ones(1), np.ones(1), 2 * np.ones(1), -np.ones((1, 1)), ()) is None
+    )
+
+
+# links
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    path = tmp_path_factory.mktemp("arm") / "model.xml"
+    path.write_text(MECHANISMS["two_link"])
+    return read_model(path)
+
+
+def test_a_load_changes_the_last_link_and_nothing_else(arm):
+    links = links_of(arm.plant.body)
+    change = change_of(Payload(jnp.array(0.5), jnp.array([0.1, 0.0, -0.2])), links)
+    np.testing.assert_array_equal(change[:-1], 0.0)
+    np.testing.assert_allclose(change[-1, :4], [0.5, 0.05, 0.0, -0.1])
+    np.testing.assert_allclose(change[-1, 4:], 0.5 * np.array([0.04, 0.05, 0.01, 0.0, 0.02, 0.0]))
+    assert physical(links.nominal).all()
+    np.testing.assert_allclose(links.nominal[:2, 0], [1.5, 1.0])
+    assert physical(np.zeros((1, 10))).all()  # nothing is no contradiction
+
+
+# an effect beside its parts
+
+
+def test_beside_its_parts_an_effect_is_what_is_special_about_it():
+    """Friction by direction beside plain friction and an offset: nothing of the dry part is left,
+    of the viscous one the half.
+    """
+    rng = np.random.default_rng(0)
+    qd = rng.normal(size=(400, 1))
+    up, down = np.where(qd > 0.0, qd, 0.0), np.where(qd < 0.0, qd, 0.0)
+    shapes = {s.free: s for s in shapes_of(AsymmetricFriction, SCALE)}
+    shape, columns = beside(
+        shapes["viscous_positive", "viscous_negative"],
+        np.stack([up, down]),
+        [("viscous_friction", qd)],
+    )
+    assert columns.shape == (1, 400, 1)
+    np.testing.assert_allclose(
+        shape.basis, [[np.sqrt(0.5)], [-np.sqrt(0.5)]] * np.sign(shape.basis[0]), atol=1e-12
+    )
+    np.testing.assert_allclose(columns[0], shape.basis[0, 0] * up + shape.basis[1, 0] * down)
+    np.testing.assert_allclose(dict(shape.parts)["viscous_friction"], [1.0, 1.0])
+    made = shape.at(np.array([2.0])).effect
+    np.testing.assert_allclose(made.viscous_positive, -made.viscous_negative)
+    plus, minus = 1.0 * (qd > 0.0), -1.0 * (qd < 0.0)
+    dry = shapes["positive", "negative"]
+    _, nothing = beside(
+        dry,
+        np.stack([plus, minus]),
+        [("coulomb_friction", np.sign(qd)), ("constant_offset", 0.0 * qd + 1.0)],
+    )
+    assert nothing.shape == (0, 400, 1)
+    other = rng.normal(size=(400, 1))  # what it cannot imitate is no part of it
+    same, columns = beside(dry, np.stack([plus, minus]), [("another", other)])
+    assert (same, len(columns)) == (dry, 2)
+
+
+# on a log
+
+
+def swung(tau_of, shift=0.0, noise=1e-6):
+    """Log of the two links on a smooth path, their torques as a function of the model's torque,
+    speed and time.
+    """
+    t = DT * np.arange(STEPS)
+    f = np.array([[0.31, 0.83, 1.7], [0.47, 1.1, 2.3]])
+    size, phase = np.array([0.5, 0.2, 0.06]), np.array([[0.0, 1.0, 2.0], [0.5, 2.5, 1.0]])
+    angle = 2.0 * np.pi * f * t[:, None, None] + phase
+    q = np.sum(size * np.sin(angle), 2)
+    late = 2.0 * np.pi * f * (t[:, None, None] - shift) + phase  # of the torque
+    w = 2.0 * np.pi * f
+    state = (
+        np.sum(size * w**k * s(late), 2)
+        for k, s in enumerate((np.sin, np.cos, lambda x: -np.sin(x)))
+    )
+    noise = noise * np.random.default_rng(0).normal(size=q.shape)
+    return t, q + noise, tau_of(*state)
+
+
+def found_in(arm, log, names):
+    rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
+    return rows, find(library(rows, names, {}), 0.05)
+
+
+def needed(arm, q, qd, qdd):
+    return inverse_dynamics(arm.plant.body, q, qd, qdd)
+
+
+def test_where_within_a_sample_a_torque_acts_is_no_finding(arm):
+    """Torques logged half a sampling interval late: a convention of the logger's, fitted beside
+    everything and never named.
+    """
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)), 0.5 * DT, 1e-8)
+    rows, found = found_in(
+        arm, log, ("viscous_friction", "coulomb_friction", "actuator_delay", "sensor_delay")
+    )
+    assert found.named == ()
+    left = residual(found.library.rows, found.solution)
+    assert rms(left, rows.used)[1] < 0.05 * rms(rows.gap, rows.used)[1]
+
+
+def test_columns_of_shapes_side_by_side_are_those_of_each_alone(arm):
+    """A rotor is felt on its own joint, a heavier link below it, too: one program for both must not
+    cut the one to the other.
+    """
+    signals = prepare(
+        from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))), arm.plant.body
+    )
+    rows = rows_of(signals)
+    for name in ("inertia_error", "com_error", "position_bias", "stribeck_friction"):
+        shapes = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[1])
+        together = items_of(shapes, rows, rows.tau)
+        for one in together:
+            (alone,) = items_of([one.shape], rows, rows.tau)
+            assert alone.joints == one.joints, one.group
+            np.testing.assert_allclose(
+                one.columns, alone.columns, rtol=1e-9, atol=1e-12 * np.abs(alone.columns).max()
+            )
+        if name == "inertia_error":
+            assert {i.group[2]: i.joints for i in together} == {"extra": (1,), "mass": (0, 1)}
+
+
+def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_ties_are_sought(
+    arm,
+):
+    """Not where it competes: there a command that is predicted well would explain itself."""
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
+    lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
+    before = lib.score
+    assert seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted) is before
+    after = seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted, load=True)
+    for old, new in zip(
+        *(sorted(s.items, key=lambda i: str(i.group)) for s in (before, after)), strict=True
+    ):
+        factor = 3.0 if old.key[0] == "load_dependent_friction" else 1.0
+        moving = rows.used[:, list(old.joints)]
+        np.testing.assert_allclose(
+            new.columns[0][moving], factor * old.columns[0][moving], rtol=1e-6
+        )
+
+
+def test_deaf_is_where_more_command_held_delivers_no_more(arm):
+    """At a limit; not where a share of it arrives, where it comes late, or through play, of which a
+    sample alone would say so.
+    """
+    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
+    signals = prepare(from_arrays(*log), arm.plant.body)
+    rows = rows_of(signals)
+    (limit,) = np.quantile(np.abs(rows.command[rows.used[:, 0], 0]), [0.7])
+    for name, given, most, least in (
+        ("torque_saturation", {"limit": limit}, 0.4, 0.2),
+        ("torque_scale", {"scale": 0.6}, 0.0, 0.0),
+        ("actuator_delay", {"delay": 0.03}, 0.05, 0.0),
+        ("backlash", {"gap": 0.02}, 0.15, 0.0),
+    ):
+        shape = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[0])[0]
+        shape = shape._replace(
+            values={**shape.values, **{k: np.asarray(v) for k, v in given.items()}}
+        )
+        (found,) = pushed(items_of([shape], rows, rows.tau), rows, rows.tau)
+        assert least <= found.deaf[0, 0] <= most, name
+
+
+class Worm(Effect):
+    """Friction by a share of the torque that arrives: linear in its parameter, and reads the
+    torque.
+    """
+
+    share: jax.Array
+
+    name: ClassVar[str] = "worm"
+    sentence: ClassVar[str] = "a worm gear rubs under load"
+    parameters: ClassVar = {"share": Parameter("1", 0.0, 0.9, "share of the torque that is lost")}
+    linear: ClassVar[bool] = True
+
+    def torque(self, q, qd, tau):
+        return -self.share * tau * jnp.tanh(qd / 1e-3) * jnp.sign(tau)
+
+
+def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(arm, clean):
+    """It reads the torque that the model predicts with it, not the one without it: else its share
+    comes out wrong.
+    """
+    register(Worm)
+    share = np.array([0.3, 0.0])
+
+    def tau_of(q, qd, qdd):
+        net = np.asarray(needed(arm, q, qd, qdd))
+        drive = np.tanh(qd / 1e-3)  # tau - share |tau| drive = net
+        return net / (1.0 - share * drive * np.sign(net))
+
+    rows, found = found_in(arm, swung(tau_of), ("viscous_friction", "coulomb_friction", "worm"))
+    (m,) = found.named
+    assert m.key == ("worm", 0)
+    (value,) = values(
+        [m], [found.solution.x[found.solution.of(m)]], rows, found.score, found.predicted
+    )
+    assert value.parameters["share"][0][0] == pytest.approx(0.3, rel=0.03)
+    assert isinstance(value.effect.effect, Worm)
+
+
+def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(arm):
+    log = swung(
+        lambda q, qd, qdd: (
+            np.asarray(needed(arm, q, qd, qdd)) + np.array([0.4, 0.2]) * np.tanh(qd / 1e-3)
+        )
+    )
+    rows, found = found_in(arm, log, ("viscous_friction", "coulomb_friction", "spring"))
+    assert {m.key for m in found.named} == {("coulomb_friction", 0), ("coulomb_friction", 1)}
+    coefficients = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
+    fitted = {
+        v.key: v
+        for v in values(found.solution.members, coefficients, rows, found.score, found.predicted)
+    }
+    for j, level in enumerate((0.4, 0.2)):
+        value, stderr = fitted["coulomb_friction", j].parameters["level"]
+        assert value[0] == pytest.approx(level, rel=0.02)
+        assert 0.0 < stderr[0] < 0.05 * level
+        assert isinstance(fitted["coulomb_friction", j].effect.effect, CoulombFriction)
