@@ -1,9 +1,9 @@
-"""What an effect adds, along a log, to the command that the model predicts.
+"""The torque that an effect adds, along a log, to the command that the model predicts.
 
 The log drives the effect: a hidden state is simulated under the measured motion and the logged
-command, and an effect that reads the torque reads the *predicted* command, or it would explain a
-command by itself. Of effects of one class many are computed side by side, so each class is compiled
-once, for all its shapes and joints.
+command, while an effect that reads the torque reads the *predicted* command, since otherwise it
+would explain a command by itself. Many effects of one class are computed side by side, so each
+class is compiled once, for all its shapes and joints.
 """
 
 from collections.abc import Sequence
@@ -19,13 +19,13 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.logs.signals import Signals, on_encoders
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
-WILD = 1e6  # times the largest command: what adds more has run away
-SIDE_BY_SIDE = 4  # effects of one class in one program
-QUICK = {"xla_backend_optimization_level": 0}  # compiling costs more than running
+WILD = 1e6  # times the largest command: a simulation that adds more has diverged
+SIDE_BY_SIDE = 4  # effects of one class per program
+QUICK = {"xla_backend_optimization_level": 0}  # compiling takes longer than running
 
 
 class Drive(NamedTuple):
-    """What an effect sees: (T, J) each, or (T, 1) of its own joint."""
+    """The inputs of an effect: (T, J) each, or (T, 1) of its own joint."""
 
     q: Any
     qd: Any
@@ -38,12 +38,12 @@ class Drive(NamedTuple):
 class Terms(NamedTuple):
     """Contributions (T, J) of an effect."""
 
-    change: Any  # of the command on its way to the joint
+    change: Any  # change of the command on its way to the joint
     torque: Any
-    level: Any  # of dry friction, of moving joints
-    up: Any  # of joints at rest that are pushed forwards
+    level: Any  # dry friction of moving joints
+    up: Any  # dry friction of joints at rest that are pushed forwards
     down: Any  # ... backwards
-    inertia: Any  # torque that its change of the body takes
+    inertia: Any  # torque that its change of the body requires
     q: Any  # true position
 
 
@@ -54,17 +54,18 @@ def additions(
     predicted: np.ndarray,
     undone: bool = False,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
-    """Return what each of G effects of one structure adds to the predicted command [N or Nm], and
-    what the last one delivers.
+    """Return the torque that each of G effects adds to the predicted command [N or Nm].
+
+    The effects have one structure. Also return the command that the last one delivers.
 
     Args:
-        effects: of the whole mechanism (effects of one joint carry it), all of one class with the
+        effects: of the whole mechanism (effects of one joint name it), all of one class with the
             same static fields.
         signals: the log, N rows of T instants.
         tau: commands (T, J) that arrive at their ``actuate`` [N or Nm].
         predicted: commands (T, J) that their ``torque`` and ``dry`` read [N or Nm].
-        undone: are the signals' positions already without what the effects do to the encoders? It
-            is not to count again.
+        undone: true if the effects' changes of the encoders are already undone in the signals, so
+            that they are not counted again.
     """
     joints = signals.q.shape[1]
     columns, inner, places = _narrowed(effects)
@@ -82,7 +83,7 @@ def additions(
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
             added = _rows(terms, signals, columns, drive, undone)
-        # a simulation that runs away adds nothing
+        # a diverging simulation adds nothing
         wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
         out[first : first + len(part)][:, :, columns] = np.where(wild, 0.0, added)
         if np.any(terms.change[-1]):
@@ -95,8 +96,10 @@ Columns = slice | list[int]  # joints
 
 
 def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
-    """The joints that effects concern, the effects as if the mechanism had no others, so that one
-    program serves all joints, and on which joint those are that reach to others.
+    """Return the joints that effects concern, the effects on those alone, and where they reach.
+
+    The effects are as if the mechanism had no other joints, so that one program serves all joints;
+    the last result is the joint of each effect that reaches other joints.
     """
     first, nowhere = effects[0], [0] * len(effects)
     if isinstance(first, OnJoint) and not any(reaches(e.effect) for e in effects):  # type: ignore[attr-defined]
@@ -109,8 +112,9 @@ def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[in
 
 
 def reaches(effect: Effect) -> bool:
-    """Does an effect of one joint change what others feel: the body that it carries, or the
-    position that they are at?
+    """Return whether an effect of one joint changes what other joints feel.
+
+    It does if it changes the body that the joint carries, or the joint's position.
     """
     seen = _Watch()
     effect.alter(seen)
@@ -118,7 +122,7 @@ def reaches(effect: Effect) -> bool:
 
 
 class _Watch:
-    """A body that notes whether more than a joint's own rotor is changed."""
+    """A body that records whether more than a joint's own rotor is changed."""
 
     carried = False
 
@@ -134,14 +138,14 @@ class _Watch:
 
 
 def _sliced(table: Tables, columns: Columns) -> Tables:
-    """The tables of some joints, as if the others did not move."""
+    """Return the tables of some joints, as if the others did not move."""
     return table.part(columns)
 
 
 def driven(
     signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Columns
 ) -> tuple[Drive, np.ndarray]:
-    """Return what effects on some joints see, and at which instants (T,) a run begins."""
+    """Return the inputs of effects on some joints, and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
     q, qd, qdd, *torques = (
@@ -152,8 +156,9 @@ def driven(
 
 @partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)
 def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float) -> Terms:
-    """Terms (G, T, J) of G effects of one structure; where they reach to other joints, each on
-    joint ``where`` (G,).
+    """Return terms (G, T, J) of G effects of one structure.
+
+    Where they reach other joints, each is on joint ``where`` (G,).
     """
 
     def one(values: Any, joint: Any) -> Terms:
@@ -200,8 +205,9 @@ def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
 
 
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
-    """The command after the effect, whose hidden state follows the measured motion and begins anew
-    with each run.
+    """Return the command after the effect.
+
+    Its hidden state follows the measured motion and starts anew with each run.
     """
 
     def step(memory: Any, now: Any) -> Any:
@@ -216,7 +222,7 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
 def _rows(
     terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool
 ) -> np.ndarray:
-    """Filter and thin out: what the command must be more (G, N, J)."""
+    """Return the additional command (G, N, J) that is needed, filtered and thinned out."""
     rows = signals.rows
 
     def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray | float:
@@ -239,8 +245,9 @@ def _rows(
 
 
 def _moved(shift: np.ndarray, signals: Signals) -> np.ndarray:
-    """Change (N, J) of the inverse dynamics if true positions are ``shift`` (T, J) beside the
-    measured ones.
+    """Return the change (N, J) of the inverse dynamics due to a position error.
+
+    True positions differ from the measured ones by ``shift`` (T, J).
     """
     speed = signals.differentiate(shift)
     there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))

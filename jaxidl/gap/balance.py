@@ -1,5 +1,6 @@
-"""The torque balance of a model with given effects: nothing is fitted but where within a sample a
-torque acts.
+"""The torque balance of a model with given effects.
+
+Nothing is fitted except when within a sample a torque acts.
 """
 
 from collections.abc import Collection, Sequence
@@ -16,26 +17,25 @@ from jaxidl.gap.score import Score
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 
-SAME = 1e-6  # of a part: what an effect that has it cannot imitate
+SAME = 1e-6  # share of a part that an effect which contains it cannot imitate
 
 
 def balance(
     signals: Signals, own: Sequence[Effect], more: Sequence[Effect] = (), held_out: float = 0.3
 ) -> tuple[Rows, Float[np.ndarray, "N J"]]:
-    """Return the rows of a log, and what a model with effects leaves of the command there (N, J) [N
-    or Nm].
+    """Return the rows of a log and the residual of a model with effects there (N, J) [N or Nm].
 
-    As a diagnosis of the patched model would begin.
+    This is how a diagnosis of the patched model would begin.
 
     Args:
         signals: the log, prepared for the model with its ``own`` effects.
         own: effects of the model: what they do to the encoders is undone in the signals.
-        more: effects beside these: what they do to the encoders is not.
-        held_out: share of the rows that is kept aside.
+        more: additional effects: what they do to the encoders is not.
+        held_out: share of the rows that is held out.
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    for _ in range(2):  # effects that read the torque read the predicted one
+    for _ in range(2):  # effects that read the torque read the predicted torque
         left, tau = rows.gap, rows.tau
         for effect in more:
             added, tau = additions([effect], signals, tau, predicted)
@@ -50,11 +50,10 @@ def balance(
 def parts_of(
     effect: Effect, names: Sequence[str], present: Collection[str], signals: Signals
 ) -> list[Float[np.ndarray, " P"]]:
-    """Return amplitudes (P,) with which an effect adds what one unit of each simpler effect
-    ``present`` on its joint adds.
+    """Return amplitudes (P,) with which an effect adds the same as simpler effects on its joint.
 
-    Those simpler effects only count that it contains while its parameters ``names`` are free, and
-    that have one parameter.
+    There is one array for one unit of each simpler effect among ``present``. Only those count that
+    the effect contains while its parameters ``names`` are free, and that have one parameter.
     """
     own = inner(effect)
     contained = [
@@ -79,7 +78,7 @@ def parts_of(
 
 
 def _added(parts: Sequence[Effect], effect: Effect, signals: Signals) -> np.ndarray:
-    """What effects on the joint of another one add (G, N, J)."""
+    """Return the torque that effects on the joint of another one add (G, N, J)."""
     return additions(
         [effect.replace(effect=part) for part in parts], signals, signals.tau, signals.tau
     )[0]

@@ -1,10 +1,10 @@
-"""From what speaks for a finding to how likely it is right: a logistic model, fitted to the
-benchmark's cases of another root.
+"""The probability that a finding is right, from the evidence for it.
 
-Resampling a log does not see imitation: an effect that stands for something the catalogue has not
-is there on every draw. What gives it away is that it is rare, explains little, and leaves something
-open behind; what is common is so on all joints. Each sign can only speak one way: an effect that
-explains more is not less likely for it. ``experiments/calibrate.py`` fits the weights.
+It is a logistic model, fitted to the benchmark's cases of another root. Resampling a log does not
+detect imitation: an effect that takes the place of one missing from the catalogue is found on every
+draw. It shows by being rare, explaining little, and leaving a residual behind; an effect that is
+common occurs on all joints. Each sign can only have one direction: an effect that explains more is
+never less likely for it. ``experiments/calibrate.py`` fits the weights.
 """
 
 import json
@@ -22,7 +22,7 @@ SIGNS: Mapping[str, int] = {
     **dict.fromkeys(("open", "systematic", "tied", "rare_left"), -1),
     "rare": 0,
 }
-"""What speaks for (1) or against (-1) a finding, as numbers of about the same size."""
+"""Evidence for (1) or against (-1) a finding, as numbers of similar magnitude."""
 
 
 def signs(
@@ -40,17 +40,17 @@ def signs(
     """Return the signs of a finding.
 
     Args:
-        margin: by how much it promises more than the best other effect in its place, in log
-            likelihood.
-        gain: share of the error on data kept aside that goes with it, on its joint.
-        share: of the command that it explains there.
-        left: error that is left there over the floor of the noise.
+        margin: by how much its expected log likelihood exceeds that of the best other effect in its
+            place.
+        gain: share of the held-out error on its joint that it removes.
+        share: share of the command there that it explains.
+        left: residual error there over the noise floor.
         unexplained: share of the gap there that is neither explained nor noise.
-        systematic: share of what is left there that a network predicts.
+        systematic: share of the residual there that a network predicts.
         odds: the effect's log prior odds.
-        common: does conventional identification fit it on every joint?
-        tied: how likely another effect was beforehand, relative to it, that explains the log as
-            well; 0 if there is none.
+        common: true if conventional identification fits it on every joint.
+        tied: prior probability, relative to the effect's, of another effect that explains the log
+            as well; 0 if there is none.
         company: share of the other joints on which the same was found.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))
@@ -71,8 +71,9 @@ def signs(
 
 
 def probability(found: Mapping[str, float]) -> float:
-    """Return how likely a finding with these signs is right; 1 where no weights have been fitted
-    yet.
+    """Return the probability that a finding with these signs is right.
+
+    It is 1 if no weights have been fitted yet.
     """
     weights = _weights()
     if not weights:

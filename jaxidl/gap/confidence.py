@@ -1,10 +1,10 @@
-"""How sure a finding is: blocks of the log are drawn again with replacement, and the search
-improves what it found on each draw.
+"""The confidence of a finding by resampling.
 
-The share of draws in which an effect is still there is one factor of its confidence
-(:mod:`jaxidl.gap.calibration`). Resampling does not see imitation: an effect that stands for
-something the catalogue has not is there on every draw. Which effects stand for each other shows in
-what comes in a member's place when it is gone.
+Blocks of the log are drawn again with replacement, and the search improves its result on each draw.
+The share of draws in which an effect is still found is one factor of its confidence
+(:mod:`jaxidl.gap.calibration`). Resampling does not detect imitation: an effect that takes the
+place of one missing from the catalogue is found on every draw. Which effects can replace each other
+shows in what takes a member's place when it is not found.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,16 +17,16 @@ from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
 
 DRAWS = 24
-# log odds: an explanation that was twenty times less likely beforehand is no equal one
+# log odds: an explanation with a twenty times lower prior is not an equal one
 FARTHER = 3.0
-SURE = 0.8  # a member that is there on fewer draws may be another effect
+SURE = 0.8  # a member found on a smaller share of draws may be another effect
 
 
 class Support(NamedTuple):
-    """What resampling says of a set."""
+    """The result of resampling a set."""
 
-    share: dict[Group, float]  # of the draws in which a member is there
-    instead: dict[Group, dict[Group, int]]  # what stands in a member's place, and how often
+    share: dict[Group, float]  # share of the draws in which a member is found
+    instead: dict[Group, dict[Group, int]]  # what takes a member's place, and how often
 
 
 def support(
@@ -36,7 +36,7 @@ def support(
     seed: int = 0,
     watch: Callable[[float], None] = lambda share: None,
 ) -> Support:
-    """Return how often each member of a set stays when the blocks of training are drawn again."""
+    """Return how often each member of a set stays when the training blocks are resampled."""
     rng, blocks = np.random.default_rng(seed), len(score.weights)
     there = {m.group: 0 for m in found.members}
     instead: dict[Group, dict[Group, int]] = {m.group: {} for m in found.members}
@@ -58,8 +58,10 @@ def support(
 
 
 def _rivals(score: Score, found: Solution) -> Score:
-    """The score with those items only that could take a member's place: what promises most, with it
-    and without, unless it was much less likely beforehand than all that is on its joints.
+    """Return the score restricted to items that could take a member's place.
+
+    They are those that promise most, with it and without, unless their prior was much lower than
+    that of everything on its joints.
     """
     promise = score.promise(found.members)
     near = {id(i) for i in score.items if promise.get(id(i), -np.inf) > -4.0}
@@ -79,7 +81,7 @@ def _rivals(score: Score, found: Solution) -> Score:
 
 
 def ambiguous(found: Sequence[Item], said: Support) -> list[list[Group]]:
-    """Return sets of effects that swap with each other across draws, the one found first."""
+    """Return sets of effects that replace each other across draws, the one found first."""
     sets = []
     for m in found:
         missing = 1.0 - said.share[m.group]

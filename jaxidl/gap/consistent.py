@@ -1,6 +1,6 @@
-"""A fit that stays physical: bounds, friction that dissipates wherever the log went, links that
-could be built.
+"""A fit that stays physical.
 
+Parameters stay within bounds, friction dissipates wherever the log went, and links could be built.
 Least squares under linear and linear matrix inequalities is a small conic program, solved by an
 interior-point method (Goulart and Chen, Clarabel, 2024).
 """
@@ -20,8 +20,8 @@ from jaxidl.gap.links import Links, change_of, links_of, physical, pseudo_inerti
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 
-PLACES = 80  # of a joint's rows at which its friction must dissipate
-FAST = 3.0  # times the speed of rest: nearer to a reversal the filter blurs the direction
+PLACES = 80  # number of a joint's rows at which its friction must dissipate
+FAST = 3.0  # times the rest speed: closer to a reversal the filter blurs the direction
 
 
 def consistent(
@@ -67,8 +67,9 @@ def consistent(
 
 
 def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None:
-    """Return coefficients (P,) of a set that are physical, or None if its own are, or none could be
-    found.
+    """Return physical coefficients (P,) of a set.
+
+    None if its own coefficients are physical already, or none could be found.
     """
     fits = physical_fits(score, found, rows, folds=False)
     return None if fits is None else fits[0]
@@ -77,8 +78,9 @@ def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None
 def physical_fits(
     score: Score, found: Solution, rows: Rows, folds: bool = True
 ) -> np.ndarray | None:
-    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B,
-    or None if its own are.
+    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B.
+
+    None if its own coefficients are physical already.
     """
     members, count = found.members, len(found.x)
     places = {id(m): found.of(m) for m in members}
@@ -108,8 +110,9 @@ def physical_fits(
 def dissipating(
     members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int
 ) -> np.ndarray:
-    """Return rows (M, P): at so many places of the log the friction of a joint against its motion,
-    by the coefficients.
+    """Return rows (M, P): friction of a joint against its motion, by the coefficients.
+
+    There is one row for each of a number of places of the log.
     """
     out, signals = [], rows.signals
     for j in range(rows.gap.shape[1]):
@@ -137,8 +140,9 @@ def buildable(
     places: dict[int, slice],
     count: int,
 ) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return the pseudo-inertia of each link that the members change, with the model's ``own``
-    effects, and its derivatives.
+    """Return the pseudo-inertia of each link that the members change, and its derivatives.
+
+    The model's ``own`` effects are included.
     """
     if links is None:
         return []
@@ -148,7 +152,7 @@ def buildable(
             for k, row in enumerate(np.eye(len(m.lower))):
                 slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
     nominal = links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
-    if links.same:  # a load there is a part of the last link
+    if links.same:  # a load is then part of the last link
         slopes[:, -2] += slopes[:, -1]
         nominal[-2] += nominal[-1] - links.nominal[-1]
         slopes, nominal = slopes[:, :-1], nominal[:-1]
@@ -156,7 +160,7 @@ def buildable(
     for link, numbers in enumerate(nominal):
         if not np.any(slopes[:, link]) or not physical(numbers):
             continue
-        # is the tensor free? If not, at least the mass is one
+        # if the tensor is not free, at least the mass is
         whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))
         base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
         if not whole:

@@ -39,8 +39,8 @@ from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
-MUCH = 0.04  # of the command's spread: what is left is worth a word
-SHOWN = 12  # rivals that are reported
+MUCH = 0.04  # share of the command's spread from which a residual is reported
+SHOWN = 12  # most rivals reported
 
 Watch = Callable[[str, float], None]
 Source = Log | str | Path | Sequence[str | Path]
@@ -58,28 +58,29 @@ def diagnose(
     rollouts: bool = True,
     watch: Watch = lambda what, share: None,
 ) -> Diagnosis:
-    """Say where a log and a model disagree, which effects are missing, and by how much the gap
-    shrinks with them.
+    """Find where a log and a model disagree, and which effects are missing.
+
+    The diagnosis also says by how much the gap shrinks with them.
 
     Args:
         log: a :class:`jaxidl.logs.log.Log`, or files as :func:`jaxidl.logs.log.read` takes them.
         model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
-        reference: an earlier log of the same machine. What both have in common is no finding, only
-            what changed.
-        held_out: share of the log, at the end of each run, that takes no part in fitting and
+        reference: an earlier log of the same machine. What both have in common is no finding; only
+            changes are.
+        held_out: share of the log, at the end of each run, that is not used for fitting and
             searching.
-        effects: names of the catalogue to look for; default: all of it that is searched, with what
-            the user registered.
+        effects: names in the catalogue to look for. Default: all that are searched for, including
+            those that the user registered.
         exclude: names not to look for.
         min_gain: share of the remaining held-out error that an effect must remove to be named.
-        rollouts: replay the torques and compare positions, too; compiling that takes some seconds.
-        watch: called with what is being done and the share done of it.
+        rollouts: also replay the torques and compare positions; compiling that takes some seconds.
+        watch: called with the current stage and the share of it that is done.
 
     Raises:
         LogError: if a log cannot be used.
         ModelError: if the model cannot be read.
-        ConfigurationError: for an unknown effect, a share out of its bounds, or a log of another
-            number of joints.
+        ConfigurationError: for an unknown effect, a share out of its bounds, or a log with a
+            different number of joints.
     """
     names = _names(held_out, effects, exclude, min_gain)
     with jax.enable_x64(True):
@@ -97,7 +98,7 @@ def diagnose(
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
         rows = found.library.rows
         after, gap = residual(rows, found.solution), rows.gap
-        watch("checking what is left", 0.0)
+        watch("checking the residual", 0.0)
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
@@ -144,7 +145,7 @@ def diagnose(
 def _names(
     held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float
 ) -> list[str]:
-    """Names of the effects to look for."""
+    """Return names of the effects to look for."""
     for name in (*(effects or ()), *exclude):
         if name not in searchable():
             raise one_of("an effect to look for", name, searchable())
@@ -157,10 +158,12 @@ def _names(
         raise ConfigurationError(
             "a held-out share between 0.1 and 0.6",
             f"{held_out}",
-            "keep a tenth to six tenths aside",
+            "hold out between a tenth and six tenths",
         )
     if not 0.0 < min_gain < 1.0:
-        raise ConfigurationError("a least gain between 0 and 1", f"{min_gain}", "choose 0.05, say")
+        raise ConfigurationError(
+            "a least improvement between 0 and 1", f"{min_gain}", "choose 0.05"
+        )
     return names
 
 
@@ -169,7 +172,7 @@ def _log(log: Source, known: Model) -> Log:
     if measured.joints != len(known.names):
         expected, remedy = (
             f"the model's {len(known.names)} joints in the log",
-            "give the log and the model of one mechanism",
+            "use a log and a model of the same mechanism",
         )
         raise ConfigurationError(expected, f"{measured.joints} in the log", remedy)
     return measured
@@ -186,7 +189,7 @@ def _search(
     before: Found | None = None,
     resample: bool = True,
 ) -> Found:
-    """Prepare a log for the model with what it has in ``common`` with another one, and search."""
+    """Prepare a log for the model with the ``common`` effects of two logs, and search."""
     watch("comparing with the model", 0.0)
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
@@ -197,9 +200,7 @@ def _search(
 
 
 def _reference(before: Found) -> Reference:
-    """What a log says of everything common and of what was found there, about the values that were
-    found.
-    """
+    """Return the evidence of a log about common effects and its findings, at the values found."""
     rows, score, named = before.library.rows, before.score, before.named
     taken = {m.group for m in named}
     members = [
@@ -223,7 +224,7 @@ def _reference(before: Found) -> Reference:
 
 
 def _values(found: Found, rows: Rows) -> list[Value]:
-    """The effects found with parameters fitted to ``rows``."""
+    """Return the effects found with parameters fitted to ``rows``."""
     x = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
     return values(found.solution.members, x, rows, found.score, found.predicted)
 
@@ -237,8 +238,9 @@ def _gap(
     rollouts: bool,
     watch: Watch,
 ) -> Gap:
-    """Both sides on the rows kept aside, and in the same windows of them, with parameters that were
-    fitted without them.
+    """Return both sides on the held-out rows, and in the same windows of them.
+
+    The parameters were fitted without these rows.
     """
     rows, signals = found.library.rows, found.library.rows.signals
     members = [v.effect for v in _values(found, rows)]
@@ -273,8 +275,9 @@ def _envelope(made: Library, compared: Gap) -> Envelope:
 def _unexplained(
     found: Found, compared: Gap, network: Sequence[tuple[float, float]]
 ) -> tuple[int, ...]:
-    """Joints of which much is left: more than the envelope leaves, or a good part that a network
-    still predicts.
+    """Return joints with a large residual.
+
+    It exceeds that of the envelope, or a good part of it is still predicted by a network.
     """
     rows, made = found.library.rows, found.library
     envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
@@ -304,7 +307,7 @@ def _verdict(
 
 
 def _doubts(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
-    """Sets of effects that the log cannot tell apart, of which the first was found."""
+    """Return sets of effects that the log cannot tell apart, of which the first was found."""
     there = {(f.name, f.joint) for f in named}
     sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
     return tuple(
@@ -315,7 +318,7 @@ def _doubts(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, .
 
 
 def _rivals(found: Found) -> tuple[Row, ...]:
-    """What was not taken, and why."""
+    """Return the effects that were not chosen, and why."""
     dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
     promise = found.score.promise(found.solution.members)
     rest = sorted(
@@ -341,11 +344,11 @@ def _warnings(rows: Rows, known: Model) -> list[str]:
     notes = []
     if np.count_nonzero(np.diff(~rows.training)) > 2 * len(rows.signals.slices) - 1:
         notes.append(
-            "several parts of the log are kept aside: its end holds motion that the rest does not"
+            "several parts of the log are held out: its end contains motion that the rest does not"
         )
     still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
     if still:
-        notes.append(f"{', '.join(still)} hardly moved: nothing can be said of friction there")
+        notes.append(f"{', '.join(still)} hardly moved: its friction cannot be found")
     passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
     if passive:
         notes.append(f"{', '.join(passive)}: no torque was commanded there")

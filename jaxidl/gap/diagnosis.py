@@ -1,4 +1,4 @@
-"""What the workflow says of a log and a model."""
+"""The result of the gap workflow for a log and a model."""
 
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -30,35 +30,35 @@ class Finding:
     """One effect that was added to the model."""
 
     name: str
-    joint: int | None  # None: of the whole mechanism
+    joint: int | None  # None: belongs to the whole mechanism
     effect: Effect  # ready for a plant
     sentence: str
     parameters: dict[str, Estimate]
-    # share of draws that find it times how likely it is right; see :mod:`jaxidl.gap.calibration`
+    # share of draws that find it times its probability; see :mod:`jaxidl.gap.calibration`
     confidence: float
-    evidence: float  # fall of the score without it
-    # root mean square of what it adds over that of the command, on the joint where it is largest
+    evidence: float  # decrease of the score without it
+    # root mean square of its torque over that of the command, on the joint where it is largest
     share: float
     where: int  # that joint
-    # root mean square error there on data kept aside without it, with all others fitted anew [N or
-    # Nm]
+    # root mean square held-out error there without it, all others fitted anew [N or Nm]
     held_out_before: float
     held_out_after: float  # ... with it
     gain: float  # 1 − after/before
     gain_stderr: float
-    # of the parameters that were fitted
+    # bounds of the fitted parameters
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     signs: dict[str, float] = field(default_factory=dict)  # what its confidence was computed from
 
     @property
     def sure(self) -> bool:
-        """Is it named, rather than suspected?"""
+        """Return whether it is named rather than suspected."""
         return self.confidence >= SURE
 
 
 class Ambiguity(NamedTuple):
-    """Effects that stand for each other when the log is resampled, the one that was found first,
-    and what would separate them.
+    """Effects that replace each other when the log is resampled.
+
+    The one that was found comes first. ``experiment`` is what would tell them apart.
     """
 
     candidates: tuple[Key, ...]
@@ -66,7 +66,7 @@ class Ambiguity(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What another effect would add to the score, and why it was not taken."""
+    """The gain in score that another effect would bring, and why it was not chosen."""
 
     name: str
     joint: int | None
@@ -75,14 +75,17 @@ class Row(NamedTuple):
 
 
 class Envelope(NamedTuple):
-    """What conventional identification reaches: everything common fitted at once. J joints."""
+    """The error that conventional identification reaches: all common effects fitted at once.
 
-    torque_rms: list[float]  # on the data kept aside [N or Nm]
+    J joints.
+    """
+
+    torque_rms: list[float]  # on held-out data [N or Nm]
     torque_relative: list[float]  # of the command's root mean square
 
 
 class Side(NamedTuple):
-    """The gap of one plant on the data kept aside. J values each."""
+    """The gap of one plant on held-out data; J values each."""
 
     torque_rms: list[float]  # [N or Nm]
     torque_relative: list[float]  # of the command's root mean square
@@ -90,19 +93,19 @@ class Side(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """Before and after, on data that took no part in fitting or ranking."""
+    """The gap before and after, on data that were not used for fitting or ranking."""
 
     unit: list[str]
     before: Side
     after: Side
-    noise_floor: list[float]  # what encoder noise alone puts into the torque error [N or Nm]
+    noise_floor: list[float]  # torque error due to encoder noise alone [N or Nm]
 
 
 class Traces(NamedTuple):
-    """What the figures are drawn from: N rows, J joints."""
+    """The data of the figures: N rows, J joints."""
 
     time: np.ndarray  # (N,) [s]
-    kept_aside: np.ndarray  # (N,) took no part in fitting
+    kept_aside: np.ndarray  # (N,) not used for fitting
     q: np.ndarray  # (N, J)
     qd: np.ndarray
     command: np.ndarray  # (N, J) filtered
@@ -123,23 +126,23 @@ class Diagnosis:
     remaining: tuple[Place, ...]  # of the residual after
     gap: Gap
     envelope: Envelope
-    unexplained: tuple[int, ...]  # joints of which much is left
+    unexplained: tuple[int, ...]  # joints with a large residual
     rivals: tuple[Row, ...]
-    # (J) what a network removes of the remaining residual, and its standard error
+    # (J) share of the remaining residual that a network removes, and its standard error
     network: tuple[tuple[float, float], ...]
     model: Model
     traces: Traces
     band: float  # [Hz]
     notes: tuple[str, ...] = ()
     options: dict[str, Any] = field(default_factory=dict)
-    # what the log shares with the one that it was compared with, and is no finding
+    # effects that the log shares with the reference log, which are no findings
     common: tuple[Effect, ...] = ()
     signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
-    refinement: Refinement | None = field(default=None, repr=False)  # what :meth:`refined` did
+    refinement: Refinement | None = field(default=None, repr=False)  # the result of :meth:`refined`
 
     @property
     def plant(self) -> Plant:
-        """The model with what was found: it simulates, controls and learns like any other."""
+        """The model with the effects found: it simulates, controls and learns like any other."""
         return Plant(
             self.model.plant.body,
             (*self.model.plant.effects, *self.common, *(f.effect for f in self.findings)),
@@ -147,11 +150,11 @@ class Diagnosis:
 
     @property
     def frame(self) -> str:
-        """Name of the body in whose frame a load is."""
+        """Name of the body in whose frame a load is given."""
         return getattr(self.model.plant.body, "carrier", "")
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of ``report.json``, without ``files``."""
+        """Return the content of ``report.json``, without ``files``."""
         from jaxidl.gap.refined import record
 
         return plain(
@@ -208,15 +211,14 @@ class Diagnosis:
         )
 
     def refined(self, window: float | None = None) -> "Diagnosis":
-        """The diagnosis with its parameters fitted to trajectories, too; see
-        :func:`jaxidl.gap.refine.refine`.
+        """Return the diagnosis with its parameters also fitted to trajectories.
 
-        If the simulation so follows motion kept aside more closely, the findings, the plant and the
-        gap "after" are those of the refined parameters; if not, they stay as they are.
-        ``refinement`` has both sides' numbers in either case.
+        See :func:`jaxidl.gap.refine.refine`. If the simulation then follows held-out motion more
+        closely, the findings, the plant and the gap "after" are those of the refined parameters; if
+        not, they stay as they are. ``refinement`` has both sides' numbers in either case.
 
         Args:
-            window: length of the rollouts [s]; 0.4 s unless given, or ten samples of a slower log.
+            window: length of the rollouts [s]. Default: 0.4 s, or ten samples of a slower log.
 
         Raises:
             ConfigurationError: for a window of fewer than ten samples, or a diagnosis without
@@ -227,10 +229,10 @@ class Diagnosis:
         return refined(self, window)
 
     def to_json(self, **extra: Any) -> str:
-        """:meth:`to_dict` as strict JSON."""
+        """Return :meth:`to_dict` as strict JSON."""
         return as_json(self.to_dict() | extra)
 
 
 def sentence_of(name: str) -> str:
-    """What an effect is, for a person."""
+    """Return a description of an effect in words."""
     return CATALOGUE[name].sentence

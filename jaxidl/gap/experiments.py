@@ -1,16 +1,17 @@
-"""What to do about effects that one log cannot tell apart."""
+"""Experiments that separate effects which one log cannot tell apart."""
 
 from collections.abc import Sequence
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Key
 
-MOST = 2  # pieces of advice
+MOST = 2  # most pieces of advice
 
 
 def experiment(candidates: Sequence[Key]) -> str:
-    """Return the motion or load that would separate the candidates, in the words of the rarest of
-    them.
+    """Return the motion or load that would separate the candidates.
+
+    It is the advice of the rarest among them.
     """
     names = list(dict.fromkeys(name for name, _ in candidates))
     if len(names) == 1:

@@ -1,6 +1,6 @@
-"""Find what is missing in a log: the search, the shapes, what may be named, and how sure it is.
+"""Find what is missing in a log: the search, the shapes, the findings and their confidence.
 
-The algorithm is at the top of :mod:`jaxidl.gap.search`.
+The algorithm is described in :mod:`jaxidl.gap.search`.
 """
 
 from collections.abc import Callable
@@ -21,26 +21,26 @@ from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable, on_bound, sees, vector
 from jaxidl.gap.shapes import fitted
 
-ROUNDS = 5  # of shapes fitted and sets searched
+ROUNDS = 5  # rounds of fitting shapes and searching sets
 BOUND = "its value is on a bound"
-UNPHYSICAL = "it would take a link that cannot be built, or friction that drives"
-STRONG = 10.0  # what an effect is worth to the score: without it the set is another one
-EXCLUDED = 2.0  # standard errors by which a value must exclude zero
+UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
+STRONG = 10.0  # contribution to the score: without such an effect the set is a different one
+EXCLUDED = 2.0  # standard errors by which a value must differ from zero
 
 Watch = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search found. J joints."""
+    """The result of a search. J joints."""
 
     library: Library
     score: Score  # with the members' fitted shapes
-    solution: Solution  # of what may be named
-    predicted: np.ndarray  # (T, J) command as the members predict it [N or Nm]
+    solution: Solution  # of the effects that may be named
+    predicted: np.ndarray  # (T, J) command predicted by the members [N or Nm]
     support: Support
     ties: list[Tie]  # effects that explain the log as well as what was found
-    dropped: dict[Group, str]  # what the search took and may not be named, and why
+    dropped: dict[Group, str]  # effects that the search chose but that may not be named, and why
 
     @property
     def named(self) -> tuple[Item, ...]:
@@ -54,8 +54,9 @@ def find(
     watch: Watch = lambda what, share: None,
     resample: bool = True,
 ) -> Found:
-    """Return what is missing, beginning with the envelope, or with nothing where another log is the
-    reference.
+    """Return what is missing.
+
+    The search starts from the envelope, or from nothing if another log is the reference.
     """
     rows = library.rows
     score, predicted, banned = library.score, library.predicted, dict[Group, str]()
@@ -89,9 +90,7 @@ def find(
 def settled(
     score: Score, now: Solution, library: Library, predicted: np.ndarray
 ) -> tuple[Score, Solution, np.ndarray]:
-    """Return the set with its shapes fitted, with the score made for them and the command (T, J)
-    that it predicts.
-    """
+    """Return the set with its shapes fitted, its score, and the command (T, J) that it predicts."""
     rows = library.rows
     for _ in range(ROUNDS):
         predicted = upsampled(rows, rows.command - residual(rows, now))
@@ -110,10 +109,11 @@ def settled(
 def seen_anew(
     score: Score, now: Solution, rows: Rows, predicted: np.ndarray, load: bool = False
 ) -> Score:
-    """Return the score with those items anew, no members, that look at the predicted command to see
-    whether it gets through; with ``load`` also those to which it is the load. Where they compete
-    those keep the envelope's prediction: once the command is predicted well, a share of it explains
-    it by itself.
+    """Return the score with items recomputed that depend on the predicted command.
+
+    These are no members, and use the command to see whether it gets through; with ``load`` also
+    those for which it is the load. While they compete, the latter keep the envelope's prediction:
+    once the command is predicted well, a share of it explains it by itself.
     """
     looks = lambda shape: sees(shape) if load else shape.cls.seen is not Effect.seen
     old = [
@@ -128,9 +128,7 @@ def seen_anew(
 
 
 def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
-    """Return the score with ``fresh`` items in the place of those of their groups, and the best set
-    from there.
-    """
+    """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
     groups = {i.group for i in fresh}
     members = (
         [*(m for m in now.members if m.group not in groups), *fresh]
@@ -147,8 +145,9 @@ def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple
 
 
 def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
-    """Return the members whose columns change: those with a shape, fitted, and those that read the
-    torque.
+    """Return the members whose columns change.
+
+    They are those with a shape, fitted, and those that read the torque.
     """
     fresh = []
     for m in now.members:
@@ -164,10 +163,11 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
 def nameable(
     score: Score, now: Solution, rows: Rows, min_gain: float
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
-    """Return the set without what may not be named, the score of what is left, and what was taken
-    out, and why: what the rest was judged beside, and what it was not.
+    """Return the set without what may not be named, its score, and what was removed and why.
 
-    What makes less than the least improvement goes at the end, and nothing comes in its place.
+    There are two records of what was removed: members beside which the rest was judged, and others.
+    Members that improve by less than the least improvement are removed last, and nothing takes
+    their place.
     """
     now, score, strong, weak = supported(score, now, rows)
     while found := objections(score, now, min_gain, rows):
@@ -179,8 +179,9 @@ def nameable(
 def supported(
     score: Score, now: Solution, rows: Rows
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
-    """Return the set without what the log does not support, the weakest first; the rest is fitted
-    and searched anew each time.
+    """Return the set without what the log does not support, as :func:`nameable` does.
+
+    The weakest is removed first; the rest is fitted and searched anew each time.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
@@ -192,7 +193,7 @@ def supported(
             now = again
             continue
         worth, worst, why = min(found, key=lambda o: o[0])
-        if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged beside it
+        if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged in its presence
             strong[worst.group], weak = why, {}
         else:
             weak[worst.group] = why
@@ -202,7 +203,7 @@ def supported(
         now = search(score, without(now, worst), swap=worth > STRONG)
 
 
-# what the member is worth to the score, and why it may not be named
+# the member's contribution to the score, and why it may not be named
 Objection = tuple[float, Item, str]
 
 
@@ -217,8 +218,10 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
 
 
 def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
-    """Return the member without which the log is explained better, if all links are to be such as
-    could be built, and all friction is to dissipate; none if there is no such member.
+    """Return the member without which a physical set explains the log better.
+
+    In such a set all links could be built and all friction dissipates. The list is empty if there
+    is no such member.
     """
     cost = price(score, now, rows)
     best, found = now.value - cost, list[Objection]()
@@ -231,7 +234,7 @@ def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
 
 
 def price(score: Score, now: Solution, rows: Rows) -> float:
-    """Return what it costs the score to keep a set physical."""
+    """Return how much the score falls if a set is kept physical."""
     x = physical_fit(score, now, rows)
     return (
         0.0
@@ -241,7 +244,7 @@ def price(score: Score, now: Solution, rows: Rows) -> float:
 
 
 def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: float) -> str:
-    """Return why a member may not be named, or nothing."""
+    """Return why a member may not be named; empty if it may."""
     if m.always:
         return ""
     at = now.of(m)
@@ -256,15 +259,16 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
         return "it is hardly more than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
-        return "data kept aside are predicted better without it"
+        return "held-out data are predicted better without it"
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""
 
 
 def beyond(m: Item, x: np.ndarray) -> bool:
-    """Are the values that a member is reported with out of the catalogue's bounds, such as a load's
-    centre far away?
+    """Return whether a member's reported values exceed the catalogue's bounds.
+
+    An example is the centre of a load that is far away.
     """
     if not m.shape.cls.internal:
         return False
@@ -277,10 +281,10 @@ def beyond(m: Item, x: np.ndarray) -> bool:
 
 
 def late(now: Solution, m: Item, x: np.ndarray) -> float:
-    """Return the longest time [s] among the parameters of an effect that is nothing but late;
-    infinite of others.
+    """Return the longest time [s] among the parameters of an effect that only delays.
 
-    What the alignment of the joint's torque takes back does not count.
+    It is infinite for other effects. What the alignment of the joint's torque cancels does not
+    count.
     """
     if m.shape.free:
         return np.inf
@@ -295,8 +299,9 @@ def late(now: Solution, m: Item, x: np.ndarray) -> float:
 
 
 def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
-    """Are blocks kept aside predicted worse than before, by more than the scatter between them, and
-    not for noise?
+    """Return whether held-out blocks are predicted worse than before.
+
+    The increase has to exceed the scatter between them, and what noise would explain.
     """
     count = np.maximum(score.count[~score.training], 1.0)
     a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
@@ -305,8 +310,9 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
 
 
 def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
-    """Return the share of a joint's root mean square error on blocks kept aside that goes, and its
-    standard error.
+    """Return the share of a joint's root mean square held-out error that is removed.
+
+    Also return its standard error.
     """
     a, b = (score.aside(s)[:, joint] / s.passed[joint] for s in (after, before))
     share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))
@@ -314,8 +320,9 @@ def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tup
 
 
 def aside(score: Score, found: Solution) -> np.ndarray:
-    """Return the mean squared error (J,) on rows kept aside [noise^2], relative to what actuators
-    let through.
+    """Return the mean squared error (J,) on held-out rows [noise^2].
+
+    It is relative to what actuators let through.
     """
     return (
         score.aside(found).sum(0)
@@ -325,7 +332,7 @@ def aside(score: Score, found: Solution) -> np.ndarray:
 
 
 def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
-    """Return by which share (J,) the root mean square error on blocks left out falls."""
+    """Return the share (J,) by which the root mean square error on left-out blocks falls."""
     count = np.maximum(score.count[score.training].sum(0), 1.0)
     a, b = (
         np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before)
@@ -334,8 +341,9 @@ def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
 
 
 def together(x: np.ndarray, folds: np.ndarray) -> float:
-    """Return the root mean square of coefficients (P,) in standard errors, all together (Wald), by
-    what comes without a block.
+    """Return the root mean square of coefficients (P,) in standard errors, jointly (Wald).
+
+    ``folds`` are the coefficients fitted without one block each.
     """
     if len(x) < 2:
         return 0.0
@@ -345,8 +353,6 @@ def together(x: np.ndarray, folds: np.ndarray) -> float:
 
 
 def jackknife(samples: np.ndarray) -> np.ndarray:
-    """Return the standard error (...) from what comes out without one block each, ``samples`` (B,
-    ...).
-    """
+    """Return the standard error (...) of ``samples`` (B, ...), each without one block."""
     b = len(samples)
     return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))

@@ -1,6 +1,4 @@
-"""The findings of a diagnosis: effects with their values, what each explains, and how likely it is
-right.
-"""
+"""The findings of a diagnosis: effects with values, what each explains, and its probability."""
 
 from collections.abc import Mapping, Sequence
 
@@ -26,11 +24,11 @@ def findings(
     """Return the findings, ordered by the share of the command that they explain.
 
     Args:
-        found: what the search found.
+        found: the result of the search.
         fitted: its effects with their values.
         known: the model of J joints.
-        network: (J,) share of what is left that a network predicts.
-        tied: how likely others are, relative to it, that explain the log as well as an effect.
+        network: (J,) share of the residual that a network predicts.
+        tied: prior probability of others that explain the log as well as an effect, relative to it.
     """
     rows, out = found.library.rows, []
     command, whole = (
@@ -40,7 +38,7 @@ def findings(
     for value in fitted:
         name, joint = value.key
         if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
-            continue  # the whole log says nothing of what the part that was searched seemed to say
+            continue  # the whole log does not confirm what the searched part suggested
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
         adds = np.zeros_like(rows.gap)

@@ -1,7 +1,7 @@
-"""Gram matrices of what may be in a set of effects: made once, block by block of a log, so that a
-set is one small solve.
+"""Gram matrices of the items that may be in a set of effects.
 
-Columns are scaled to about one, and divided by the noise of their joint.
+They are computed once, block by block of a log, so that each set is one small solve. Columns are
+scaled to about one, and divided by the noise of their joint.
 """
 
 from collections.abc import Iterable, Sequence
@@ -20,27 +20,28 @@ Group = tuple[str, int | None, str]
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """One shape of an effect: P columns of the predicted command on some joints. Compared by
-    identity.
+    """One shape of an effect: P columns of the predicted command on some joints.
+
+    Items are compared by identity.
     """
 
     group: Group
     shape: Any  # see :mod:`jaxidl.gap.library`
-    joints: tuple[int, ...]  # K that it touches
+    joints: tuple[int, ...]  # the K joints that it affects
     columns: Float[np.ndarray, "P N K"] = field(repr=False)
     lower: Float[np.ndarray, " P"]
     upper: Float[np.ndarray, " P"]
     odds: float  # log prior odds
-    # of the prior on its coefficients: inverse squares of what is plausible
+    # precision of the prior on its coefficients: inverse squares of plausible values
     precision: Float[np.ndarray, " P"]
-    actuates: bool = False  # does it change what the motor delivers?
-    common: bool = False  # part of the envelope?
-    always: bool = False  # part of every set, and no effect?
+    actuates: bool = False  # true if it changes what the motor delivers
+    common: bool = False  # true if part of the envelope
+    always: bool = False  # true if part of every set without being an effect
     # (P, N, K) derivatives of the columns by the command [1]
     push: np.ndarray | None = field(default=None, repr=False)
     deaf: np.ndarray | None = field(
         default=None, repr=False
-    )  # (P, K) share of samples that keep back all of a little more command
+    )  # (P, K) share of samples at which no additional command passes
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -49,13 +50,14 @@ class Item:
 
 
 class Anchor(NamedTuple):
-    """What another log of the same machine says of items that both share: changes of their
-    coefficients cost its error.
+    """Evidence of another log of the same machine about items that both share.
+
+    Changes of their coefficients increase its error.
     """
 
     items: tuple[Item, ...]
     information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
-    pull: Float[np.ndarray, " P"]  # and its right side [1/coefficient]
+    pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
 
 
 class Gram:
@@ -70,18 +72,18 @@ class Gram:
         anchor: Anchor | None = None,
         old: "Gram | None" = None,
     ):
-        """Compute them.
+        """Compute the Gram matrices.
 
         Args:
-            rows: N rows, B blocks of training, others kept aside.
-            items: all that may be in a set.
-            noise: (J,) root mean square of what the envelope leaves [N or Nm].
-            effective: (J,) effective number of samples of training.
-            anchor: what another log says of some of the items.
-            old: the score of the same rows with other items: what both have is not computed again.
+            rows: N rows, B training blocks, others held out.
+            items: all items that may be in a set.
+            noise: (J,) root mean square residual of the envelope [N or Nm].
+            effective: (J,) effective number of training samples.
+            anchor: evidence of another log about some of the items.
+            old: the score of the same rows with other items; what both share is not computed again.
         """
         self.items, self.noise, self.effective = list(items), noise, effective
-        # of those that ``narrowed`` leaves out, too: no other may get their identity
+        # also holds items that ``narrowed`` leaves out, so that no other item gets their identity
         self._alive = list(items)
         sizes = np.cumsum([0, *(len(i.lower) for i in items)])
         self.place = {
@@ -92,11 +94,12 @@ class Gram:
         order = [*range(int(rows.block.max()) + 1), *kept_aside]
         self.training = np.array([b >= 0 for b in order])
         joints = rows.gap.shape[1]
-        self.which: list[np.ndarray] = []  # of each joint: places of the columns that touch it
+        self.which: list[np.ndarray] = []  # for each joint: indices of the columns that affect it
         self.gram: list[np.ndarray] = []  # ... (B, p, p)
         self.right: list[np.ndarray] = []  # ... (B, p)
-        self.square, self.count = np.zeros((2, len(order), joints))  # of the gap itself, and rows
-        self.spread: list[Any] = []  # of columns of actuators: see ``_spread``
+        # squares of the gap itself, and number of rows
+        self.square, self.count = np.zeros((2, len(order), joints))
+        self.spread: list[Any] = []  # spread of columns of actuators: see ``_spread``
         scale = np.zeros(self.total)
         weights = rows.used / np.maximum(noise, 1e-300)
         for i in items:
@@ -104,7 +107,7 @@ class Gram:
                 scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
         self.scale = np.sqrt(np.maximum(scale / max(rows.training.sum(), 1), 1e-300))
         self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
-        same = np.full(self.total, -1)  # places in the old score
+        same = np.full(self.total, -1)  # indices in the old score
         before = {} if old is None else old.place
         for i in items:
             same[self.place[id(i)]] = before.get(id(i), -1)
@@ -132,7 +135,7 @@ class Gram:
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
             self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
-        # of the command [noise^2]
+        # variance of the command [noise^2]
         self.variance = np.array([c for _, ((_, _, c), _) in self.spread])
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale
@@ -151,11 +154,13 @@ class Gram:
         self.local = [np.full(self.total, -1) for _ in range(joints)]
         for local, which in zip(self.local, self.which, strict=True):
             local[which] = np.arange(len(which))
-        self.weights = np.ones(int(self.training.sum()))  # of the blocks of training
+        self.weights = np.ones(int(self.training.sum()))  # weights of the training blocks
 
     def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
-        """Where columns of actuators are, their covariance, with joint j's command, too, and of it;
-        the same of a little more.
+        """Return where columns of actuators are, and their covariances.
+
+        The covariances are among the columns, with joint j's command and of the command; then the
+        same for a small additional command.
         """
         sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
         places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
@@ -179,8 +184,9 @@ class Gram:
         return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, d))
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal equations (B, P, P) and (B, P) of the coefficients of a set, on each block
-        of training.
+        """Return normal equations (B, P, P) and (B, P) of a set's coefficients.
+
+        There is one for each training block.
         """
         at = self._places(members)
         gram, right, _ = self._normal(at)
@@ -196,7 +202,7 @@ class Gram:
     def _normal(
         self, at: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
-        blocks = len(self.weights)  # those of training come first
+        blocks = len(self.weights)  # training blocks come first
         gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
         own = []
         for local, g, h in zip(self.local, self.gram, self.right, strict=True):
@@ -210,9 +216,10 @@ class Gram:
 
     @cached_property
     def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
-        """Gram matrix (P, P) and right side (P,) of all items on all blocks of training, and the
-        items by their width: places (n, p), their own part of the matrix (n, p, p) and on which
-        joints (n, J) they are.
+        """Return Gram matrix (P, P) and right side (P,) of all items on all training blocks.
+
+        Also return the items by their width: indices (n, p), their own part of the matrix (n, p, p)
+        and on which joints (n, J) they are.
         """
         gram, push = self.anchored.copy(), self.pull.copy()
         for which, g, h in zip(self.which, self.gram, self.right, strict=True):
@@ -233,5 +240,5 @@ class Gram:
         return gram, push, widths
 
     def _places(self, members: Iterable[Item]) -> np.ndarray:
-        """Places of the columns of some items."""
+        """Return the indices of the columns of some items."""
         return np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])

@@ -1,4 +1,4 @@
-"""A log and a model that belong together, from files as robots give them."""
+"""A matching log and model, read from files as robots provide them."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from jaxidl.systems.mjcf import Model, names_of, read_model
 
 
 class Inputs(NamedTuple):
-    """What :func:`jaxidl.gap.diagnose` takes."""
+    """The inputs of :func:`jaxidl.gap.diagnose`."""
 
     log: Log
     model: Model
@@ -35,17 +35,17 @@ def read_inputs(
 
     Args:
         logs: files as :func:`jaxidl.gap.read` takes them.
-        model: MJCF or URDF.
-        joints: names of the joints to look at, ``elbow`` for ``elbow_joint``; the others are locked
-            where the log has them on average, or else as the model's file draws them. Default: all.
+        model: MJCF or URDF file.
+        joints: names of the joints to use, ``elbow`` for ``elbow_joint``; the others are locked at
+            their mean position in the log, or else as in the model's file. Default: all.
         columns: which column is which, as ``"q0=actual_q_0"`` or ``"q=actual_q_*"``.
-        motor: YAML file that says how joints follow from motors, as
+        motor: YAML file that describes how joints follow from motors, as
             :func:`jaxidl.logs.motor_side.motor_side` reads it.
         torque_constant: [Nm/A] of motors whose currents the log has; one for all or one for each
             joint.
         gear_ratio: of motors whose currents or torques the log has; one for all or one for each
             joint.
-        topic: of a ROS bag.
+        topic: topic of a ROS bag.
 
     Raises:
         ModelError: if the model cannot be read.
@@ -66,5 +66,5 @@ def read_inputs(
             return Inputs(log, read_model(model, part.names, dict(log.still)))
         except (
             ModelError
-        ):  # not every joint can be locked anywhere; where it is instead, the model's notes say
+        ):  # not every joint can be locked anywhere; the model's notes say where it is instead
             return Inputs(log, part)

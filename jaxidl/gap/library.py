@@ -1,9 +1,8 @@
-"""The library: what every effect of the catalogue, in every shape that it offers, would add to the
-command of this log.
+"""The library: what every effect of the catalogue would add to the command of this log.
 
-What is linear in an effect's amplitudes is a group of columns as it is. What has a shape (a speed,
-a period, a delay ...) is one group for each starting shape; of these the few that promise most
-beside everything common stay.
+It covers every shape that an effect offers. What is linear in an effect's amplitudes is one group
+of columns. What has a shape (a speed, a period, a delay ...) is one group for each starting shape;
+of these the few that promise most beside all common effects are kept.
 """
 
 from collections.abc import Sequence
@@ -25,20 +24,19 @@ from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, Shape, parameters, shapes_of
 from jaxidl.logs.signals import Signals
 
-ALIKE = 20.0  # samples that say as much as one, before it is known how many
-PUSH = 0.01  # of the command's spread, to see whether more command delivers more
-HELD = 0.1  # so long more command is held [s]: what swings or comes late delivers it by then
-DEAF = 0.8  # of it is kept back: there any command explains the motion
-# log odds that each parameter costs: a log tells it to a tenth of what it might have been
+ALIKE = 20.0  # correlated samples that count as one, before their number is known
+PUSH = 0.01  # additional command, over its spread, to test whether it is delivered
+HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
+DEAF = 0.8  # share not delivered from which on any command explains the motion
+# log odds that each parameter costs: a log narrows its range to about a tenth
 PARAMETER = float(np.log(10.0))
 
 
 def plausible(i: Item, links: Links | None, alike: float) -> Item:
-    """Return an item with the prior on its coefficients: how large a change of a link is plausible,
-    where it changes links.
+    """Return an item with the prior on its coefficients.
 
-    Neighbouring samples are alike, ``alike`` of them say as much as one, and the prior is weighted
-    like the data.
+    For changes of links it is given by how large a change is plausible. Neighbouring samples are
+    correlated, ``alike`` of them count as one, and the prior is weighted like the data.
     """
     if (
         links is None
@@ -53,8 +51,10 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return items, those of actuators with what they keep back of a little more command, per
-    command, and at which share of the samples they keep back all of a little more that is held.
+    """Return items with the response of actuators to a small additional command.
+
+    It is what they hold back of it, per command, and the share of samples at which they hold back
+    all of it while it is held.
     """
     acting = [i for i in items if i.actuates]
     nudge, shapes = PUSH * np.maximum(rows.spread, 1e-300), [i.shape for i in acting]
@@ -86,8 +86,9 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
 
 
 def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
-    """Return how large things are on each joint, of whose command the model leaves ``residual``
-    (J,) [N or Nm].
+    """Return the magnitudes on each joint.
+
+    ``residual`` (J,) [N or Nm] is the model's.
     """
     lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
@@ -121,11 +122,11 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
 def beside(
     shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndarray]]
 ) -> tuple[Shape, np.ndarray]:
-    """Return a shape with those combinations of its amplitudes only that add what its ``parts`` (N,
-    J) do not, and its columns.
+    """Return a shape restricted to what its parts cannot add, and its columns.
 
-    So an effect never stands in for a simpler one that it contains: beside the simpler one it is
-    what is special about it.
+    Only those combinations of its amplitudes remain that add what its ``parts`` (N, J) do not. So
+    an effect never takes the place of a simpler one that it contains: beside the simpler one it is
+    only what is specific to it.
     """
     flat, directions = columns.reshape(len(columns), -1), []
     inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True)
@@ -143,7 +144,7 @@ def beside(
 def items_of(
     shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()
 ) -> list[Item]:
-    """Return items of shapes of one class, beside ``others`` that they may have as parts."""
+    """Return items of shapes of one class, beside ``others`` that may be parts of them."""
     out, whole = [], [shape._replace(basis=None, parts=()) for shape in shapes]
     for shape, columns in zip(whole, columns_of(whole, rows, predicted), strict=True):
         names = shape.cls.contains(shape.free) if shape.free and shape.joint is not None else ()
@@ -159,7 +160,7 @@ def items_of(
 
 
 def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> list[np.ndarray]:
-    """Return the columns (P, N, J) of each shape; those of one class are computed side by side."""
+    """Return the columns (P, N, J) of each shape; one class is computed side by side."""
     jobs = [(shape, *shape.probes()) for shape in shapes]
     together: dict[Any, list[int]] = {}
     for number, (_, probes, _) in enumerate(jobs):
@@ -189,8 +190,9 @@ def spread(i: Item, rows: Rows) -> np.ndarray:
 
 
 def item(shape: Shape, columns: np.ndarray) -> Item:
-    """Return the item of a shape with columns (P, N, J); joints that it does not touch are left
-    out.
+    """Return the item of a shape with columns (P, N, J).
+
+    Joints that it does not affect are left out.
     """
     cls = shape.cls
     size = np.sqrt(np.mean(columns**2, 1))  # (P, J)
@@ -221,26 +223,26 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
 
 
 def rank(columns: np.ndarray) -> int:
-    """Return how many of an effect's columns (P, N, J) the log tells from each other."""
+    """Return how many of an effect's columns (P, N, J) the log can tell apart."""
     flat = columns.reshape(len(columns), -1)
     flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
     return int(np.sum(np.linalg.eigvalsh(flat @ flat.T) > 1e-6))
 
 
 class Library(NamedTuple):
-    """Items of a log, what everything common together leaves, and the score made for them."""
+    """Items of a log, the residual of all common effects together, and the items' score."""
 
     rows: Rows
     score: Score
     envelope: Solution
-    predicted: np.ndarray  # (T, J) command as everything common predicts it [N or Nm]
+    predicted: np.ndarray  # (T, J) command predicted by all common effects [N or Nm]
     still: tuple[int, ...]  # joints that never move
 
 
 class Reference(NamedTuple):
-    """Another log of the same machine: what both have in common, and what that log says of it."""
+    """Another log of the same machine: what both have in common, and its evidence about that."""
 
-    items: tuple[Item, ...]  # of that log
+    items: tuple[Item, ...]  # items of that log
     information: np.ndarray  # (P, P)
     pull: np.ndarray  # (P,)
 
@@ -252,9 +254,9 @@ def library(
 
     Args:
         rows: N rows of the log.
-        names: of the catalogue.
-        own: what the model has of them.
-        reference: another log, for which the model was made; then only what changed since competes.
+        names: names in the catalogue.
+        own: effects that the model has already.
+        reference: another log, for which the model was made; then only changes since then compete.
     """
     signals = rows.signals
     every = scales(signals, rms(rows.gap, rows.used))
@@ -270,7 +272,7 @@ def library(
         for cls in classes
     }
     links = links_of(signals.body)
-    # parts before what contains them
+    # parts before the effects that contain them
     classes = sorted(classes, key=lambda cls: len(cls.contains()))
     common: list[Item] = []
     for cls in classes:
@@ -315,7 +317,7 @@ def library(
 
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
-    """Return an item of another log on this one: what both have in common, and no finding."""
+    """Return an item of another log on this one: both have it in common, so it is no finding."""
     (columns,) = columns_of([i.shape], rows, predicted)
     far = np.full(len(i.lower), np.inf)
     joints = tuple(range(columns.shape[2]))
@@ -337,8 +339,9 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
 
 
 def noise_of(rows: Rows, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of what is left
-    (N, J) in training.
+    """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of a residual.
+
+    The residual ``left`` is (N, J); training rows count.
     """
     use = rows.used & rows.training[:, None]
     noise = np.maximum(rms(left, use), rows.floor)
@@ -355,7 +358,7 @@ def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 
 def residual(rows: Rows, found: Solution) -> np.ndarray:
-    """Return what a set leaves of the command (N, J) [N or Nm]."""
+    """Return the residual (N, J) [N or Nm] of a set."""
     left = rows.gap.copy()
     for m in found.members:
         left[:, list(m.joints)] -= np.tensordot(found.x[found.of(m)], m.columns, 1)
@@ -363,8 +366,9 @@ def residual(rows: Rows, found: Solution) -> np.ndarray:
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
-    """Return a command (T, J) from its values (N, J) at the rows; as logged where a joint rests and
-    near the ends of runs.
+    """Return a command (T, J) from its values (N, J) at the rows.
+
+    It is the logged one where a joint rests and near the ends of runs.
     """
     out, at = rows.tau.copy(), rows.signals.rows
     value = np.where(rows.used, command, rows.command)

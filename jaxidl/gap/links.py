@@ -1,8 +1,8 @@
-"""What changes of a link are physical: its ten inertial parameters, how large a change is
-plausible, and what stays consistent.
+"""Physical changes of a link.
 
-A body of positive density has a positive definite pseudo-inertia (Wensing, Kim and Slotine, IEEE
-RA-L 2018).
+They are given by its ten inertial parameters, how large a change is plausible, and which links are
+consistent. A body of positive density has a positive definite pseudo-inertia (Wensing, Kim and
+Slotine, IEEE RA-L 2018).
 """
 
 from typing import Any, NamedTuple
@@ -13,22 +13,22 @@ from jaxidl.effects import Effect
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass
 
-# of a link's mass, and of that times its length once and twice: standard deviation of what a model
-# gets wrong
+# standard deviation of a model's errors, relative to a link's mass, and to that times its length
+# once and twice
 PLAUSIBLE = 0.5
 
 
 class Links(NamedTuple):
-    """The links of a model: J of the joints, and behind them the last body that moves."""
+    """The links of a model: those of J joints, followed by the last body that moves."""
 
     nominal: np.ndarray  # (J + 1, 10)
-    unit: np.ndarray  # (J, 10) of one kilogram more, the inertia going with it
+    unit: np.ndarray  # (J, 10) of one additional kilogram, with inertia in proportion
     plausible: np.ndarray  # (J + 1, 10) standard deviations of changes
-    same: bool  # is the last body that moves that of the last joint, rather than one welded to it?
+    same: bool  # true if the last joint's body is the last that moves, not one welded to it
 
 
 def links_of(body: Any) -> Links | None:
-    """Return the links of a model, None of a point mass."""
+    """Return the links of a model; None for a point mass."""
     if not isinstance(body, MujocoBody):
         return None
     source, each = body.source, per_mass(body.source)
@@ -63,7 +63,7 @@ def links_of(body: Any) -> Links | None:
 
 
 class _Recorder:
-    """A body that notes by how much its links are changed."""
+    """A body that records by how much its links are changed."""
 
     def __init__(self, links: Links):
         self.links, self.change = links, np.zeros_like(links.nominal)
@@ -109,8 +109,9 @@ def pseudo_inertia(ten: np.ndarray) -> np.ndarray:
 
 
 def physical(ten: np.ndarray) -> np.ndarray:
-    """Return which links (..., 10) have a pseudo-inertia that is positive definite, or nothing at
-    all.
+    """Return which links (..., 10) are physical.
+
+    Their pseudo-inertia is positive definite, or they are zero.
     """
     least = np.linalg.eigvalsh(pseudo_inertia(ten))[..., 0]
     return np.asarray(least > -1e-9 * np.maximum(np.abs(ten).max(-1), 1e-12))

@@ -1,4 +1,4 @@
-"""Where a residual lives: its energy by joint and regime, in sentences."""
+"""The regimes in which a residual occurs: its energy by joint and regime, in sentences."""
 
 from typing import NamedTuple
 
@@ -10,23 +10,24 @@ from jaxidl.gap.rows import Rows
 
 # a regime stands out if its share of the energy is this many times its share of the time
 EXCESS = 1.5
-LEAST = 0.08  # and if that is at least this much of the joint's energy
-MOST = 4  # places told of each joint
+LEAST = 0.08  # and its share is at least this much of the joint's energy
+MOST = 4  # most places reported for each joint
 
 
 class Place(NamedTuple):
-    """A regime of a joint, and how much of the joint's residual energy lies in it."""
+    """A regime of a joint, and its share of the joint's residual energy."""
 
     joint: int
     regime: str
-    share: float  # of the joint's residual energy
-    time: float  # of the time
+    share: float  # share of the joint's residual energy
+    time: float  # share of the time
     sentence: str
 
 
 def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
-    """The regimes of each joint that stand out, the most striking first; joints in the order of
-    their relative residual.
+    """Return the regimes of each joint that stand out, the most striking first.
+
+    Joints are in the order of their relative residual.
     """
     counted = data.used
     size = (rms(residual, counted) / np.maximum(data.spread, 1e-12)).tolist()
@@ -61,7 +62,7 @@ def _everywhere(joint: int, name: str, size: float) -> Place:
 
 
 def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.ndarray, str]]:
-    """Name, rows and words of each regime."""
+    """Return name, rows and description of each regime."""
     signals, rows = data.signals, data.signals.rows
     resting = signals.resting[rows]
     q, qd, qdd, tau = (x[rows, j] for x in (signals.q, signals.qd, signals.qdd, signals.tau))
@@ -75,7 +76,7 @@ def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.nda
     )
     quarters = np.arange(len(rows)) * 4 // len(rows)
     out = [
-        ("standstill", resting[:, j], "where the joint rests"),
+        ("standstill", resting[:, j], "where the joint is at rest"),
         ("reversal", turn & ~resting[:, j], "within 50 ms of a reversal"),
         ("low speed", speed < low, f"below a speed of {low:.3g}"),
         ("high speed", speed > high, f"above a speed of {high:.3g}"),
@@ -106,7 +107,10 @@ def _near(events: np.ndarray, reach: int) -> np.ndarray:
 
 
 def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Place]:
-    """Is the residual of one sign with the velocity, or regardless of it; at which frequencies?"""
+    """Return places of a residual that follows the direction of motion, or is constant.
+
+    Also return the frequencies that it has.
+    """
     counted = data.used[:, j]
     rows = data.signals.rows
     qd, r = data.signals.qd[rows, j][counted], residual[counted, j]

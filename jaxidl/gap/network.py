@@ -1,9 +1,10 @@
-"""The check for what no effect explains: does a network still predict the remaining residual?
+"""A check for a systematic residual that no effect explains.
 
-Trained on some blocks and asked on the others, a network sees position, velocity and acceleration
-of all joints. Where it removes a good part of the residual, something systematic is left. Its
-hidden layer is random and only the last one is fitted, by ridge regression (an extreme learning
-machine; Huang, Zhu and Siew 2006): no training that could stop too early.
+It tests whether a network still predicts the residual. Trained on some blocks and tested on the
+others, a network has position, velocity and acceleration of all joints as inputs. Where it removes
+a good part of the residual, something systematic remains. Its hidden layer is random and only the
+last one is fitted, by ridge regression (an extreme learning machine; Huang, Zhu and Siew 2006): no
+training that could stop too early.
 """
 
 from typing import NamedTuple
@@ -18,21 +19,23 @@ FOLDS = 3
 HIDDEN = 300
 # scale of the random weights, for inputs of unit variance: half of the hidden units each
 WIDTHS = (0.3, 1.0)
-RIDGES = (1e-3, 1e-2, 1e-1)  # of the rows; the best on a quarter of those that are trained on
+# relative to the rows; the best on a quarter of the training rows is used
+RIDGES = (1e-3, 1e-2, 1e-1)
 # share of a joint's residual that the network must remove for it to be called systematic
 SYSTEMATIC = 0.25
 
 
 class Gain(NamedTuple):
-    """Share of a joint's root mean square residual that goes, and its standard error."""
+    """The share of a joint's root mean square residual that is removed, and its standard error."""
 
     value: float
     stderr: float
 
 
 def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
-    """Return what a network removes of each joint's residual (N, J) on blocks that it was not
-    trained on, in ``FOLDS`` turns.
+    """Return the share of each joint's residual (N, J) that a network removes.
+
+    It is measured on blocks that it was not trained on, in ``FOLDS`` turns.
     """
     signals, rows = data.signals, data.signals.rows
     x = np.concatenate([signals.q[rows], signals.qd[rows], signals.qdd[rows]], axis=1)
@@ -60,15 +63,16 @@ def check(data: Rows, residual: np.ndarray) -> tuple[Gain, ...]:
 
 
 def _by_block(residual: np.ndarray, data: Rows, counted: np.ndarray) -> np.ndarray:
-    """Sums of squares (B, J)."""
+    """Return sums of squares (B, J)."""
     return np.stack(
         [np.sum((residual**2 * counted)[data.block == b], 0) for b in range(data.block.max() + 1)]
     )
 
 
 def _predict(x: np.ndarray, y: np.ndarray, asked: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """Fitted last layer on what it was not fitted to, with the ridge that does best for each joint
-    on every fourth block.
+    """Return predictions for rows that the last layer was not fitted to.
+
+    The ridge is the best one for each joint on every fourth block.
     """
     check = block % 4 == 0
     errors = np.stack(

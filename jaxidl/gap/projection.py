@@ -1,5 +1,6 @@
-"""What everything common leaves: to see which shapes promise most beside it, and when the logged
-torque acts.
+"""The residual of all common effects.
+
+It shows which shapes promise most beside them, and when the logged torque acts.
 """
 
 from collections.abc import Sequence
@@ -11,15 +12,15 @@ from jaxidl.gap.gram import Item
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import correlation_time
 
-SHAPES = 3  # kept of each effect on a joint
+SHAPES = 3  # shapes kept of each effect on a joint
 ALIGNMENT = "alignment"
 CONVENTION = (-1.5, 0.5)  # samples by which a logged torque may be late without being an effect
-FAINT = 1e-4  # of a prior of one sample's width
+FAINT = 1e-4  # weight of a prior with the width of one sample
 CLEAR = 2.0  # rise of the log likelihood
 
 
 class Projection:
-    """What everything common cannot imitate of a column, to see which shapes promise most."""
+    """The part of a column that common effects cannot imitate, to rank shapes."""
 
     def __init__(self, rows: Rows, common: Sequence[Item], noise: np.ndarray):
         self.use, self.noise, self.bases = rows.used & rows.training[:, None], noise, []
@@ -35,7 +36,7 @@ class Projection:
             self.bases.append(u[:, s > 1e-5 * s.max(initial=1e-300)])
 
     def left_of(self, rows: Rows) -> np.ndarray:
-        """Return minus the log likelihood (J,) of what everything common leaves of the command."""
+        """Return minus the log likelihood (J,) of the residual of all common effects."""
         total = np.zeros(len(self.bases))
         for j, basis in enumerate(self.bases):
             y = rows.gap[self.use[:, j], j]
@@ -77,12 +78,11 @@ class Projection:
 
 
 def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
-    """Return the rows with the torque of each joint shifted in time as everything common fits it
-    best.
+    """Return the rows with the torque of each joint shifted in time for the best common fit.
 
     Whether a logged torque acts at its instant, over the interval that follows or over the one
-    before is the logger's convention, and no effect. A torque that comes before its motion by more
-    than that is a delay, and left for the search.
+    before is the logger's convention, and no effect. A torque that precedes its motion by more than
+    that is a delay, and left for the search.
     """
     joints = rows.gap.shape[1]
     projected = Projection(rows, common, np.ones(joints))
@@ -96,8 +96,8 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
 def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[Item]:
     """Return for each joint a further shift within that convention, which every set has.
 
-    A faint prior keeps it where it is if a delay would do as well. Neighbouring samples are alike,
-    ``alike`` of them say as much as one.
+    A weak prior keeps it unchanged if a delay would do as well. Neighbouring samples are
+    correlated, ``alike`` of them count as one.
     """
     s, found = rows.signals, []
     slope = s.smooth(s.differentiate(predicted))[s.rows]

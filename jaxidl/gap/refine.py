@@ -1,11 +1,11 @@
 """Physical parameters fitted to trajectories, by derivatives through the simulator.
 
 The search fits the torque balance instant by instant (equation error): fast, convex where effects
-are linear, but blind to how errors add up in motion. What it finds is here the start of a fit of
-*simulated positions* to measured ones (output error) over short windows that begin at measured
-states: multiple shooting with the starts held (Bock 1983; short windows keep the problem smooth:
-Ribeiro et al., Automatica 2020). What the derivative means where an effect is discontinuous is
-explained in :mod:`jaxidl.replay.trajectory`.
+are linear, but blind to how errors accumulate in motion. Here its result is the starting point for
+fitting *simulated positions* to measured ones (output error) over short windows that begin at
+measured states: multiple shooting with fixed initial states (Bock 1983; short windows keep the
+problem smooth: Ribeiro et al., Automatica 2020). What the derivative means where an effect is
+discontinuous is explained in :mod:`jaxidl.replay.trajectory`.
 """
 
 from collections.abc import Sequence
@@ -26,41 +26,41 @@ from jaxidl.replay.trajectory import MOMENTS, Problem
 from jaxidl.systems.free import Bounds, Free, Values, inner
 from jaxidl.systems.plant import Plant
 
-WINDOW = 0.4  # of a rollout [s]
-FEWEST, MOST = 8, 96  # windows on either side
-LEAST_GAIN = 0.05  # of the held-out rollout error,
-SURE = 2.0  # and as many standard errors: what counts as better
-# by so much may a joint's held-out torque error grow, or its rollout error after the longest
-# horizon
+WINDOW = 0.4  # length of a rollout [s]
+FEWEST, MOST = 8, 96  # number of windows on either side
+LEAST_GAIN = 0.05  # share of the held-out rollout error that must be removed,
+SURE = 2.0  # and number of standard errors by which it must fall
+# share by which a joint's held-out torque error, or its rollout error after the longest horizon,
+# may grow
 DEARER = 0.1
 
 
 class Proof(NamedTuple):
-    """One set of parameters on the data kept aside. J values each."""
+    """One set of parameters on held-out data; J values each."""
 
-    # root mean square position error over windows and joints, relative to that of training at the
-    # start [1]
+    # root mean square position error over windows and joints, relative to the initial one in
+    # training [1]
     score: float
-    lost: int  # windows in which the simulation ran away
+    lost: int  # windows in which the simulation diverged
     torque_rms: list[float]  # [N or Nm]
     rollout_rms: dict[str, list[float]]  # by horizon [m or rad]
 
 
 class Refinement(NamedTuple):
-    """What :func:`refine` found."""
+    """The result of :func:`refine`."""
 
     accepted: bool
-    reason: str  # why, or why not
-    effects: tuple[Effect, ...]  # to use: refined if accepted, as given if not
+    reason: str  # why it was accepted or not
+    effects: tuple[Effect, ...]  # effects to use: refined if accepted, as given if not
     given: tuple[Values, ...]  # of each effect: its free parameters as given,
     refined: tuple[Values, ...]  # as refined, accepted or not,
-    # and their standard errors, of the scatter between windows; zero of one without influence
+    # and standard errors from the scatter between windows; zero without influence
     stderr: tuple[Values, ...]
     window: float  # [s]
-    windows: tuple[int, int]  # of training, and kept aside
+    windows: tuple[int, int]  # number of training windows, and of held-out ones
     before: Proof | None = None  # None where nothing could be tried
-    after: Proof | None = None  # of the refined ones, accepted or not
-    # of the torque balance with the refined ones [N or Nm]
+    after: Proof | None = None  # with the refined parameters, accepted or not
+    # residual of the torque balance with the refined parameters [N or Nm]
     residual: Float[np.ndarray, "N J"] | None = None
 
 
@@ -73,34 +73,34 @@ def refine(
     held_out: float = 0.3,
     window: float = WINDOW,
 ) -> Refinement:
-    """Fit parameters of the effects ``found`` to measured trajectories: bounded Levenberg-Marquardt
-    through the simulator.
+    """Fit parameters of the effects ``found`` to measured trajectories through the simulator.
 
-    Windows of ``window`` seconds, end to end and wholly in the rows of training, start from
-    measured (smoothed) states; hidden states are led along as in
-    :func:`jaxidl.replay.rollout.rollout_errors`. Minimised is the squared error of position at ten
-    moments of each window, each joint's relative to its own at the start. Simulated is with the
-    log's sampling interval: what steps of that size make of a motion goes into the parameters.
+    The fit is a bounded trust-region least-squares method. Windows of ``window`` seconds, end to
+    end and wholly in the training rows, start from measured (smoothed) states; hidden states follow
+    the measured motion as in :func:`jaxidl.replay.rollout.rollout_errors`. The fit minimises the
+    squared position error at ten moments of each window, each joint's relative to its initial
+    error. The simulation uses the log's sampling interval: errors of integration with steps of that
+    size affect the parameters.
 
-    The refined parameters are accepted if, on windows wholly in the rows kept aside, the root of
-    this error falls by ``LEAST_GAIN``, and the windows' mean by more than ``SURE`` standard errors
-    of their paired differences; if no more windows run away; and if neither a joint's held-out
-    torque error nor its error after the longest horizon grows by more than ``DEARER``. Else the
-    effects stay as given. A window that is not finite, or off by more than a joint's whole range,
-    counts as off by that range and has no derivative: dry friction and delays have the derivative
-    of the branch taken, encoders none (see :mod:`jaxidl.replay.trajectory`). Where the parameters
-    given were fitted to the torques of the whole log, as a diagnosis reports them, both sides of
-    the comparison have that in common.
+    The refined parameters are accepted if, on windows wholly in the held-out rows, the root of this
+    error falls by ``LEAST_GAIN``, and the windows' mean by more than ``SURE`` standard errors of
+    their paired differences; if no more windows diverge; and if neither a joint's held-out torque
+    error nor its error after the longest horizon grows by more than ``DEARER``. Otherwise the
+    effects stay as given. A window that is not finite, or whose error exceeds a joint's whole
+    range, counts as an error of that range and has no derivative: dry friction and delays have the
+    derivative of the branch taken, encoders none (see :mod:`jaxidl.replay.trajectory`). Where the
+    given parameters were fitted to the torques of the whole log, as a diagnosis reports them, this
+    applies to both sides of the comparison.
 
     Args:
         model: the plant for which ``signals`` were prepared.
         found: effects of the whole mechanism that it lacks.
         signals: the log, T instants of J joints.
-        free: of each effect found, its free parameters with bounds; those of encoders, which no
-            rollout sees, are left alone.
-        held_out: share of the rows that is kept aside, as :func:`jaxidl.gap.rows.kept_rows` chooses
+        free: for each effect found, its free parameters with bounds; those of encoders, which do
+            not affect a rollout, are not fitted.
+        held_out: share of the rows that is held out, as :func:`jaxidl.gap.rows.kept_rows` chooses
             them.
-        window: [s].
+        window: length of the rollouts [s].
 
     Raises:
         ConfigurationError: for a window of fewer than ten samples, or a parameter that starts out
@@ -130,12 +130,12 @@ def refine(
         if min(nothing.windows) < FEWEST:
             return nothing._replace(
                 reason=(
-                    f"there are fewer than {FEWEST} windows of {window:g} s to fit or to prove it"
+                    f"there are fewer than {FEWEST} windows of {window:g} s to fit or to verify it"
                 )
             )
         problem = Problem(vector, seen, training, length, _tied(vector, signals))
         if problem.hopeless:
-            return nothing._replace(reason="the simulation runs away in every window")
+            return nothing._replace(reason="the simulation diverges in every window")
         theta = problem.solve(lower, upper)
         refined = vector.set(theta).effects[len(model.effects) :]
         (was, before, _), (now, after, residual) = (
@@ -145,7 +145,7 @@ def refine(
         objection = _objection(was - now, before, after)
         return nothing._replace(
             accepted=not objection,
-            reason=objection or "the simulation follows the motion kept aside more closely",
+            reason=objection or "the simulation follows the held-out motion more closely",
             effects=found if objection else refined,
             refined=named(theta),
             stderr=named(problem.stderr(theta)),
@@ -166,8 +166,9 @@ def _prove(
     aside: np.ndarray,
     held_out: float,
 ) -> tuple[np.ndarray, Proof, np.ndarray]:
-    """Error (V,) of each window kept aside, what they say together, and the torque balance's
-    residual (N, J).
+    """Return the error (V,) of each held-out window, and their summary.
+
+    Also return the torque balance's residual (N, J).
     """
     errors, lost = problem.score(theta, proving)
     rows, residual = balance(signals, model.effects, effects, held_out)
@@ -183,21 +184,22 @@ def _prove(
 
 
 def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
-    """Why the refined parameters are not to be used, given by how much each window's error (V,)
-    fell; or nothing.
+    """Return why the refined parameters are not to be used; empty if they are.
+
+    ``drop`` (V,) is how much each window's error fell.
     """
     if after.lost > before.lost:
-        return "the simulation runs away in more windows than before"
+        return "the simulation diverges in more windows than before"
     if not after.score < (1.0 - LEAST_GAIN) * before.score:
-        return f"the error of motion kept aside does not fall by {LEAST_GAIN:.0%}"
+        return f"the error of held-out motion does not fall by {LEAST_GAIN:.0%}"
     if not drop.mean() > SURE * drop.std(ddof=1) / np.sqrt(len(drop)):
-        return "the error of motion kept aside falls by no more than its uncertainty"
+        return "the error of held-out motion falls by no more than its uncertainty"
     if _dearer(before.torque_rms, after.torque_rms):
-        return f"the error of torques kept aside grows by more than {DEARER:.0%}"
+        return f"the error of held-out torques grows by more than {DEARER:.0%}"
     horizon = max(before.rollout_rms, key=float)
     if _dearer(before.rollout_rms[horizon], after.rollout_rms[horizon]):
         return (
-            f"the error after {horizon} s of motion kept aside grows by more than {DEARER:.0%} on a"
+            f"the error after {horizon} s of held-out motion grows by more than {DEARER:.0%} on a"
             " joint"
         )
     return ""
@@ -211,8 +213,9 @@ def _dearer(before: list[float], after: list[float]) -> bool:
 
 
 def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
-    """First instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end; see also
-    ``window_starts``.
+    """Return first instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end.
+
+    See also ``window_starts``.
     """
     starts = []
     for run in signals.slices:
@@ -229,13 +232,14 @@ def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
 
 
 def _senses(effect: Effect) -> bool:
-    """Does the effect lie between the joint and its encoder?"""
+    """Return whether the effect lies between the joint and its encoder."""
     return type(inner(effect)).sense is not Effect.sense
 
 
 def _tied(free: Free, signals: Signals) -> list[np.ndarray]:
-    """Directions (P,) of an effect's parameters that add what a simpler effect on the same joint
-    does: it keeps that part.
+    """Return directions (P,) of an effect's parameters that add what a simpler effect does.
+
+    The simpler effect is on the same joint and keeps that part.
     """
     found, at = [], 0
     where = {

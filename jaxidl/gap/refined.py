@@ -1,4 +1,4 @@
-"""A diagnosis whose parameters were fitted to trajectories, too, and the record of that."""
+"""A diagnosis whose parameters were also fitted to trajectories, and the record of that."""
 
 from dataclasses import replace
 from typing import Any
@@ -18,7 +18,7 @@ from jaxidl.systems.plant import Plant
 
 
 def refined(d: Diagnosis, window: float | None) -> Diagnosis:
-    """See :meth:`jaxidl.gap.diagnosis.Diagnosis.refined`."""
+    """Return the refined diagnosis; see :meth:`jaxidl.gap.diagnosis.Diagnosis.refined`."""
     signals = d.signals
     if signals is None:
         raise ConfigurationError(
@@ -59,8 +59,9 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
 
 
 def _bounds(f: Finding) -> Bounds:
-    """Bounds of a finding's parameters, as wide as its values need: an effect that has others as
-    parts may be beyond its own.
+    """Return bounds of a finding's parameters, as wide as its values require.
+
+    An effect that has others as parts may be beyond its own.
     """
     out = {}
     for name, (low, high) in f.bounds.items():
@@ -70,7 +71,7 @@ def _bounds(f: Finding) -> Bounds:
 
 
 def record(d: Diagnosis) -> dict[str, Any] | None:
-    """What ``report.json`` has under ``refined``."""
+    """Return the content of ``refined`` in ``report.json``."""
     r = d.refinement
     if r is None:
         return None
@@ -101,11 +102,11 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
 
 
 def reported_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
-    """Standard errors (n,) of a refined parameter of the k-th finding: of the scatter between
-    windows and, beside it, the change.
+    """Return standard errors (n,) of a refined parameter of the k-th finding.
 
-    That torques and motion say different things is a matter of filters and time steps, the same in
-    all windows. No time is known better than to a sampling interval.
+    They combine the scatter between windows and the change. A difference between torques and motion
+    is due to filters and time steps, and the same in all windows. No time is known better than to a
+    sampling interval.
     """
     r = d.refinement
     assert r is not None
@@ -121,8 +122,9 @@ def reported_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
 
 
 def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
-    """A finding with its refined effect and parameters; those without influence on motion keep
-    their standard errors.
+    """Return a finding with its refined effect and parameters.
+
+    Parameters without influence on motion keep their standard errors.
     """
     f = d.findings[k]
     parameters = dict(f.parameters)

@@ -1,5 +1,6 @@
-"""Other explanations of what was found: better ones, once their shapes are fitted, and such as are
-as good.
+"""Other explanations of what was found.
+
+They are better ones, once their shapes are fitted, and equally good ones.
 """
 
 from collections.abc import Iterable
@@ -15,29 +16,29 @@ from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable
 from jaxidl.gap.shapes import fitted
 
-RIVALS = 2  # of each effect that is not common
-ALIKE = 0.005  # of the error: explanations that differ by less are equally good,
-EQUAL = 2.0  # or that differ by so much in the logarithm of the likelihood
-FAR = 40.0  # a rival that promises so much less is not tried
-UNFIT = 0.03  # of a promise: a shape that is not fitted may promise so much less
+RIVALS = 2  # rivals tried of each effect that is not common
+ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
+EQUAL = 2.0  # as are those that differ by less in the log likelihood
+FAR = 40.0  # a rival that promises this much less is not tried
+UNFIT = 0.03  # share by which an unfitted shape may promise less
 
 
 class Tie(NamedTuple):
     """Effects that explain a log equally well."""
 
     found: tuple[Group, ...]
-    instead: tuple[Group, ...]  # each in the place of all that was found
-    # how likely the likeliest of them was beforehand, relative to what was found; at most 1
+    instead: tuple[Group, ...]  # each in place of all that was found
+    # highest prior probability among them, relative to what was found; at most 1
     likely: float
 
 
 def contested(
     score: Score, now: Solution, library: Library, predicted: np.ndarray
 ) -> list[Item] | None:
-    """Return better members, or None: others with fitted shapes in the place of one, or one without
-    its parts.
+    """Return better members, or None.
 
-    A shape that has not been fitted loses against one that has; here both are.
+    They are others with fitted shapes in place of one, or one without its parts. A shape that has
+    not been fitted loses against one that has; here both are fitted.
     """
     rows, changed = library.rows, False
     for m in [m for m in now.members if not m.always]:
@@ -85,16 +86,16 @@ def contested(
 
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
-    """Return the members that are no parts of an effect."""
+    """Return the members that are not parts of an effect."""
     names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
     return [m for m in members if m.always or m.key not in names]
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
-    """Return sets of effects that predict the log as well in each other's place, whatever their
-    prior; the one found first.
+    """Return sets of effects that predict the log equally well in each other's place.
 
-    An effect may take the place of several: what is not needed beside it goes.
+    Their priors do not matter; the one found comes first. An effect may replace several: members
+    that are not needed beside it are dropped.
     """
     sets: dict[tuple[Group, ...], dict[Group, float]] = {}
     for m in [m for m in now.members if not m.always]:
@@ -112,7 +113,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             if set(i.joints) & set(m.joints) and i.key not in {n.key for n in now.members}
         ]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
-        best: dict[Group, Item] = {}  # shape of each effect
+        best: dict[Group, Item] = {}  # best shape of each effect
         for i in sorted(near, key=lambda i: i.odds - promise[id(i)]):
             best.setdefault(i.group, i)
         for i in list(best.values())[: 2 * RIVALS]:
@@ -137,7 +138,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
 
 
 def part(m: Item, whole: Item) -> bool:
-    """Has an effect another one as a part?"""
+    """Return whether an effect has another one as a part."""
     return bool(
         {m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free))
     )

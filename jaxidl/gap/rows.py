@@ -1,5 +1,6 @@
-"""The rows of a log that fits share: what the model leaves of the command there, and which rows are
-fitted, in which blocks.
+"""The rows of a log that fits share.
+
+They hold the model's residual, and say which rows are fitted, in which blocks.
 """
 
 from collections.abc import Sequence
@@ -12,36 +13,38 @@ from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
 from jaxidl.logs.signals import Signals
 
-# of training; residuals of real machines are correlated from sample to sample, blocks hardly are
+# training blocks; samples of real machines are correlated, blocks hardly are
 BLOCKS = 16
-ASIDE = 6  # blocks of the rows kept aside
-# times the rest's highest torque, speed or acceleration: such an end of a log is not kept aside
+ASIDE = 6  # blocks of the held-out rows
+# an end of a log with this many times the rest's peak torque, speed or acceleration is not held out
 FURTHER = 1.2
 STRETCH = 1.5  # see ``kept_rows`` [s]
-# below this multiple of the noise errors count as equal: a changed inertia changes it
+# errors below this multiple of the noise are equal: a changed inertia changes the noise
 NOISE_MARGIN = 1.2
-LEAST_FLOOR = 0.003  # of the command's spread: no simulation is believed to be better
+LEAST_FLOOR = 0.003  # share of the command's spread: no simulation is assumed to be better
 
 
 class Rows(NamedTuple):
-    """N rows of J joints. Of a joint at rest only the last instant of each rest counts, with the
-    torque that broke it away.
+    """N rows of J joints.
+
+    Of a joint at rest only the last instant of each rest counts, with the torque that broke it
+    away.
     """
 
-    gap: Float[np.ndarray, "N J"]  # command less what the model predicts [N or Nm]
+    gap: Float[np.ndarray, "N J"]  # command minus the predicted one [N or Nm]
     command: Float[np.ndarray, "N J"]  # filtered [N or Nm]
     used: Bool[np.ndarray, "N J"]
-    block: np.ndarray  # (N,) number of the block; those kept aside have negative ones, from -1 down
-    floor: Float[np.ndarray, " J"]  # of the noise [N or Nm]
-    spread: Float[np.ndarray, " J"]  # of the command [N or Nm]
+    block: np.ndarray  # (N,) number of the block; held-out blocks count down from -1
+    floor: Float[np.ndarray, " J"]  # noise floor [N or Nm]
+    spread: Float[np.ndarray, " J"]  # spread of the command [N or Nm]
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
-    # (J,) by how much torques are taken as logged later than they were [s]
+    # (J,) by how much later torques are assumed to be logged [s]
     shift: float | np.ndarray = 0.0
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
-        """Return the rows as if torques had been logged ``shift`` (J,) [s] later than they were."""
+        """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
         s = self.signals
         t, each = np.arange(len(s.q)) * s.dt, np.broadcast_to(shift, s.q.shape[1:])
         moved = lambda x: np.concatenate(
@@ -61,11 +64,10 @@ class Rows(NamedTuple):
         )
 
     def evened(self, left: np.ndarray) -> "Rows":
-        """Return the rows with blocks of training that hold like shares of time and of the squares
-        of what is ``left`` (N, J).
+        """Return the rows with training blocks of similar time and residual energy.
 
-        What happens in one moment of a log, a limit that is reached once, is so in several blocks
-        and can be predicted.
+        The energy is that of ``left`` (N, J). What happens in one moment of a log, such as a limit
+        that is reached once, is then in several blocks and can be predicted.
         """
         square = left**2 * self.used * self.training[:, None]
         share = square / np.maximum(square.sum(0), 1e-300)
@@ -77,24 +79,23 @@ class Rows(NamedTuple):
         return self._replace(block=np.where(self.training, number, self.block))
 
     def whole(self) -> "Rows":
-        """Return the rows with none kept aside."""
+        """Return the rows with none held out."""
         return self._replace(block=np.where(self.training, self.block, BLOCKS - 1 - self.block))
 
     @property
     def training(self) -> np.ndarray:
-        """Which rows (N,) are fitted."""
+        """Return which rows (N,) are fitted."""
         return self.block >= 0
 
 
 def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 0.3) -> Rows:
-    """Return the rows of a log and what the model, a rigid body with ``effects``, leaves of the
-    command.
+    """Return the rows of a log with the model's residual there.
 
     Args:
         signals: the log, prepared for the model: what its effects do to the encoders is undone
             there.
-        effects: the model's own.
-        held_out: share of the rows that is kept aside.
+        effects: the model's own effects, in addition to its rigid body.
+        held_out: share of the rows that is held out.
     """
     rows, tau, gap = signals.rows, signals.tau, signals.balance.copy()
     used = signals.moving[rows].copy()
@@ -124,12 +125,12 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
 
 
 def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
-    """Return which of the kept rows (N,) are fitted: all but the last share ``held_out`` of every
-    run.
+    """Return which of the kept rows (N,) are fitted.
 
-    What happens at the end of a log only, saturation in fast motion for one, could neither be found
-    if that end were kept aside nor be shown if it were not. So where the ends hold faster or harder
-    motion than the rest, stretches of ``STRETCH`` seconds each give their own last part.
+    They are all but the last share ``held_out`` of every run. Something that happens only at the
+    end of a log, such as saturation in fast motion, could neither be found if that end were held
+    out nor be verified if it were not. So where the ends contain faster or harder motion than the
+    rest, stretches of ``STRETCH`` seconds each have their own last part held out.
     """
     rows = signals.rows
     counts = [int(np.sum((rows >= r.start) & (rows < r.stop))) for r in signals.slices]
@@ -147,5 +148,5 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
 
 
 def instants_of(signals: Signals, rows: np.ndarray) -> Bool[np.ndarray, " T"]:
-    """Which instants (T,) of the log lie among certain of the kept rows (N,)."""
+    """Return which instants (T,) of the log lie among some of the kept rows (N,)."""
     return np.interp(np.arange(len(signals.q)), signals.rows, rows) > 0.5

@@ -1,14 +1,13 @@
-"""The score of a set of effects: how well it predicts blocks that it was not fitted to, and how
-likely it was beforehand.
+"""The score of a set of effects: its prediction of left-out blocks, and its prior.
 
 score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p)):
 
-* e is the mean squared error of the command on blocks left out, in units of what the envelope
-  leaves. Where effects change what the motor delivers it is taken relative to the share of the
+* e is the mean squared error of the command on blocks left out, in units of the envelope's
+  residual. Where effects change what the motor delivers it is taken relative to the share of the
   command's variance that they let through. At samples where a little more command would deliver no
   more, any command explains the motion: there the command's own variance takes e's place.
-* N is the effective number of samples, which counts the autocorrelation of what the envelope leaves
-  (Bartlett 1946).
+* N is the effective number of samples, which accounts for the autocorrelation of the envelope's
+  residual (Bartlett 1946).
 * p is the effect's prior.
 
 A set costs one small solve for each block (:mod:`jaxidl.gap.gram`).
@@ -22,22 +21,22 @@ from jaxtyping import Float
 
 from jaxidl.gap.gram import Gram, Item
 
-RIDGE = 1e-9  # of each column's own information
-ALIKE = 1e-6  # of what columns add: others that leave less imitate them
+RIDGE = 1e-9  # ridge relative to each column's own information
+ALIKE = 1e-6  # share of what columns add below which others imitate them
 
 
 class Solution(NamedTuple):
-    """A fitted set. P coefficients, B blocks, J joints."""
+    """A fitted set: P coefficients, B blocks, J joints."""
 
     members: tuple[Item, ...]
-    x: Float[np.ndarray, " P"]  # fitted on all blocks of training
-    folds: Float[np.ndarray, "B P"]  # without one each
-    error: Float[np.ndarray, "B J"]  # sum of squares on each block without it [noise^2]
+    x: Float[np.ndarray, " P"]  # fitted on all training blocks
+    folds: Float[np.ndarray, "B P"]  # fitted without one block each
+    error: Float[np.ndarray, "B J"]  # sum of squares on each block, fitted without it [noise^2]
     passed: Float[np.ndarray, " J"]  # share of the command's variance that reaches the joint
     value: float
 
     def of(self, item: Item) -> slice:
-        """Where an item's coefficients are."""
+        """Return where an item's coefficients are."""
         at = 0
         for m in self.members:
             if m is item:
@@ -50,7 +49,7 @@ class Score(Gram):
     """The score of sets of a library's items."""
 
     def __init__(self, *args: Any, **more: Any):
-        """As :class:`jaxidl.gap.gram.Gram`."""
+        """Take the arguments of :class:`jaxidl.gap.gram.Gram`."""
         super().__init__(*args, **more)
         self._known: dict[frozenset[int], Solution] = {}
 
@@ -87,8 +86,9 @@ class Score(Gram):
         )
 
     def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
-        """Return the score of a mean squared error (J,) where shares ``heard`` (J,) of the samples
-        tell of the command.
+        """Return the score of a mean squared error (J,).
+
+        ``heard`` (J,) is the share of samples that contain information about the command.
         """
         said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(
             np.maximum(self.variance, self.floor)
@@ -98,8 +98,10 @@ class Score(Gram):
     def _passed(
         self, members: Sequence[Item], at: np.ndarray, x: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """What actuators let through of each joint's command, or of a little more of it: the share
-        of its variance (J,), and the share of samples that tell (J,).
+        """Return how much of each joint's command actuators let through.
+
+        It is the share of the variance (J,), of the command or of a small additional one, and the
+        share of informative samples (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
         for j, (places, ((xx, xc, cc), (pp, mean, deaf))) in enumerate(self.spread):
@@ -121,8 +123,9 @@ class Score(Gram):
         return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Solutions (F, P) of F normal equations within the bounds; which bounds hold is decided by
-        the first.
+        """Return solutions (F, P) of F normal equations within the bounds.
+
+        The first one decides which bounds are active.
         """
         lower, upper = self.bounds[0][at], self.bounds[1][at]
         if not len(at):
@@ -167,9 +170,7 @@ class Score(Gram):
         return np.clip(x, lower, upper)
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
-        """Return the score of coefficients ``x`` (P,) of a set on the blocks of training
-        themselves.
-        """
+        """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
         at, blocks = self._places(members), len(self.weights)
         _, _, own = self._normal(at)
         scaled, error = x * self.scale[at], np.zeros(len(own))
@@ -186,9 +187,9 @@ class Score(Gram):
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
 
-        What the set leaves is as many things as the score counts samples, the floor below which all
-        errors are equal is one for each block, and what the log does not tell is as wide as was
-        plausible beforehand.
+        The set's residual counts as the effective number of samples, the floor below which all
+        errors are equal counts once per block, and what the log does not determine is as wide as
+        the prior.
         """
         at, blocks = self._places(found.members), len(self.weights)
         gram, _, own = self._normal(at)
@@ -205,7 +206,7 @@ class Score(Gram):
         return inverse @ middle @ inverse / self.scale[at, None] / self.scale[at]
 
     def aside(self, found: Solution) -> np.ndarray:
-        """Return sums of squares (A, J) of a set on the A blocks kept aside [noise^2]."""
+        """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""
         at = self._places(found.members)
         x, rest = found.x * self.scale[at], ~self.training
         error = self.square[rest].copy()
@@ -219,8 +220,9 @@ class Score(Gram):
         return np.maximum(error, 0.0)
 
     def promise(self, members: Iterable[Item]) -> dict[int, float]:
-        """Return a quick estimate of what adding each other item is worth to the score, from the
-        fit on all blocks.
+        """Return a quick estimate of how much each other item would raise the score.
+
+        It is made from the fit on all blocks.
         """
         now = self.solve(members)
         at = self._places(now.members)
@@ -233,7 +235,7 @@ class Score(Gram):
         across = np.linalg.solve(inside, over) if len(at) else over
         left = np.maximum(now.error.sum(0), 1e-9)
         out: dict[int, float] = {}
-        for items, where, own, on in widths:  # all items of one number of columns at once
+        for items, where, own, on in widths:  # all items with the same number of columns at once
             schur = own - np.einsum("anp,anq->npq", over[:, where], across[:, where])
             right = push[where]
             step = np.linalg.solve(schur, right[..., None])[..., 0]
@@ -249,7 +251,7 @@ class Score(Gram):
         return out
 
     def lost(self, now: Solution) -> dict[int, float]:
-        """Return a quick estimate of what dropping each member would cost the score."""
+        """Return a quick estimate of how much the score would fall without each member."""
         at, (gram, _, _) = self._places(now.members), self._whole
         inside = gram[np.ix_(at, at)] + np.diag(
             self.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9
@@ -284,8 +286,9 @@ class Score(Gram):
         return self._with(items=list(items), _known=self._known)
 
     def resampled(self, weights: np.ndarray) -> "Score":
-        """Return the score on blocks drawn with replacement; ``weights`` (B,) say how often each
-        was drawn.
+        """Return the score on blocks drawn with replacement.
+
+        ``weights`` (B,) are how often each was drawn.
         """
         return self._with(weights=weights, _known={})
 
@@ -297,8 +300,9 @@ class Score(Gram):
 
 
 def correlation_time(x: np.ndarray) -> float:
-    """Return by how much the samples ``x`` (N,) count for less because neighbours are alike
-    [samples], at least 1.
+    """Return by which factor samples ``x`` (N,) count for less due to autocorrelation.
+
+    It is in [samples], at least 1.
     """
     f = np.fft.rfft(x - x.mean(), 2 * len(x))
     a = np.fft.irfft(np.abs(f) ** 2)[: len(x)]

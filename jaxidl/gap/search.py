@@ -1,22 +1,22 @@
-"""The search: which effects are missing. One model, one score, one neighbourhood.
+"""The search for missing effects: one model, one score, one neighbourhood.
 
 1. Every effect offers columns of the command that it would add along this log
    (:mod:`jaxidl.gap.library`).
-2. Gram matrices of blocks give the held-out error of any set of effects in one small solve
+2. Gram matrices of blocks give the left-out error of any set of effects in one small solve
    (:mod:`jaxidl.gap.score`); each effect costs its prior, and each of its parameters a factor of
    ten.
-3. Begin with the envelope: everything common, on every joint. It is what conventional
+3. Begin with the envelope: all common effects, on every joint. It is what conventional
    identification reaches.
 4. Improve the set while the score rises: drop one, add one, another shape of one, one for another
    or for all that it can imitate, two for one or two.
-5. Fit the shapes of what was taken (:mod:`jaxidl.gap.shapes`), let what reads the torque read the
-   command as now predicted, and go to 4 until the set stays as it is.
-6. Take out what is on a bound, what its standard error does not tell from zero, what is not
-   physical and what kept-aside blocks do better without, and go to 4; what makes less than the
-   least improvement goes last, and nothing takes its place.
-7. Repeat 4 on resampled blocks. How often an effect is still there, times how likely such a finding
-   is right (:mod:`jaxidl.gap.calibration`), is its confidence. What explains the log as well in its
-   place is said beside it.
+5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), let effects that read the torque read
+   the command as now predicted, and go to 4 until the set no longer changes.
+6. Remove members that are on a bound, that their standard error does not distinguish from zero,
+   that are not physical, or without which held-out blocks are predicted better, and go to 4; those
+   that improve by less than the least improvement go last, and nothing takes their place.
+7. Repeat 4 on resampled blocks. How often an effect is still found, times the probability that such
+   a finding is right (:mod:`jaxidl.gap.calibration`), is its confidence. Effects that explain the
+   log as well in its place are reported with it.
 """
 
 from collections.abc import Callable, Iterable
@@ -29,9 +29,9 @@ from jaxidl.gap.score import Score, Solution
 EPSILON = 1e-6  # least rise of the score
 # of the most promising additions, and replacements of a member, for each joint that they are on
 TRIED = 6
-REPLACED = 4  # of a member's replacements
-NEAR = 5.0  # of the score: by how much a promise may fall short and still be tried
-ENTANGLED = 0.4  # correlation of two coefficients
+REPLACED = 4  # number of a member's replacements tried
+NEAR = 5.0  # difference in score by which a promise may fall short and still be tried
+ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled
 PASSES = 40
 
 
@@ -57,8 +57,9 @@ Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
 
 
 def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
-    """Return the set after all moves that raise the score, best first, each judged where the ones
-    before have led.
+    """Return the set after all moves that raise the score, best first.
+
+    Each move is judged from the set that the ones before have reached.
     """
     ranked = []
     for out, new in moves:
@@ -86,7 +87,7 @@ def without(now: Solution, m: Item) -> list[Item]:
 
 
 def single(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: drop one, add one, another shape of one."""
+    """Return the moves that drop one, add one, or take another shape of one."""
     lost = score.lost(now)
     drops = [
         (frozenset([m]), frozenset()) for m in now.members if not m.always and lost[id(m)] < NEAR
@@ -101,9 +102,7 @@ def single(score: Score, now: Solution) -> list[Move]:
 
 
 def replaced(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: one for another on one of its joints, or one for several that it can
-    imitate.
-    """
+    """Return the moves of one for another on its joints, or one for several that it can imitate."""
     moves = [
         (frozenset(alike), frozenset([i]))
         for i in score.items
@@ -117,8 +116,9 @@ def replaced(score: Score, now: Solution) -> list[Move]:
 
 
 def pairs(score: Score, now: Solution) -> list[Move]:
-    """Return the moves: two members of one joint for one or two others, of those that hang together
-    most.
+    """Return the moves of two members of one joint for one or two others.
+
+    The pairs are the most entangled ones.
     """
     moves = []
     for a, b in entangled(score, now):
@@ -139,12 +139,12 @@ def promising(
     joints: set[int] | None = None,
     out: Iterable[Item] = (),
 ) -> list[Item]:
-    """Return the items that promise most beside ``members``, best first: a few for each joint.
+    """Return the items that promise most beside ``members``, best first, a few for each joint.
 
     Args:
-        value: of the score, that they are to come near.
-        joints: of which they are to touch one.
-        out: what is not to come back. With ``joints``, neither are other shapes of the members.
+        value: the score that they have to come close to.
+        joints: joints of which they have to affect one.
+        out: items that must not come back; with ``joints``, neither do other shapes of the members.
     """
     members = tuple(members)
     promise, least = score.promise(members), value - score.solve(members).value - NEAR
@@ -166,8 +166,10 @@ def promising(
 
 
 def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
-    """Return pairs of members on one joint that may be two wrong ones: of what is not common any
-    two, others if a log determines one beside the other badly.
+    """Return pairs of members on one joint that may both be wrong.
+
+    Of effects that are not common it is any two, of others those that the log determines badly
+    beside each other.
     """
     found = []
     for n, a in enumerate(now.members):

@@ -1,8 +1,8 @@
-"""The shape of an effect on a joint: what a fit may move, within which bounds, and the effect that
-comes of it.
+"""The shape of an effect on a joint.
 
-*Amplitudes* are what an effect is linear in. The other parameters are its shape (a speed, a period,
-a delay ...), of which an effect offers a few to begin with.
+It says what a fit may change, within which bounds, and which effect results. *Amplitudes* are the
+parameters in which an effect is linear. The other parameters are its shape (a speed, a period, a
+delay ...), of which an effect offers a few starting values.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,15 +14,16 @@ import numpy as np
 
 from jaxidl.effects import Effect, OnJoint, Scale
 
-ON_BOUND = 1e-3  # of a value: nearer to a bound it is on it
-MOST_SCALED = 2.0  # what an effect adds may be scaled by so much before its shape is fitted
+ON_BOUND = 1e-3  # relative distance to a bound within which a value is on it
+MOST_SCALED = 2.0  # most by which an effect may be scaled before its shape is fitted
 
 Present = Mapping[tuple[str, int | None], Mapping[str, np.ndarray]]
 
 
 def present(effects: Sequence[Effect]) -> Present:
-    """Return what a model has already: the sums of the parameters of effects of one name and
-    joint.
+    """Return what a model has already.
+
+    It is the sum of the parameters of effects with the same name and joint.
     """
     found: dict[tuple[str, int | None], dict[str, np.ndarray]] = {}
     for effect in effects:
@@ -44,16 +45,17 @@ class Shape(NamedTuple):
     options: Mapping[str, Any]
     within: Mapping[str, tuple[float, float]]
     odds: float = 0.0  # log prior odds of the effect
-    amplitudes: frozenset[str] = frozenset()  # of all shapes of the effect
-    # (A, P): of the amplitudes, those combinations that the effect's parts cannot imitate
+    amplitudes: frozenset[str] = frozenset()  # amplitudes of all shapes of the effect
+    # (A, P) combinations of the amplitudes that the effect's parts cannot imitate
     basis: np.ndarray | None = None
     parts: tuple[
         tuple[str, np.ndarray], ...
     ] = ()  # names of the parts, and the amplitudes (A,) that add what one unit of them adds
 
     def probes(self) -> tuple[list[Effect], np.ndarray]:
-        """Return an effect for each amplitude (P), or one at the values, and by what their
-        additions are to be divided (P,).
+        """Return an effect for each amplitude (P), or one at the values, and divisors (P,).
+
+        What the effects add is to be divided by the divisors.
         """
         if not self.free:
             return [self.effect()], np.ones(1)
@@ -70,8 +72,9 @@ class Shape(NamedTuple):
         return build(self.cls, self.joint, self.joints, {**self.values, **changes}, self.options)
 
     def at(self, x: np.ndarray) -> Effect:
-        """Return the effect with amplitudes ``x`` (P,), or scaled to a first approximation by the
-        one number ``x``.
+        """Return the effect with amplitudes ``x`` (P,).
+
+        An effect without amplitudes is scaled, to a first approximation, by the one number ``x``.
         """
         if not self.free:
             return self.effect(**self.scaled(float(x[0])))
@@ -86,9 +89,7 @@ class Shape(NamedTuple):
         )
 
     def scaled(self, share: float) -> dict[str, np.ndarray]:
-        """Return values of an effect without amplitudes that adds about ``share`` of what it adds
-        at its own.
-        """
+        """Return values at which an effect without amplitudes adds about ``share`` as much."""
         if len(self.values) != 1 or not np.isfinite(self.cls.neutral):
             return {}
         (name,) = self.values
@@ -132,8 +133,9 @@ class Shape(NamedTuple):
 
 
 def sees(shape: Shape) -> bool:
-    """Does what an effect adds depend on the predicted command? It is the same for all shapes of a
-    class.
+    """Return whether what an effect adds depends on the predicted command.
+
+    It is the same for all shapes of a class.
     """
     cls = shape.cls
     if cls not in _SEES:
@@ -141,7 +143,7 @@ def sees(shape: Shape) -> bool:
     return _SEES[cls]
 
 
-# asked for every column of every set: an effect is not built each time
+# called for every column of every set, so an effect is not built each time
 _SEES: dict[type[Effect], bool] = {}
 
 
@@ -152,8 +154,9 @@ def build(
     values: Mapping[str, Any],
     options: Mapping[str, Any],
 ) -> Effect:
-    """Return an effect of the whole mechanism from values of one joint, or of all if it belongs to
-    no one.
+    """Return an effect of the whole mechanism from values of one joint.
+
+    The values are those of all joints if it belongs to none.
     """
     own = cls.alone() and joint is not None
     arrays = {
@@ -167,16 +170,16 @@ def build(
 def shapes_of(
     cls: type[Effect], scale: Scale, own: Present = MappingProxyType({}), changed: bool = False
 ) -> list[Shape]:
-    """Return the shapes that an effect offers on a joint. Shapes that compete share the effect's
-    prior.
+    """Return the shapes that an effect offers on a joint.
 
-    Beside what the model has of it (``own``) an effect may be less by as much. Where it is asked
-    what ``changed`` since another log, the prior is that of a change.
+    Shapes that compete share the effect's prior. Where the model has the effect already (``own``),
+    it may also be less by as much. If the question is what ``changed`` since another log, the prior
+    is that of a change.
     """
     found = []
     variants = cls.variants(scale)
     amplitudes = frozenset(name for v in variants for name in v.free)
-    # where each begins is no choice: fits move it
+    # the starting value is no choice between shapes: fits change it
     rivals = len({v.free for v in variants}) if not cls.linear else 1
     for variant in variants:
         values = {name: np.asarray(variant.values.get(name, 0.0), float) for name in cls.parameters}
@@ -196,7 +199,7 @@ def shapes_of(
         for n, value in less.items():
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
             within[n] = (low - max(value, 0.0), high)
-        if changed:  # it may be less, too: a load that is gone
+        if changed:  # it may also be less, such as a load that is gone
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
         prior = (
             cls.changes if changed else cls.prior if variant.prior is None else variant.prior
@@ -219,12 +222,12 @@ def shapes_of(
 
 
 def parameters(shape: Shape) -> int:
-    """Return how many parameters a fit may move beside the amplitudes."""
+    """Return how many parameters besides the amplitudes a fit may change."""
     return sum(np.size(shape.values[n]) for n in movable(shape))
 
 
 def movable(shape: Shape) -> tuple[str, ...]:
-    """Return names of the parameters beside the amplitudes that a fit may move."""
+    """Return names of the parameters besides the amplitudes that a fit may change."""
     cls = shape.cls
     if cls.linear:
         return ()
@@ -250,7 +253,7 @@ def amplitudes(shape: Shape) -> int:
 
 
 def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
-    """Return the shape with the parameters beside its amplitudes set from theta (P,)."""
+    """Return the shape with the parameters besides its amplitudes set from theta (P,)."""
     names, rest = movable(shape), np.asarray(theta, float)[amplitudes(shape) :]
     parts = (
         np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
@@ -260,8 +263,9 @@ def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
 
 
 def vector(shape: Shape, x: np.ndarray) -> np.ndarray:
-    """Return parameters theta (P,) of a shape whose coefficients are ``x``: its amplitudes, or how
-    much of it is there.
+    """Return parameters theta (P,) of a shape whose coefficients are ``x``.
+
+    Its amplitudes come first, or the share of it that is there.
     """
     values = shape.values if shape.free else {**shape.values, **shape.scaled(float(x[0]))}
     own = x if shape.free else np.zeros(0)
@@ -276,7 +280,7 @@ def limits(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def on_bound(shape: Shape, theta: np.ndarray) -> bool:
-    """Is a parameter beside the amplitudes on a bound of what is plausible, or as good as?"""
+    """Return whether a parameter besides the amplitudes is on, or very near, a plausible bound."""
     low, high = limits(shape)
     rest, near = np.arange(len(low)) >= amplitudes(shape), ON_BOUND * np.abs(theta)
     return bool(np.any(rest & ((theta <= low + near) | (theta >= high - near))))

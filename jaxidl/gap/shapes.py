@@ -1,8 +1,8 @@
-"""The shapes of effects, fitted: speeds, periods, delays ... of those that a search has taken.
+"""Fits of the shapes of effects: speeds, periods, delays ... of those that a search chose.
 
-One effect after the other: of what it adds, and of its derivatives, all that the other members can
-imitate is projected out (variable projection, Golub and Pereyra 1973); bounded least squares then
-move all of its free parameters.
+Effects are fitted one after the other: what the other members can imitate is projected out of what
+an effect adds and of its derivatives (variable projection, Golub and Pereyra 1973); bounded least
+squares then change all of its free parameters.
 """
 
 from typing import NamedTuple
@@ -19,14 +19,12 @@ from jaxidl.gap.shape import Shape, amplitudes, at_parameters, effect_at, limits
 
 EVALUATIONS = 20
 CLEAR = 2.0  # rise of the log likelihood
-PULLS = (30.0, 3.0)  # back to where a fit began, relative to what one effective sample says
-SMALL = 1e-4  # of a parameter: the step of a difference
+PULLS = (30.0, 3.0)  # pulls towards the start of a fit, in units of one effective sample
+SMALL = 1e-4  # relative step of a parameter for differences
 
 
 class Tangent(NamedTuple):
-    """What an effect adds at parameters theta (P,), amplitudes first, and the derivatives of
-    that.
-    """
+    """The torque that an effect adds at parameters theta (P,), and its derivatives."""
 
     value: np.ndarray  # (N, J) [N or Nm]
     columns: np.ndarray  # (P, N, J)
@@ -47,7 +45,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         left[j] = rows.gap[use[j], j] / noise[j]
 
     def projected(x: np.ndarray) -> np.ndarray:
-        """Stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
+        """Return stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
         parts = [x[:, use[j], j].T / noise[j] for j in m.joints]
         return np.concatenate(
             [p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)]
@@ -67,7 +65,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     begin = np.clip(start, lower + inside, upper - inside)
 
     def minimum(pull: np.ndarray) -> np.ndarray:
-        """The best parameters with a ``pull`` (Q, P) back to where they began."""
+        """Return the best parameters with a ``pull`` (Q, P) back to where they began."""
         return least_squares(
             lambda theta: np.append(
                 wanted - projected(at(theta).value[None])[:, 0], pull @ (theta - begin)
@@ -82,7 +80,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         ).x
 
     best = minimum(np.zeros((0, len(begin))))
-    if on_bound(shape, best):  # what the log does not say stays near where it began
+    if on_bound(shape, best):  # what the log does not determine stays near its start
         square = lambda theta: float(np.sum((wanted - projected(at(theta).value[None])[:, 0]) ** 2))
         least = sum(use[j].sum() * score.floor[j] for j in m.joints)
         alike = max(score.effective[list(m.joints)].sum(), 1.0)
@@ -93,7 +91,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         best = next((theta for theta in pulled if square(theta) <= good), best)
     shape = at_parameters(shape, best)
     fresh = item(shape, *columns_of([shape], rows, predicted))
-    # so fitted it does nothing: it stays what it was, and the search will drop it
+    # fitted like this it does nothing: it stays what it was, and the search will drop it
     if not fresh.joints:
         return m
     return pushed([fresh], rows, predicted)[0]

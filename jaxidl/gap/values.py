@@ -1,11 +1,10 @@
-"""The effects of a set with all of their parameters, as they are handed out: physical, and with
-standard errors.
+"""The effects of a set with all of their parameters, physical and with standard errors.
 
 A standard error has two parts: the jackknife's over blocks, of all parameters of all effects
 together, and that of least squares with the effective number of samples
-(:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself repeats what the model
-gets wrong, and its blocks scatter less than they are wrong. No time is known better than to a
-sampling interval.
+(:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself also repeats the errors of
+the model, and its blocks scatter less than their errors. No time is known better than to a sampling
+interval.
 """
 
 from collections.abc import Sequence
@@ -31,7 +30,7 @@ class Value(NamedTuple):
     key: Key
     items: tuple[Item, ...]
     effect: Effect  # ready for a plant
-    # value and standard error of those that were fitted
+    # value and standard error of the fitted parameters
     parameters: dict[str, tuple[np.ndarray, np.ndarray]]
 
 
@@ -42,14 +41,14 @@ def values(
     score: Score,
     predicted: np.ndarray,
 ) -> list[Value]:
-    """Return the effects of a set, fitted to all rows of training.
+    """Return the effects of a set, fitted to all training rows.
 
     Args:
         members: the set.
-        x: coefficients of each member, where to begin.
-        rows: those to fit: N rows of J joints.
-        score: that the members were found with; its noise is the joints' weight.
-        predicted: (T, J) command as the set predicts it [N or Nm].
+        x: coefficients of each member to begin with.
+        rows: the rows to fit: N rows of J joints.
+        score: the score with which the members were found; its noise is the joints' weight.
+        predicted: (T, J) command predicted by the set [N or Nm].
     """
     starts = [v if _plain(m) else vector(m.shape, v) for m, v in zip(members, x, strict=True)]
     tangents, gap = [], rows.gap.copy()
@@ -90,14 +89,14 @@ def values(
 
 
 def _plain(m: Item) -> bool:
-    """Are a member's coefficients all of its parameters?"""
+    """Return whether a member's coefficients are all of its parameters."""
     return m.always or m.shape is None or not movable(m.shape)
 
 
 def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
-    """Parts of effects with a shape, named as their whole: its key by theirs."""
+    """Return parts of effects with a shape, named as their whole: its key by theirs."""
     found: dict[Key, Key] = {}
-    # what two logs have in common is no finding, nor a part of one
+    # what two logs have in common is neither a finding nor a part of one
     own = [m for m in members if not m.always]
     keys = {m.key for m in own}
     for m in own:
@@ -109,9 +108,9 @@ def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
 
 
 class _Fit(NamedTuple):
-    """Coefficients of all members, side by side. P coefficients, B blocks."""
+    """Coefficients of all members, side by side: P coefficients, B blocks."""
 
-    places: list[slice]  # of each member's
+    places: list[slice]  # of each member
     x: np.ndarray  # (P,)
     folds: np.ndarray  # (B, P) without one block each
     covariance: np.ndarray  # (P, P)
@@ -128,8 +127,9 @@ def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> _Fit:
 def _value(
     key: Key, whole: list[tuple[Item, slice]], taken: list[tuple[str, slice]], fit: _Fit, dt: float
 ) -> Value:
-    """An effect of one or several items (a rotor and a body, say), with its parts' share put into
-    its own parameters.
+    """Return an effect of one or several items, such as a rotor and a body.
+
+    Its parts' share is added to its own parameters.
     """
     items = tuple(i for i, _ in whole)
     shape: Shape = items[0].shape
@@ -154,7 +154,7 @@ def _value(
         [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])],
     )
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
-    hidden = shape.cls.internal  # settled into others, all of which are then shown
+    hidden = shape.cls.internal  # converted into others, all of which are then shown
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
     read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
     parameters = {}
@@ -171,8 +171,9 @@ def _value(
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
-    """The coefficients (A, P), moved by a standard error in each of the A directions of some of
-    them.
+    """Return the coefficients (A, P), moved by a standard error in A directions.
+
+    These are those of some of the coefficients.
     """
     own = np.concatenate([np.arange(p.start, p.stop) for p in places])
     size, u = np.linalg.eigh(fit.covariance[np.ix_(own, own)])

@@ -9,9 +9,9 @@ from jaxidl.gap.experiments import experiment
 from jaxidl.gap.localise import Place
 from jaxidl.systems.mjcf import Model
 
-FEW = 6  # effects that a summary names
+FEW = 6  # most effects that a summary names
 SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
-MOST = 1e4  # times the command: of a joint that no command moves
+MOST = 1e4  # times the command: no command moves such a joint
 
 
 def summarise(
@@ -24,10 +24,10 @@ def summarise(
     model: Model,
     reference: bool = False,
 ) -> str:
-    """Return a few sentences: the verdict, what was found, what it is worth, what is left.
+    """Return a few sentences: the verdict, the findings, the improvement, what is unexplained.
 
     Args:
-        reference: the log was compared with an earlier one, so findings are what has changed.
+        reference: the log was compared with an earlier one, so findings are changes.
     """
     sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
     out = [
@@ -55,16 +55,16 @@ def summarise(
             for j in known
         ]
         out.append(
-            "Torque error on the data kept aside, relative to the command, before → after: "
+            "Torque error on held-out data, relative to the command, before → after: "
             + "; ".join(changes)
             + "."
         )
     for a in ambiguous:
-        names = " or ".join(
+        names = " and ".join(
             readable(name) + (f" on {model.names[j]}" if j is not None else "")
             for name, j in a.candidates
         )
-        out.append(f"This log cannot tell between {names}. To separate them, {a.experiment}.")
+        out.append(f"This log cannot distinguish {names}. To separate them, {a.experiment}.")
     return " ".join(out)
 
 
@@ -77,7 +77,7 @@ def headline(
         verdict: named, nothing_missing, ambiguous or unexplained.
         sure: number of effects that are certain.
         suspected: number of those that are not.
-        unexplained: names of the joints of which much is left.
+        unexplained: names of the joints with a large residual.
         reference: the log was compared with an earlier one.
     """
     several = sure != 1
@@ -89,9 +89,10 @@ def headline(
     )
     if verdict == "unexplained":
         left = (
-            f"Something is left on {listed(unexplained)} that no effect of the catalogue explains."
+            f"Part of the residual on {listed(unexplained)} is not explained by any effect of the"
+            " catalogue."
         )
-        return f"{left} {lacks} for certain all the same." if sure else left
+        return f"{left} {lacks} for certain." if sure else left
     if verdict == "nothing_missing":
         nothing = (
             "Nothing has changed since the reference log" if reference else "Nothing is missing"
@@ -117,7 +118,7 @@ def headline(
 
 
 def listed(names: Sequence[str]) -> str:
-    """Return names as a sentence has them."""
+    """Return names as a list within a sentence."""
     return (
         " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
         or "some joint"
@@ -125,18 +126,19 @@ def listed(names: Sequence[str]) -> str:
 
 
 def judged(relative: float) -> bool:
-    """Is a torque error relative to the command a number that means something?"""
+    """Return whether a torque error relative to the command is a meaningful number."""
     return bool(abs(relative) < MOST)
 
 
 def readable(name: str) -> str:
-    """Return an effect's name for a person."""
+    """Return an effect's name in readable form."""
     return " ".join(SPELLED.get(word, word) for word in name.split("_"))
 
 
 def number(estimate: Estimate) -> str:
-    """Return a parameter with unit and standard error: each of up to three numbers, of a table its
-    range and mean error.
+    """Return a parameter with unit and standard error.
+
+    Up to three numbers are given each; of a longer table its range and mean error.
     """
     unit = "" if estimate.unit == "1" else f" {squared(estimate.unit)}"
     if not isinstance(estimate.value, list):
@@ -155,8 +157,9 @@ def number(estimate: Estimate) -> str:
 
 
 def plus_minus(value: float, stderr: float) -> str:
-    """Return a value and its standard error, of which two digits are written, and of the value as
-    many decimals.
+    """Return a value and its standard error.
+
+    The error has two digits, the value as many decimals.
     """
     if not np.isfinite(value):
         return "-"
@@ -169,8 +172,10 @@ def plus_minus(value: float, stderr: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as a percentage with two digits, or all it has before the point; a dash for
-    one that means nothing.
+    """Return a share as a percentage with two significant digits.
+
+    More digits appear if there are more before the point; a dash stands for a share without
+    meaning.
     """
     if not judged(share):
         return "-"

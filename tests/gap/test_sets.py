@@ -398,7 +398,7 @@ def test_each_objection_is_raised_where_it_holds(planted):
     then = turned.solve(truth)
     assert (
         objection(turned, then, pool[0], 0.05, DT)
-        == "data kept aside are predicted better without it"
+        == "held-out data are predicted better without it"
     )
     once = rows.gap.copy()
     # in one block only, which is no scatter

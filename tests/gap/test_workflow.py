@@ -201,7 +201,7 @@ def test_result_depends_on_log_and_model_alone(tmp_path):
         ({"effects": ["coulomb"]}, "coulomb_friction"),
         ({"effects": []}, "at least one effect"),
         ({"held_out": 0.9}, "held-out"),
-        ({"min_gain": 0.0}, "least gain"),
+        ({"min_gain": 0.0}, "least improvement"),
     ],
 )
 def test_wrong_options_are_explained(tmp_path, options, words):
