@@ -38,8 +38,9 @@ class Judged(NamedTuple):
 
 
 def judge(report: dict[str, Any]) -> list[Judged]:
-    """Every effect that is hidden or named, of a report with its ``truth`` (see
-    :func:`jaxidl.arm.hidden.find`).
+    """Judge every effect that is hidden or named, of a report with its ``truth``.
+
+    The truth is that of :func:`jaxidl.arm.hidden.find`.
     """
     hidden = {(row["effect"], row["joint"]): row for row in report["truth"]}
     sizes = {(e["effect"], e["joint"]): size_of(e) for e in report["effects"]}
@@ -78,8 +79,9 @@ def judge(report: dict[str, Any]) -> list[Judged]:
 
 
 def size_of(effect: dict[str, Any]) -> float:
-    """One number for a named effect: its first parameter, of a ripple the amplitude, of a link the
-    mass (a rotor has none).
+    """Return one number for a named effect: its first parameter.
+
+    Of a ripple the amplitude, of a link the mass; a rotor has none.
     """
     values = {name: p["value"] for name, p in effect["parameters"].items()}
     if effect["effect"] == "torque_ripple":
@@ -90,7 +92,7 @@ def size_of(effect: dict[str, Any]) -> float:
 
 
 def as_text(report: dict[str, Any]) -> str:
-    """The judgement as a Markdown table."""
+    """Return the judgement as a Markdown table."""
     cells = []
     for row in judge(report):
         joint = "" if row.joint is None else row.joint + 1

@@ -45,7 +45,7 @@ class Logged:
     seed: int = 1
 
     def study(self) -> ArmStudy:
-        """The arm's study with these goals."""
+        """Return the arm's study with these goals."""
         rng = np.random.default_rng(self.seed)
         low, high = 0.8 * compiled().jnt_range.T
         middle = np.mean(GOALS, axis=0)
@@ -57,8 +57,9 @@ class Logged:
 
 
 def record(logged: Logged) -> dict[str, np.ndarray]:
-    """What a robot would log: ``time`` (T,), encoder readings ``q`` (T, 7) [rad] and commands
-    ``tau`` (T, 7) [Nm].
+    """Record what a robot would log.
+
+    ``time`` (T,) [s], encoder readings ``q`` (T, 7) [rad] and commands ``tau`` (T, 7) [Nm].
 
     The true arm moves in MuJoCo's C engine at half the log's interval, with the benchmark's
     effects: nothing of what is to find them. It follows the study's desired motion under stiff
@@ -77,7 +78,7 @@ def record(logged: Logged) -> dict[str, np.ndarray]:
 
 
 def injected(study: ArmStudy) -> list[Injected]:
-    """The arm's hidden effects as the benchmark has them."""
+    """Return the arm's hidden effects as the benchmark has them."""
     h, made = study.hidden, list[Injected]()
     for j in range(JOINTS):
         ripple = {"amplitude": h.ripple[j], "period": h.ripple_period[j], "phase": 0.0}
@@ -93,7 +94,7 @@ def injected(study: ArmStudy) -> list[Injected]:
 
 
 def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], float]:
-    """What is to be found: effect and joint, and its size in the effect's unit."""
+    """Return what is to be found: effect and joint, and its size in the effect's unit."""
     found: dict[tuple[str, int | None], float] = {}
     for name, values in (
         ("viscous_friction", hidden.viscous),
@@ -113,8 +114,9 @@ def truth(hidden: Hidden, delay: float = 1e-3) -> dict[tuple[str, int | None], f
 def visible(
     rows: dict[tuple[str, int | None], float], logged: Logged, log: Path, model: Path
 ) -> dict[Any, float]:
-    """How large the torque is that each hidden effect makes along the log, in noise floors of the
-    joint that shows it most.
+    """Return how large the torque of each hidden effect is along the log.
+
+    In noise floors of the joint that shows it most.
 
     What makes less than ``TOO_SMALL`` of them (:mod:`jaxidl.arm.found`) is nothing that this log
     can tell beside all else.

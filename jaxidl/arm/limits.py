@@ -25,13 +25,13 @@ class Ambiguity:
     seeds: tuple[int, ...] = (1, 2, 3)
     source: str = "joint"
 
-    def study(self, told: bool) -> ArmStudy:
-        """The arm's study with this task; is the network ``told`` what is carried?"""
+    def study(self, informed: bool) -> ArmStudy:
+        """Return the arm's study with this task; with ``informed`` the load is a network input."""
         base = ArmStudy()
         lap = len(GOALS) * base.seconds_each
         model = (
             replace(base.error_model, circumstance_scales=(self.mass,))
-            if told
+            if informed
             else base.error_model
         )
         return replace(
@@ -43,14 +43,14 @@ class Ambiguity:
         )
 
 
-def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
-    """Learning on two laps, of one ``seed``.
+def two_laps(task: Ambiguity, informed: bool, seed: int) -> Arrays:
+    """Learn on two laps, with one ``seed``.
 
     Returns:
         ``feedback_mse`` (K, 2) of K executions, with the load and without it [Nm^2], and which of
         them are ``finite`` (K,).
     """
-    study = task.study(told)
+    study = task.study(informed)
 
     @jax.jit
     def run(seed: Any) -> Any:
@@ -66,7 +66,7 @@ def two_laps(task: Ambiguity, told: bool, seed: int) -> Arrays:
 
 
 def identity(task: Ambiguity) -> dict[str, Any]:
-    """All that determines a run besides what is told and the seed."""
+    """Return all that determines a run besides the seed and whether the load is an input."""
     return {
         "arm": task.study(True).to_dict(),
         "source": task.source,
@@ -76,5 +76,5 @@ def identity(task: Ambiguity) -> dict[str, Any]:
 
 
 def quick(task: Ambiguity) -> Ambiguity:
-    """The same in a minute."""
+    """Return the same task for a minute's work."""
     return replace(task, executions=3, seeds=task.seeds[:1])

@@ -37,7 +37,7 @@ class PickAndPlace:
     seeds: tuple[int, ...] = (1, 2, 3)
 
     def study(self, rate: float) -> ArmStudy:
-        """The arm's study with this task, and a DOOMED of this ``rate`` [1/s]."""
+        """Return the arm's study with this task and a DOOMED of this learning ``rate`` [1/s]."""
         start, pick, over, place = map(_pose, poses())
         held = Load(self.seconds_each, 4.0 * self.seconds_each, self.mass)
         return ArmStudy(
@@ -52,7 +52,7 @@ class PickAndPlace:
 
 @cache
 def poses() -> tuple[np.ndarray, ...]:
-    """Joint positions (7,) above the pick, at it, above the place, at it [rad]."""
+    """Return joint positions (7,) [rad] above the pick, at it, above the place, at it."""
     start = reach(PICK + ABOVE, NEAR)
     over = reach(PLACE + ABOVE, start)
     return start, reach(PICK, start), over, reach(PLACE, over)
@@ -63,7 +63,7 @@ def _pose(q: np.ndarray) -> tuple[float, ...]:
 
 
 def lowest(found: Arrays) -> float:
-    """The lowest rate that lifts the tool, of what :func:`lifting_rates` found.
+    """Return the lowest rate that lifts the tool, of those that :func:`lifting_rates` tried.
 
     Raises:
         ConfigurationError: if none does.
@@ -78,8 +78,9 @@ def lowest(found: Arrays) -> float:
 
 
 def lifting_rates(task: PickAndPlace) -> Arrays:
-    """How far up the way each of ``rates`` (R,) has ``lifted`` (R,) the tool at the end of the
-    lift, without any learning [-].
+    """Try learning ``rates`` (R,) of DOOMED without an error model.
+
+    Returns how far up the way each has ``lifted`` (R,) the tool at the end of the lift [-].
     """
     study = task.study(1.0)
     end = round(2 * task.seconds_each / study.dt)
@@ -100,8 +101,9 @@ def lifting_rates(task: PickAndPlace) -> Arrays:
 
 
 def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> Arrays:
-    """Executions with ``task.executions`` − 1 trainings on data of one ``source`` between them, of
-    one ``seed``.
+    """Learn pick and place on data of one ``source``, with one ``seed``.
+
+    There are ``task.executions`` executions, and a training between each two.
 
     Returns:
         Of K executions: ``feedback_mse`` (K,) [Nm^2], mean and largest ``path_error``,
@@ -131,11 +133,11 @@ def pick_and_place(task: PickAndPlace, rate: float, source: str, seed: int) -> A
 
 
 def identity(task: PickAndPlace, rate: float) -> dict[str, Any]:
-    """All that determines a run at a ``rate`` besides source and seed."""
+    """Return all that determines a run at a ``rate`` besides source and seed."""
     of = {"arm": task.study(rate).to_dict(), "executions": task.executions, "noise": NOISE}
     return of | {"rates": RATES, "every": EVERY, "pick": PICK.tolist(), "place": PLACE.tolist()}
 
 
 def quick(task: PickAndPlace) -> PickAndPlace:
-    """The same in a minute."""
+    """Return the same task for a minute's work."""
     return replace(task, executions=2, seeds=task.seeds[:1])

@@ -43,8 +43,9 @@ class RealTimeError(JaxidlError):
 
 
 def latency(file: Path, rounds: int) -> list[dict[str, Any]]:
-    """:func:`rows` of the exported feedforward in ``file``, measured in a process of its own on one
-    core.
+    """Measure the exported feedforward in ``file``, in a process of its own on one core.
+
+    Returns its :func:`rows`.
     """
     with tempfile.TemporaryDirectory() as name:
         to = Path(name) / "rows.json"
@@ -63,8 +64,9 @@ def latency(file: Path, rounds: int) -> list[dict[str, Any]]:
 
 
 def rows(content: bytes, rounds: int) -> list[dict[str, Any]]:
-    """Times of the exported feedforward, of the rigid body alone, and of MuJoCo's inverse dynamics
-    in C, ``rounds`` calls each.
+    """Time the exported feedforward, the rigid body alone, and MuJoCo's inverse dynamics in C.
+
+    ``rounds`` calls each.
 
     For the process that does nothing else: it takes the system's highest priority if it may.
     """
@@ -81,7 +83,7 @@ def rows(content: bytes, rounds: int) -> list[dict[str, Any]]:
     for call in calls.values():
         for _ in range(WARM):
             call(*np.zeros((3, JOINTS)))
-    first = hurry()
+    first = take_priority()
     found = []
     for name, seconds in at_one_kilohertz(calls, rounds).items():
         median, most, nearly_all = (1e6 * float(x) for x in np.percentile(seconds, (50, 99, 99.9)))
@@ -100,17 +102,15 @@ def rows(content: bytes, rounds: int) -> list[dict[str, Any]]:
     return found
 
 
-def compiled(function: Callable) -> Call:
-    """A function of three (7,) arrays, compiled, that takes NumPy's arrays and returns one."""
+def compiled(function: Callable[..., Any]) -> Call:
+    """Compile a function of three (7,) arrays; it takes NumPy's arrays and returns one."""
     joints = jax.ShapeDtypeStruct((JOINTS,), np.float32)
     program = jax.jit(function).lower(joints, joints, joints).compile()
     return lambda *state: np.asarray(program(*(x.astype(np.float32) for x in state)))
 
 
-def hurry() -> bool:
-    """Real-time habits, once all is compiled. Returns whether this process now goes before all
-    ordinary ones.
-    """
+def take_priority() -> bool:
+    """Ask for real-time priority, once all is compiled; return whether it was granted."""
     gc.collect()
     gc.freeze()
     gc.disable()  # nothing in the loop makes cycles; a collection would stop it for milliseconds
@@ -123,7 +123,7 @@ def hurry() -> bool:
 
 
 def at_one_kilohertz(calls: dict[str, Call], rounds: int) -> dict[str, Float[np.ndarray, " N"]]:
-    """Seconds (rounds,) of each call, and by how much each of the sleeps before was too long."""
+    """Return seconds (rounds,) of each call, and by how much each sleep was too long."""
     states = (
         np.random.default_rng(0).normal(size=(rounds, 3, JOINTS))
         * np.array([1.0, 1.0, 10.0])[:, None]

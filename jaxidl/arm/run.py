@@ -48,7 +48,7 @@ class ArmRun:
     rounds: int = 20_000  # of the loop at 1 kHz
 
     def identity(self) -> dict[str, Any]:
-        """All that determines a result of the study besides the labels of runs."""
+        """Return all that determines a result of the study besides the labels of runs."""
         return {
             "arm": self.arm.to_dict(),
             "iterations": self.grid.executions,
@@ -56,8 +56,9 @@ class ArmRun:
         }
 
     def settings(self) -> dict[str, Any]:
-        """What each experiment's results are results of, ready for JSON; more seeds or noise levels
-        may join them later.
+        """Return the settings that determine each experiment's results, ready for JSON.
+
+        Seeds and noise levels are left out: more of them may join later.
         """
         without = lambda settings: {k: v for k, v in asdict(settings).items() if k != "seeds"}
         study = self.identity()
@@ -73,9 +74,7 @@ class ArmRun:
 
 
 def quick(run: ArmRun) -> ArmRun:
-    """The same in minutes: two seeds, one noise level, four executions, less training, a shorter
-    log.
-    """
+    """Return the same run for minutes: two seeds, one noise level, less training, a shorter log."""
     arm = replace(run.arm, training=Training(epochs=12, batch=256))
     logged = replace(run.logged, goals=16)
     return ArmRun(arm, study.QUICK, pick.quick(run.task), limits.quick(run.laps), logged, 3000)
@@ -95,7 +94,10 @@ class Job:
     def piece(
         self, name: str, make: Callable[[], Arrays], of: Mapping[str, Any] | None = None
     ) -> Arrays:
-        """The piece ``name``, which the study determines, or else the settings ``of``."""
+        """Return the piece ``name``, computed if need be.
+
+        It is determined by the study or, where given, by the settings ``of``.
+        """
         pieces = self.pieces if of is None else self.pieces.of({**of, "precision": PRECISION})
         found = pieces.load(name)
         if found is None:
@@ -133,13 +135,13 @@ class Job:
         } | numbers
 
     def limits(self) -> dict[str, Any]:
-        """Two laps, with and without a load, for a network that is told and one that is not."""
+        """Learn two laps, with and without a load, with and without the load as an input."""
         laps, found, finite = self.run.laps, {}, {}
         of = limits.identity(laps)
-        for told in (False, True):
-            name = "told" if told else "untold"
+        for informed in (False, True):
+            name = "informed" if informed else "uninformed"
             pieces = [
-                self.piece(f"laps-{told}-{s}", partial(limits.two_laps, laps, told, s), of)
+                self.piece(f"laps-{informed}-{s}", partial(limits.two_laps, laps, informed, s), of)
                 for s in laps.seeds
             ]
             found[name], finite[name] = (
@@ -148,7 +150,7 @@ class Job:
         return found | {"finite": finite}
 
     def latency(self) -> list[dict[str, Any]]:
-        """A trained feedforward as a file, and its time at 1 kHz."""
+        """Write a trained feedforward as a file, and time it at 1 kHz."""
         of = f"{min(self.run.grid.noise)!r}-{self.run.grid.seeds[0]}"
         weights = self.piece(f"trained-{of}", lambda: study.trained(self.run.arm, self.run.grid))
         file = self.out / FEEDFORWARD
@@ -160,7 +162,7 @@ class Job:
         return json.loads(str(rows["rows"]))
 
     def gap(self) -> dict[str, Any]:
-        """What the gap workflow finds of what is hidden."""
+        """Run the gap workflow on a log of the arm, and compare with what is hidden."""
         logged = self.run.logged
         find = partial(
             hidden.find,
@@ -281,8 +283,9 @@ def _earlier(out: Path) -> dict[str, Any]:
 
 
 def headline_of(data: xr.Dataset) -> xr.Dataset:
-    """One condition: causal accelerations where there are any, the noise nearest to a good
-    encoder's; dims (source, seed, …).
+    """Select one condition: causal accelerations and a good encoder's noise, if there.
+
+    Dims (source, seed, …).
     """
     acceleration = (
         HEADLINE[0] if HEADLINE[0] in data.acceleration.values else data.acceleration.values[0]

@@ -66,7 +66,7 @@ class Load(NamedTuple):
 
 
 def carrying(plant: Plant, circumstances: Circumstances) -> Plant:
-    """The arm with so much (1,) [kg] more on its flange."""
+    """Return the arm with so much (1,) [kg] more on its flange."""
     more = lambda effect: (
         effect.replace(mass=effect.mass + circumstances[0])
         if isinstance(effect, Payload)
@@ -114,7 +114,7 @@ class ArmStudy:
             raise one_of("acceleration", self.acceleration, ACCELERATIONS)
 
     def to_dict(self) -> dict[str, Any]:
-        """All numbers, nested, ready for JSON."""
+        """Return all numbers, nested, ready for JSON."""
         return asdict(self) | {"hidden": self.hidden._asdict()}
 
     @property
@@ -123,7 +123,7 @@ class ArmStudy:
         return len(self.goals) * round(self.seconds_each / self.dt)
 
     def effects(self, noise: Scalar) -> tuple[Effect, ...]:
-        """What is hidden in the true arm whose encoders have noise of scale ``noise`` [rad]."""
+        """Return the effects hidden in the true arm; encoder noise has scale ``noise`` [rad]."""
         h = self.hidden
         v = lambda values: jnp.asarray(values, jnp.result_type(float))
         return (
@@ -139,7 +139,7 @@ class ArmStudy:
         )
 
     def carried_mass(self) -> Float[Array, "T 1"]:
-        """What is carried at each step (T, 1) [kg]."""
+        """Return what is carried at each step (T, 1) [kg]."""
         t = jnp.arange(self.steps)[:, None] * self.dt
         shares = [
             m * jnp.clip((t - on) / GRIP, 0.0, 1.0) * jnp.clip((off - t) / GRIP, 0.0, 1.0)
@@ -148,7 +148,7 @@ class ArmStudy:
         return sum(shares, jnp.zeros_like(t))
 
     def task(self) -> Task:
-        """The goals as a sequence of kinematic LQR policies."""
+        """Return the goals as a sequence of kinematic LQR policies."""
         each = round(self.seconds_each / self.dt)
         goals = jnp.asarray(self.goals)
         gains = lqr(goals[0], self.dt, effort=self.effort).gains
@@ -165,12 +165,12 @@ class ArmStudy:
         )
 
     def law(self) -> Doomed:
-        """DOOMED with the diagonal of the modelled inertia as the scale of each joint."""
+        """Return DOOMED with the diagonal of the modelled inertia as the scale of each joint."""
         scale = jnp.asarray(np.mean([inertia(np.array(goal)) for goal in self.goals], axis=0))
         return Doomed(self.rate * self.dt * scale, scale, self.smoothing, gradient_smoothing=1.0)
 
     def setting(self, noise: Scalar) -> Setting:
-        """Everything :func:`jaxidl.learning.iterate.learn` needs."""
+        """Return everything that :func:`jaxidl.learning.iterate.learn` needs."""
         model, task = arm().plant.body, self.task()
         return Setting(
             Plant(model, self.effects(noise)), model, self.law(), task, desired_trajectory(task).q
@@ -186,7 +186,7 @@ class Learned(NamedTuple):
 
 
 def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions: int) -> Learned:
-    """K executions with the trainings between them.
+    """Run K executions with trainings between them.
 
     ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell
     it from the task's start.
@@ -212,7 +212,8 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions:
 
 
 def feedback_mse(runs: Trajectory) -> Float[Array, " K"]:
-    """Mean squared applied feedback (K,) [Nm^2] over steps and joints of each execution (the
-    paper's Fig. 3).
+    """Return the mean squared applied feedback (K,) [Nm^2] of each execution.
+
+    Over steps and joints: the paper's Fig. 3.
     """
     return jnp.mean(runs.tau_feedback_applied**2, axis=(-2, -1))

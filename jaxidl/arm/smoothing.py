@@ -1,6 +1,7 @@
 """Accelerations without lag: what is estimated after an execution may use its future."""
 
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,8 +13,9 @@ from jaxidl.types import History, Scalar, Trajectory
 
 
 def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.0) -> Trajectory:
-    """The execution (T, J) with accelerations by central differences and a low pass (cut-off
-    ``band`` [Hz]) there and back.
+    """Return the execution (T, J) with accelerations smoothed without delay.
+
+    Central differences, and a low pass (cut-off ``band`` [Hz]) forwards and backwards.
     """
     q = run.q_sensing
     # at both ends it goes on as it went
@@ -24,12 +26,13 @@ def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.
 
 
 def low_pass_both_ways(x: History, weight: Scalar) -> History:
-    """First-order low pass of ``x`` (T, J), forwards and then backwards; ``weight`` is that of a
-    new sample [-].
+    """Filter ``x`` (T, J) by a first-order low pass forwards, then backwards.
+
+    ``weight`` is that of a new sample [-].
     """
 
     def along(x: History, reverse: bool) -> History:
-        def step(value, sample):
+        def step(value: Any, sample: Any) -> tuple[Any, Any]:
             value = value + weight * (sample - value)
             return value, value
 

@@ -95,7 +95,7 @@ class ArmGrid:
                 "a value on every axis and two executions", f"{self}", "add what is missing"
             )
 
-    def axes(self) -> dict[str, tuple]:
+    def axes(self) -> dict[str, tuple[Any, ...]]:
         """Return the axes by their names in a results file."""
         return {
             "acceleration": self.accelerations,
@@ -128,11 +128,11 @@ class Summary(NamedTuple):
 def summarise(
     study: ArmStudy, noise: Float[Array, ""], runs: Trajectory, finite: Bool[Array, " K"]
 ) -> Summary:
-    """Of trajectories (K, T, J)."""
+    """Summarise trajectories (K, T, J)."""
     setting = study.setting(noise)
 
     def lacking(q: Array, qd: Array, qdd: Array) -> Array:
-        """What the true arm needs beyond the modelled one for the desired acceleration."""
+        """Return what the true arm needs beyond the modelled one for the desired acceleration."""
         return setting.plant.inverse_dynamics(q, qd, qdd) - setting.model.inverse_dynamics(
             q, qd, qdd
         )
@@ -215,8 +215,9 @@ def thinned(data: xr.Dataset) -> xr.Dataset:
 
 
 def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
-    """Weights after the last training of the grid's first seed and lowest noise, joint data: (7,
-    ...) each, by name.
+    """Return the weights after the last training, (7, ...) each, by name.
+
+    Of the grid's first seed and lowest noise, with joint data.
 
     Raises:
         ConfigurationError: if that run diverged.
@@ -240,7 +241,10 @@ def trained(study: ArmStudy, grid: ArmGrid) -> Arrays:
 
 
 def deployed(study: ArmStudy, weights: Arrays) -> bytes:
-    """The feedforward with these weights as a file's content, see :mod:`jaxidl.learning.deploy`."""
+    """Return the feedforward with these weights as a file's content.
+
+    See :mod:`jaxidl.learning.deploy`.
+    """
     like = study.error_model.init(jax.random.key(0))
     params = jax.tree_util.tree_map_with_path(
         lambda path, leaf: jnp.asarray(weights[jax.tree_util.keystr(path)]), like

@@ -34,8 +34,9 @@ def interval(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]
 
 
 def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
-    """Rows of acceleration, noise and sources, best first: feedback after the first learning
-    iteration and over all later ones.
+    """Rank sources for each acceleration and noise, best first.
+
+    By feedback after the first learning iteration and over all later ones.
 
     ``data`` has ``feedback_mse`` and ``finite`` over (acceleration, source, noise, seed,
     iteration). Seeds are paired: ``worse`` is the ratio to the best source with its interval;
@@ -78,8 +79,9 @@ def ranking(data: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def falls(data: xr.Dataset) -> list[dict[str, Any]]:
-    """Of every condition and source: the fall of feedback by the first learning iteration, and the
-    largest later rise.
+    """Return how far feedback falls by the first learning iteration, and its largest later rise.
+
+    One row for every condition and source.
 
     ``rise`` is how far a later execution's geometric mean lies above the least one before it, as a
     ratio; ``spread`` the ratio of the seeds' largest to smallest value there: a rise within it is
@@ -114,7 +116,7 @@ def falls(data: xr.Dataset) -> list[dict[str, Any]]:
 
 
 def as_text(rows: list[dict[str, Any]]) -> str:
-    """The ranking as a table for terminals and Markdown."""
+    """Return the ranking as a table for terminals and Markdown."""
     cells = []
     for row in rows:
         first, later, worse = (

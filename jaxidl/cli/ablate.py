@@ -63,8 +63,9 @@ def ablate(
 
 
 def varying(grid: Grid, study: "PaperStudy", vary: tuple[Names, ...]) -> Grid:
-    """The grid with what ``--vary`` asks for: (name, value, …) each, one of the grid's own axes or
-    a number of the study.
+    """Return the grid with the axes that ``--vary`` asks for.
+
+    Each is (name, value, …): one of the grid's own axes or a number of the study.
 
     Raises:
         ConfigurationError: for an unknown name, no values, or a value of another kind or out of
@@ -87,7 +88,7 @@ def varying(grid: Grid, study: "PaperStudy", vary: tuple[Names, ...]) -> Grid:
         if axis not in grid.axes():
             added.append((name, tuple(parsed(study, name, value) for value in given)))
             continue
-        values: tuple = tuple(given)
+        values: tuple[Value, ...] = tuple(given)
         if axis in COUNTS or axis in LEVELS:
             values = tuple(_number(name, text, int if axis in COUNTS else float) for text in given)
         grid = replace(grid, **{axis: values})

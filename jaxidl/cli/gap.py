@@ -5,7 +5,7 @@ import importlib.util
 import os
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from tyro.conf import arg
@@ -79,7 +79,11 @@ def gap(
     for name in plugin:
         _load(name)
     check_folder(out, model)
-    motors = {"motor": motor, "torque_constant": torque_constant, "gear_ratio": gear_ratio}
+    motors: dict[str, Any] = {
+        "motor": motor,
+        "torque_constant": torque_constant,
+        "gear_ratio": gear_ratio,
+    }
     with Bar("reading", transient=True) as bar:
         log, robot = read_inputs(logs, model, joints=joints, columns=columns, topic=topic, **motors)
         old = (

@@ -75,7 +75,7 @@ def reproduce(
 
 
 def report(results: Path, out: Path) -> None:
-    """Figures, claims.json and the table of claims from a results file into ``out``."""
+    """Write figures and claims.json from a results file into ``out``; print the claims."""
     from jaxidl.files import write_bytes
     from jaxidl.paper.runs import read_results
     from jaxidl.paper.verdicts import as_json, as_table, check_claims

@@ -24,7 +24,7 @@ from dataclasses import fields
 from typing import Any, ClassVar
 
 import jax
-import jax.flatten_util
+import jax.flatten_util  # pyright: ignore[reportUnusedImport]
 import jax.numpy as jnp
 import numpy as np
 from flax import struct

@@ -28,14 +28,16 @@ RETRIES = 10  # of a task whose worker or machine was lost
 
 
 def versions() -> dict[str, str]:
-    """What must be the same on all machines for results to be the same."""
+    """Return what must be the same on all machines for results to be the same."""
     return {name: version(name) for name in ("jaxidl", "jax", "jaxlib", "numpy")} | {
         "revision": revision()
     }
 
 
-def compute(job: Job, chunk: Chunk, width: int, parts: str, identity: str, wanted: dict) -> Path:
-    """One task: compute a chunk on one device and write its part; return the part's path.
+def compute(
+    job: Job, chunk: Chunk, width: int, parts: str, identity: str, wanted: dict[str, Any]
+) -> Path:
+    """Compute a chunk on one device and write its part; return the part's path.
 
     Raises:
         ConfigurationError: when this machine's versions are not the ``wanted`` ones.
@@ -114,7 +116,7 @@ class Cluster:
         self.ray.shutdown()
 
     def kind(self) -> str:
-        """What the cluster's devices are: "gpu" if it has one, else "cpu"."""
+        """Return the kind of the cluster's devices: "gpu" if it has one, else "cpu"."""
         return "gpu" if self.ray.cluster_resources().get("GPU", 0) >= 1 else "cpu"
 
     def run(

@@ -7,7 +7,7 @@ import hashlib
 import io
 import json
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ Arrays = dict[str, np.ndarray]
 
 
 @contextlib.contextmanager
-def alone(folder: Path, where: Path | None = None) -> Iterator[None]:
+def alone(folder: Path, where: Path | None = None) -> Generator[None]:
     """Hold the lock of a folder, which is made if need be; ``where`` is what a complaint names
     instead.
 

@@ -156,9 +156,7 @@ def digest(content: Mapping[str, object]) -> str:
 
 
 def digest_of(data: xr.Dataset) -> str:
-    """:func:`digest` of all variables, coordinates and attributes of a results file, but the digest
-    itself.
-    """
+    """Return the :func:`digest` of all of a results file but the digest itself."""
     attrs = {
         f"attribute {name}": str(value) for name, value in data.attrs.items() if name != "digest"
     }

@@ -154,7 +154,7 @@ class Store:
             raise StoreError(f"a sound part at {part}", "none", remedy)
 
     def holds(self, wanted: Iterable[Point]) -> bool:
-        """Are the runs in the results file just the ``wanted`` ones?
+        """Return whether the runs in the results file are just the ``wanted`` ones.
 
         Raises:
             StoreError: if finishing these would drop runs that the file holds.
@@ -215,7 +215,7 @@ def write_part(
     return part
 
 
-def difference(old: dict, new: dict, prefix: str = "") -> str:
+def difference(old: dict[str, Any], new: dict[str, Any], prefix: str = "") -> str:
     """Return the first few settings in which two identities differ, for an error message."""
     found = []
     for key in sorted(old.keys() | new.keys()):

@@ -111,7 +111,7 @@ def execute(
     if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
         _warn_of_single_precision()
 
-    def instant(carry, inputs):
+    def instant(carry: Any, inputs: Any) -> tuple[Any, Any]:
         true, hidden, sensed, memory, estimate = carry
         t, desired, draw, now = inputs
         qdd_desired = task.policy(sensed.q, sensed.qd, t)

@@ -5,7 +5,7 @@ Execute, train on the recorded execution, execute again.
 
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -99,7 +99,7 @@ def learn(
         learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
     checkpoint = derivative == "reverse"
 
-    def run_once(inputs, feedforward=None):
+    def run_once(inputs: Any, feedforward: Any = None) -> tuple[Any, Any]:
         draws, begin = inputs
         run = execute(
             setting.plant,
@@ -114,7 +114,9 @@ def learn(
         data = SOURCES[source](refine(run), train_on)
         return data, (measure(run, setting.reference), run if keep else None)
 
-    def iteration(carry, inputs):
+    def iteration(
+        carry: tuple[Learner, Dataset], inputs: Any
+    ) -> tuple[tuple[Learner, Dataset], Any]:
         learner, memory = carry
         k, *now = inputs
         known = recall(memory, k)

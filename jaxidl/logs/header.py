@@ -38,8 +38,15 @@ SMALL_TALK = {
     "joints",
     "j",
     "jnt",
+    "state",
+    "states",
+    "robot",
+    "header",
+    "ros",
+    "field",
+    "data",
+    "elapsed",
 }
-SMALL_TALK |= {"state", "states", "robot", "header", "ros", "field", "data", "elapsed"}
 COMMANDS = {"command", "commanded", "cmd"}
 WISHES = COMMANDS | {
     "target",

@@ -232,7 +232,7 @@ def fit(
     train, held = np.flatnonzero(mask), (x[:, kept], y[:, kept])
     x, y = x[:, train], y[:, train]
 
-    def one_step(carry, inputs):
+    def one_step(carry: Any, inputs: Any) -> tuple[Any, Any]:
         learner, best, best_loss = carry
         rows, is_snapshot = inputs
         batch = x[:, rows], y[:, rows]

@@ -13,8 +13,9 @@ INNER = ("seed", "source", "iteration")  # dims that are within a panel
 
 
 def final(data: xr.Dataset, variable: str) -> xr.DataArray:
-    """A variable's mean over the last executions of each run, of the last half where there are few;
-    diverged ones as NaN.
+    """Return a variable's mean over the last executions of each run.
+
+    The last half where there are few executions; NaN for a run that diverged.
     """
     last = max(1, min(LAST, (data.sizes["iteration"] - 1) // 2))
     return (
@@ -26,8 +27,9 @@ def final(data: xr.Dataset, variable: str) -> xr.DataArray:
 
 
 def axes(data: xr.Dataset) -> tuple[str, list[str]]:
-    """The abscissa's axis (the first that an ablation added, else the first numeric one), and the
-    others with several values.
+    """Return the axis of the abscissa and the others with several values.
+
+    The abscissa is the first axis that an ablation added, else the first numeric one.
 
     Raises:
         StoreError: if nothing is varied.
@@ -49,14 +51,14 @@ def axes(data: xr.Dataset) -> tuple[str, list[str]]:
 
 
 def panels_of(data: xr.Dataset) -> list[dict[str, object]]:
-    """Every combination of values on the axes beside the abscissa: one panel each."""
+    """Return every combination of values on the axes beside the abscissa: one panel each."""
     _, others = axes(data)
     index = np.ndindex(*(data.sizes[dim] for dim in others))
     return [{dim: data[dim].values[i] for dim, i in zip(others, at, strict=True)} for at in index]
 
 
 def chosen(data: xr.Dataset, where: dict[str, object]) -> xr.Dataset:
-    """The settings of one panel: dims (abscissa, seed, source, iteration)."""
+    """Return the settings of one panel: dims (abscissa, seed, source, iteration)."""
     return (
         data[list(META)]
         .sel(where)
@@ -65,9 +67,7 @@ def chosen(data: xr.Dataset, where: dict[str, object]) -> xr.Dataset:
 
 
 def rows(data: xr.Dataset) -> list[dict[str, object]]:
-    """One row for each setting and source: its values, final error and feedback over seeds, and
-    diverged executions.
-    """
+    """Return one row for each setting and source: final error and feedback over seeds."""
     first, _ = axes(data)
     out = []
     for where in panels_of(data):
@@ -92,7 +92,7 @@ def rows(data: xr.Dataset) -> list[dict[str, object]]:
 
 
 def as_markdown(data: xr.Dataset) -> str:
-    """The rows as a Markdown table."""
+    """Return the rows as a Markdown table."""
     table = rows(data)
     units = {name: about.units for name, about in META.items()}
     heads = [f"{name} [{units[name]}]" if name in units else name for name in table[0]]

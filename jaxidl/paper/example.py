@@ -23,7 +23,7 @@ def example_point(grid: Grid) -> dict[str, Any]:
     both sources.
     """
 
-    def prefer(values: tuple, wanted: object) -> object:
+    def prefer(values: tuple[Any, ...], wanted: object) -> object:
         return wanted if wanted in values else values[0]
 
     return {
@@ -48,7 +48,7 @@ def example(run: Any, grid: Grid) -> xr.Dataset:
     _, runs = run.trace(at)
     dims = ("execution", "time", "joint")
     shown = sorted({0, grid.executions - 1})
-    variables: dict[str, tuple] = {
+    variables: dict[str, tuple[Any, ...]] = {
         f"example_{name}": (
             dims,
             np.asarray(getattr(runs, name))[shown],

@@ -111,7 +111,7 @@ class Grid(Axes):
         """Return a grid for minutes instead of hours: the extremes of the noise, one seed."""
         return cls(noise=(1e-4, 8e-4), seeds=(1,))
 
-    def axes(self) -> dict[str, tuple]:
+    def axes(self) -> dict[str, tuple[Any, ...]]:
         """Return the axes of configurations by the names of their fields."""
         return {
             f.name: getattr(self, f.name)
@@ -119,7 +119,7 @@ class Grid(Axes):
             if f.name not in ("executions", "vary")
         }
 
-    def dims(self) -> dict[str, tuple]:
+    def dims(self) -> dict[str, tuple[Any, ...]]:
         """Return all axes of configurations by their names in a results file."""
         return dict(zip(AXES, self.axes().values(), strict=True)) | dict(self.vary)
 

@@ -194,12 +194,12 @@ def added(data: xr.Dataset) -> list[str]:
     return [str(dim) for dim in data["q_error"].dims if dim not in DIMS]
 
 
-def identity(study: PaperStudy, grid: Grid) -> dict:
+def identity(study: PaperStudy, grid: Grid) -> dict[str, Any]:
     """Return everything besides the axes that determines a result."""
     return {"study": settings_of(study), "iterations": grid.executions, "precision": PRECISION}
 
 
-def settings_of(study: PaperStudy) -> dict:
+def settings_of(study: PaperStudy) -> dict[str, Any]:
     """Return the study's settings as they stand in a results file."""
     settings = json.loads(json.dumps(study.to_dict()))
     del settings["training"]["epochs"]  # an axis

@@ -87,7 +87,7 @@ class PaperStudy:
             )
 
     def to_dict(self) -> dict[str, Any]:
-        """All numbers, nested, ready for JSON: with the condition this determines a result."""
+        """Return all numbers, nested, ready for JSON; with a condition they determine a result."""
         return asdict(self)
 
     def task(self) -> Task:
@@ -96,7 +96,7 @@ class PaperStudy:
         return Task(rest, policy, jnp.asarray(self.torque_limit), dt=self.dt, steps=self.steps)
 
     def plant(self, condition: Condition) -> Plant:
-        """The true system under one condition."""
+        """Return the true system under one condition."""
         friction = PaperFriction(condition.friction, self.friction_width)
         stiction = paper_stiction(condition.stiction, self.stiction_width)
         return Plant(
@@ -104,7 +104,7 @@ class PaperStudy:
         )
 
     def law(self, controller: str, gain: Int[Array, ""] | int) -> FeedbackLaw:
-        """The feedback law named ``controller`` with the ``gain``-th of its gain settings."""
+        """Return the feedback law ``controller`` with the ``gain``-th of its gain settings."""
         if controller == "pid":
             applied = PidGains(*jnp.asarray(self.pid_gains)[gain])
             return Pid(applied, PidGains(*self.pid_learner), self.smoothing)
@@ -113,15 +113,13 @@ class PaperStudy:
         raise one_of("controller", controller, CONTROLLERS)
 
     def reference(self) -> Float[Array, "T J"]:
-        """(T, J) positions of the same closed loop with the true mass known, no feedback, friction
-        or noise [m].
-        """
+        """Return the (T, J) positions [m] of the ideal loop: true mass, no friction or noise."""
         task, body = self.task(), point_mass(self.true_mass)
         silent = Doomed(0.0, 0.0, self.smoothing)
         return execute(Plant(body), body, silent, task, jnp.zeros((task.steps, 2))).q
 
     def setting(self, controller: str, condition: Condition) -> Setting:
-        """Everything :func:`jaxidl.learning.iterate.learn` needs of one configuration."""
+        """Return all that :func:`jaxidl.learning.iterate.learn` needs of one configuration."""
         return Setting(
             plant=self.plant(condition),
             model=point_mass(self.modelled_mass),
@@ -152,7 +150,7 @@ def _check(
 def draw_noise(
     seed: int, executions: int, steps: int, joints: int = 2
 ) -> Float[np.ndarray, "K T J"]:
-    """(K, T, J) standard-normal draws of run seed ``seed``: the reference program's own stream.
+    """Draw the (K, T, J) standard-normal noise of a run seed: the reference program's stream.
 
     Iteration k draws from NumPy's legacy generator seeded with seed + 100·k, whatever the data
     source, so all sources of a run see the same noise. Seeds 100 apart therefore share draws; the

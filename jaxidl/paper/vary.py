@@ -54,7 +54,7 @@ GAINS: dict[str, Callable[[PaperStudy, Scalar], PaperStudy]] = {
 
 
 def leaves(study: PaperStudy) -> dict[str, Value]:
-    """Every number that may vary, by name, with its present value."""
+    """Return every number that may vary, by name, with its present value."""
     found = {
         name: value
         for name, value in _leaves(study, "")
@@ -81,15 +81,16 @@ def _leaves(node: Any, path: str) -> list[tuple[str, Any]]:
 
 
 def traced(study: PaperStudy, name: str) -> bool:
-    """Does one program serve all values of this number? Whole numbers, sizes and names make a
-    program of each value.
+    """Return whether one program serves all values of this number.
+
+    Whole numbers, sizes and names make a program of each value.
     """
     full = ALIASES.get(name, name)
     return isinstance(leaves(study)[name], float) and not full.startswith(STATIC)
 
 
 def parsed(study: PaperStudy, name: str, given: object) -> Value:
-    """A value of the number ``name`` as it stands on an axis, from a command line or from Python.
+    """Return a value of the number ``name`` as an axis holds it, from text or from Python.
 
     Raises:
         ConfigurationError: for a name that the study has not, or a value of another kind or out of
@@ -162,7 +163,7 @@ def _sets(name: str) -> tuple[str, ...]:
 
 
 def varied(study: PaperStudy, values: Mapping[str, Any]) -> PaperStudy:
-    """The study with these numbers instead of its own; traced ones within a program.
+    """Return the study with these numbers instead of its own; traced ones within a program.
 
     Raises:
         ConfigurationError: for a value out of bounds.

@@ -30,7 +30,7 @@ from jaxidl.paper.view import View
 
 
 def within(number: Mean, low: float, high: float) -> str:
-    """Is a ratio in the range in which its statement is true?"""
+    """Say whether a ratio is in the range in which its statement is true."""
     bottom, top = number.interval or (number.value, number.value)
     if low < bottom and top < high:
         return "holds"
@@ -56,7 +56,9 @@ class Verdict:
 
 
 def check_claims(data: xr.Dataset) -> list[Verdict]:
-    """Every claim against the results in ``data``; those about values that the file lacks say so.
+    """Check every claim against the results in ``data``.
+
+    Claims about values that the file lacks are "not in these results".
 
     Raises:
         StoreError: if the file is an ablation's, which has other settings than the paper's.
@@ -118,7 +120,7 @@ def _range(claim: Claim) -> str:
 
 
 def as_json(rows: list[Verdict]) -> str:
-    """The verdicts as a JSON list."""
+    """Return the verdicts as a JSON list."""
     return json.dumps([asdict(row) for row in rows], indent=1)
 
 
@@ -149,7 +151,7 @@ def _cells(row: Verdict) -> tuple[str, ...]:
 
 
 def as_table(rows: list[Verdict]) -> str:
-    """The verdicts as a table for a terminal, and what was left out."""
+    """Return the verdicts as a table for a terminal, with the number of iterations left out."""
     table = Table(box=box.SIMPLE)
     for heading in HEADINGS:
         table.add_column(heading, no_wrap=heading in HEADINGS[2:5])
@@ -162,7 +164,7 @@ def as_table(rows: list[Verdict]) -> str:
 
 
 def as_markdown(rows: list[Verdict]) -> str:
-    """The verdicts as a Markdown table."""
+    """Return the verdicts as a Markdown table."""
     return markdown(HEADINGS, map(_cells, rows)) + "\n\n" + _footnote(rows)
 
 

@@ -1,6 +1,4 @@
-"""The figure of an ablation: final error and feedback over what was varied, with the seeds'
-intervals.
-"""
+"""The figure of an ablation: final error and feedback over the varied parameter."""
 
 import textwrap
 from pathlib import Path
@@ -32,8 +30,9 @@ ROWS = (("q_error", "final position error [m]"), ("feedback_applied", "final app
 
 
 def ablation(data: xr.Dataset) -> Figure:
-    """One column for each setting of the other axes, error above and feedback below, a line for
-    each source.
+    """Plot error above and feedback below, a line for each source.
+
+    There is one column for each combination of the other axes.
     """
     first, _ = axes_of(data)
     columns = panels_of(data)
@@ -49,7 +48,7 @@ def ablation(data: xr.Dataset) -> Figure:
                 grid[row, 0].set_ylabel(label)
         grid[0, column].set_title("\n".join(_words(dim, value) for dim, value in where.items()))
         grid[1, column].set_xlabel(WORDS.get(first, first))
-    # as wide as the seeds; the interval of two seeds may be astronomical
+    # as wide as the seeds: the interval of two seeds may be extremely wide
     for row, (variable, _) in enumerate(ROWS):
         known = np.concatenate([ends[np.isfinite(ends)] for ends in seen[variable]])
         if known.size:
@@ -63,8 +62,9 @@ def ablation(data: xr.Dataset) -> Figure:
 
 
 def _panel(axes: Axes, part: xr.Dataset, first: str, variable: str) -> np.ndarray:
-    """Final values over the places of what was varied: dots are seeds, a bar is the mean's
-    interval. Returns all of them.
+    """Plot final values over the values of the varied parameter, and return all of them.
+
+    Dots are seeds, a bar is the mean's interval.
     """
     values, sources, everything = part[first].values, part.source.values, []
     for number, source in enumerate(sources):
@@ -110,7 +110,7 @@ def _words(dim: str, value: object) -> str:
 
 
 def _caption(data: xr.Dataset) -> str:
-    """What is the same in all panels, and how many seeds there are."""
+    """Return what is the same in all panels, and the number of seeds."""
     said = ("seed", "source", "iteration", *(["gain"] if "applied_gain" in data.dims else []))
     single = [dim for dim in DIMS if dim not in said and data.sizes[dim] == 1]
     words = ", ".join(_words(dim, data[dim].values[0]) for dim in single)
@@ -130,6 +130,6 @@ def _caption(data: xr.Dataset) -> str:
 
 
 def draw_ablation(data: xr.Dataset, folder: Path, name: str) -> list[Path]:
-    """Draw the figure into ``folder`` as PNG and PDF; returns the paths."""
+    """Draw the figure into ``folder`` as PNG and PDF; return the paths."""
     with house_style():
         return save(ablation(data), folder, name)

@@ -1,4 +1,4 @@
-"""Figures of the arm study: the paper's two, and one that it could not draw."""
+"""Figures of the arm study: the paper's two, and one that needs the simulation's true error."""
 
 import numpy as np
 import xarray as xr
@@ -11,8 +11,9 @@ JOINT_COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 
 
 def feedback_by_execution(data: xr.Dataset) -> Figure:
-    """Mean squared feedback of each execution (the paper's Fig. 3): encoder noise across, kind of
-    acceleration down.
+    """Plot the mean squared feedback of each execution (the paper's Fig. 3).
+
+    Encoder noise varies across, the kind of acceleration down.
     """
     rows, columns = data.acceleration.values.tolist(), data.noise.values.tolist()
     figure = Figure(figsize=(2.6 * len(columns) + 0.8, 2.2 * len(rows) + 0.7), layout="constrained")
@@ -37,8 +38,9 @@ def feedback_by_execution(data: xr.Dataset) -> Figure:
 
 
 def feedback_over_time(data: xr.Dataset, source: str = "joint") -> Figure:
-    """Feedback of each joint over time in the first and the last execution (the paper's Fig. 4);
-    ``data`` of one condition.
+    """Plot feedback over time in the first and the last execution (the paper's Fig. 4).
+
+    ``data`` is that of one condition; there is a panel for each joint.
     """
     source = source if source in data.source.values else str(data.source.values[0])
     traces = data["feedback_trace"].sel(source=source)
@@ -59,8 +61,9 @@ def feedback_over_time(data: xr.Dataset, source: str = "joint") -> Figure:
 
 
 def model_error(data: xr.Dataset, source: str = "joint") -> Figure:
-    """What the modelled arm truly lacks in the last execution, and what the error model says;
-    ``data`` of one condition.
+    """Plot the true error of the modelled arm in the last execution, and the error model's output.
+
+    ``data`` is that of one condition.
     """
     source = source if source in data.source.values else str(data.source.values[0])
     truth, said = (

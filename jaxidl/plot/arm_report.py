@@ -16,14 +16,15 @@ from jaxidl.plot import arm, arm_tasks
 from jaxidl.plot.style import house_style, save
 from jaxidl.systems.render import NoRenderer, film
 
-FILMED = "direct"  # data that is learned from in the pictures
-PICTURES = 6  # of the strip
-SPEED = 0.8  # of the film
+FILMED = "direct"  # data source of the pictures
+PICTURES = 6  # pictures in the strip
+SPEED = 0.8  # playback speed of the film
 
 
 def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Path]:
-    """Draw ``arm_*.png`` and ``.pdf`` into ``out``, and ``arm_pick.gif`` where MuJoCo can
-    render.
+    """Draw ``arm_*.png`` and ``.pdf`` into ``out``.
+
+    ``arm_pick.gif`` is drawn too where MuJoCo can render.
     """
     paths: list[Path] = []
     with house_style():
@@ -39,7 +40,7 @@ def write_arm_figures(run: ArmRun, result: dict[str, Any], out: Path) -> list[Pa
 
 
 def _figures(result: dict[str, Any]) -> dict[str, Figure]:
-    """A figure or several for each experiment that was made."""
+    """Return one or several figures for each experiment that was run."""
     figures: dict[str, Figure] = {}
     if "study" in result:
         data = result["study"]["data"]
@@ -56,8 +57,9 @@ def _figures(result: dict[str, Any]) -> dict[str, Figure]:
 
 
 def _films(run: ArmRun, q: np.ndarray, out: Path) -> list[Path]:
-    """The first execution above the second one, of ``q`` (K, T, 7), as a strip and as a film side
-    by side.
+    """Draw the first and the second execution of ``q`` (K, T, 7) as a strip and as a film.
+
+    In the strip one is above the other, in the film they are side by side.
     """
     study = run.task.study(1.0)
     carried = np.asarray(study.carried_mass())[::EVERY, 0] > 0.0
@@ -66,7 +68,7 @@ def _films(run: ArmRun, q: np.ndarray, out: Path) -> list[Path]:
     films = [film(poses[at], carried[at], PICK, PLACE) for poses in q[:2]]
     titles = ["execution 1", "execution 2, after one\niteration on direct data"]
     paths = save(arm_tasks.strip(films, (at * step).tolist(), titles), out, "arm_pick_strip")
-    each = 4  # stored instants a picture
+    each = 4  # stored instants per picture
     sides = [film(poses[::each], carried[::each], PICK, PLACE, (280, 280)) for poses in q[:2]]
     pictures = [
         Image.fromarray(np.concatenate(pair, axis=1)).quantize(64)

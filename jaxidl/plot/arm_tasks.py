@@ -1,6 +1,4 @@
-"""Figures of the arm's tasks: pick and place, with and without a load, and what the gap workflow
-finds.
-"""
+"""Figures of the arm's tasks: pick and place, a changing load, and the gap workflow."""
 
 from typing import Any
 
@@ -19,8 +17,9 @@ BEFORE, AFTER = "#D55E00", "#009E73"
 
 
 def pick_and_place(result: dict[str, Any]) -> Figure:
-    """How compliant the arm can be and still lift, and what learning makes of that; medians over
-    seeds and their range.
+    """Plot how compliant the arm can be and still lift, and the improvement by learning.
+
+    Shown are medians over seeds and their range.
     """
     figure = Figure(figsize=(8.6, 2.6), layout="constrained")
     lift, path, feedback = figure.subplots(1, 3)
@@ -68,7 +67,7 @@ def pick_and_place(result: dict[str, Any]) -> Figure:
 
 
 def strip(films: list[np.ndarray], seconds: list[float], titles: list[str]) -> Figure:
-    """Rows of pictures (N, H, W, 3), one film a row, with the time above each."""
+    """Return rows of pictures (N, H, W, 3), one film per row, with the time above each."""
     figure = Figure(figsize=(1.75 * len(seconds), 1.95 * len(films)), layout="constrained")
     axes = figure.subplots(len(films), len(seconds), squeeze=False)
     for row, film, title in zip(axes, films, titles, strict=True):
@@ -86,13 +85,18 @@ def strip(films: list[np.ndarray], seconds: list[float], titles: list[str]) -> F
 
 
 def with_and_without_load(result: dict[str, Any]) -> Figure:
-    """Feedback of each execution on the lap with the load and on the one without, for a network
-    that is told the load and for one that is not; medians over seeds and their range.
+    """Plot feedback of each execution on the laps with and without the load.
+
+    There is one panel for a network with the load as an input and one for a network without; lines
+    are medians over seeds, with their range.
     """
     figure = Figure(figsize=(6.4, 2.7), layout="constrained")
     axes = figure.subplots(1, 2, sharey=True)
     for panel, name, title in zip(
-        axes, ("untold", "told"), ("inputs as in the paper", "load as one more input"), strict=True
+        axes,
+        ("uninformed", "informed"),
+        ("inputs as in the paper", "load as one more input"),
+        strict=True,
     ):
         laps = np.asarray(result[name])
         for lap, label, color, line in (
@@ -145,7 +149,7 @@ COLORS = dict(
 
 
 def _unit(effect: str) -> str:
-    """Of the number that stands for the effect, on a hinge."""
+    """Return the unit of the number that describes the effect, on a hinge."""
     parameters = CATALOGUE[effect].parameters
     unit = unit_of(
         parameters["mass" if "mass" in parameters else next(iter(parameters))].unit, "hinge"
@@ -154,7 +158,7 @@ def _unit(effect: str) -> str:
 
 
 def gap_on_the_arm(report: dict[str, Any], joints: int = 7) -> Figure:
-    """Which hidden effects the gap workflow names on which joint: hidden size → found size."""
+    """Plot hidden effects by joint and whether they are named: hidden size → found size."""
     judged = judge(report)
     rows = list(dict.fromkeys(row.effect for row in judged))
     state = np.zeros((len(rows), joints + 1), int)

@@ -8,13 +8,14 @@ from matplotlib.figure import Figure
 
 from jaxidl.plot.style import house_style, save
 
-# behind the effects, where they occur
+# placed after the effects, where they occur
 OTHERS = ("none", "outside", "pair", "ambiguous", "unexplained", "nothing", "failed")
 
 
 def plot_confusion(score: dict[str, Any]) -> Figure:
-    """Hidden effects (rows) and what they were called (columns): numbers of cases, coloured by
-    their share of the row.
+    """Plot hidden effects (rows) against the names given to them (columns).
+
+    Shown are numbers of cases, coloured by their share of the row.
     """
     matrix = score["confusion"]
     rows = _ordered(matrix)

@@ -21,13 +21,14 @@ from jaxidl.plot.style import CONTROLLER_NAME, house_style, save
 
 
 def finite(data: xr.Dataset, variable: str) -> xr.DataArray:
-    """A variable with diverged iterations as NaN, so that no average takes them in."""
+    """Return a variable with diverged iterations as NaN, so that averages leave them out."""
     return data[variable].where(data["finite"])
 
 
 def caption(data: xr.Dataset) -> str:
-    """What the results cover, for the foot of every figure: the whole study, its quick form, or
-    some part or variation.
+    """Return what the results cover, for the foot of every figure.
+
+    That is the whole study, its quick form, or some part or variation.
     """
     seeds = data.sizes["seed"]
     text = (
@@ -49,7 +50,7 @@ def _coverage(data: xr.Dataset) -> str:
         return same and data.sizes["iteration"] == grid.executions
 
     if json.loads(data.attrs["identity"])["study"] != settings_of(PaperStudy()):
-        return "other settings than the paper's"
+        return "settings other than the paper's"
     if is_grid(Grid()):
         return "whole study"
     if is_grid(Grid(), but="seeds"):
@@ -58,8 +59,9 @@ def _coverage(data: xr.Dataset) -> str:
 
 
 def illustration(data: xr.Dataset) -> Figure:
-    """The paper's Fig. 1: low gain, lowest and highest noise, position error over iterations for
-    the three sources.
+    """Plot the paper's Fig. 1: position error over iterations for the three sources.
+
+    Shown are low gain, and lowest and highest noise.
     """
     setting = {
         "friction": data.friction.values[0],
@@ -86,8 +88,9 @@ def illustration(data: xr.Dataset) -> Figure:
 
 
 def averages(data: xr.Dataset) -> Figure:
-    """The paper's Fig. 2: mean and mean + one standard deviation over all settings, error above,
-    feedback below.
+    """Plot the paper's Fig. 2: mean and mean + one standard deviation over all conditions.
+
+    The error is above, the feedback below.
     """
     return _overview(
         data,
@@ -97,7 +100,10 @@ def averages(data: xr.Dataset) -> Figure:
 
 
 def typical(data: xr.Dataset) -> Figure:
-    """Fig. 2 for the typical run: a single one that runs away decides a mean, but not a median."""
+    """Plot Fig. 2 for the typical run.
+
+    A single diverging run can dominate a mean, but not a median.
+    """
     return _overview(
         data,
         panels.median_and_range,
@@ -126,7 +132,7 @@ def _overview(data: xr.Dataset, draw: Callable[[Axes, xr.DataArray], None], abou
 
 
 def single_run(data: xr.Dataset) -> Figure:
-    """One learning run: positions and what the torque is made of, first against last execution."""
+    """Plot one learning run: positions and parts of the torque, first and last execution."""
     if "example_q" not in data:
         raise StoreError(
             "results with an example run",
@@ -158,8 +164,9 @@ def single_run(data: xr.Dataset) -> Figure:
 
 
 def conditions(data: xr.Dataset) -> Figure:
-    """Final position error of every condition, mean over seeds and the last executions; a dot marks
-    the best source.
+    """Plot the final position error of every condition.
+
+    It is the mean over seeds and the last executions; a dot marks the best source.
     """
     final = finite(data, "q_error").isel(iteration=slice(-LAST, None)).mean(["iteration", "seed"])
     rows = ("controller", "gain", "source")
@@ -217,9 +224,9 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 
 
 def draw_all(data: xr.Dataset, folder: Path) -> list[Path]:
-    """Draw every figure into ``folder`` as PNG and PDF; returns the paths."""
+    """Draw every figure into ``folder`` as PNG and PDF; return the paths."""
     with house_style(), warnings.catch_warnings():
-        # where every run diverged there is nothing to average: a gap
+        # where every run diverged there is nothing to average
         warnings.simplefilter("ignore", RuntimeWarning)
         return [
             path for name, draw in FIGURES.items() for path in save(draw(data), Path(folder), name)
@@ -231,6 +238,6 @@ def _low_gain(data: xr.Dataset) -> str:
 
 
 def _foot(figure: Figure, text: str) -> Figure:
-    width = int(figure.get_figwidth() * 17)  # characters of this size that fit
+    width = int(figure.get_figwidth() * 17)  # number of characters of this size that fit
     figure.supxlabel(textwrap.fill(text, width), fontsize=7.5, color="0.35")
     return figure

@@ -1,4 +1,4 @@
-"""Single panels: each draws one thing into the axes it is given."""
+"""Single panels: each function draws one thing into the given axes."""
 
 import numpy as np
 import xarray as xr
@@ -12,8 +12,9 @@ from jaxidl.plot.style import SOURCE_STYLE
 
 
 def seed_curves(axes: Axes, runs: xr.DataArray) -> None:
-    """Median over seeds for each source, and the range of all seeds as a band; ``runs`` has (seed,
-    source, iteration).
+    """Draw the median over seeds for each source, and the range of all seeds as a band.
+
+    ``runs`` has (seed, source, iteration).
     """
     for source in runs.source.values:
         curves, style = runs.sel(source=source), SOURCE_STYLE[str(source)]
@@ -27,8 +28,9 @@ def seed_curves(axes: Axes, runs: xr.DataArray) -> None:
 
 
 def mean_and_spread(axes: Axes, runs: xr.DataArray) -> None:
-    """For each source the mean over all other dims, and the mean plus one standard deviation as a
-    thin line.
+    """Draw for each source the mean over all other dimensions.
+
+    A thin line is the mean plus one standard deviation.
     """
     over = [dim for dim in runs.dims if dim not in ("source", "iteration")]
     for source in runs.source.values:
@@ -47,8 +49,9 @@ def mean_and_spread(axes: Axes, runs: xr.DataArray) -> None:
 
 
 def median_and_range(axes: Axes, runs: xr.DataArray) -> None:
-    """For each source the median over all other dims, and the range from the 10th to the 90th
-    percentile as a band.
+    """Draw for each source the median over all other dimensions.
+
+    The band is the range from the 10th to the 90th percentile.
     """
     over = [dim for dim in runs.dims if dim not in ("source", "iteration")]
     for source in runs.source.values:
@@ -66,11 +69,11 @@ def _iterations(axes: Axes, runs: xr.DataArray) -> None:
 
 
 def positions(axes: Axes, data: xr.Dataset, execution: int) -> None:
-    """Both joints' positions of one execution against the frictionless reference."""
+    """Draw both joints' positions of one execution against the frictionless reference."""
     for joint, color in zip(data.joint.values, ("#0072B2", "#D55E00"), strict=False):
         q = data["example_q"].isel(execution=execution).sel(joint=joint)
         axes.plot(data.time, q, color=color, label=f"joint {joint}")
-    # the same for both: same start, same target
+    # the same for both joints: same start, same target
     reference = data["example_reference"].isel(joint=0)
     axes.plot(
         data.time,
@@ -93,8 +96,9 @@ TORQUES = {
 def torque_split(
     axes: Axes, data: xr.Dataset, execution: int, joint: int, window: int = 10
 ) -> None:
-    """What one joint's torque is made of, averaged over ``window`` steps so that the noise does not
-    hide it.
+    """Draw the parts of one joint's torque.
+
+    They are averaged over ``window`` steps so that noise does not hide them.
     """
     for name, (label, color, line) in TORQUES.items():
         values = data[f"example_{name}"].isel(execution=execution).sel(joint=joint)
@@ -105,7 +109,10 @@ def torque_split(
 def heat(
     axes: Axes, table: np.ndarray, rows: list[str], columns: list[str], limits: tuple[float, float]
 ) -> AxesImage:
-    """A (rows, columns) table on a logarithmic colour scale; cells without a number stay grey."""
+    """Draw a (rows, columns) table on a logarithmic colour scale.
+
+    Cells without a number stay grey.
+    """
     axes.set_facecolor("0.8")
     image = axes.imshow(
         table, norm=LogNorm(*limits), cmap="viridis", aspect="auto", interpolation="nearest"
@@ -117,6 +124,6 @@ def heat(
 
 
 def shared_legend(figure: Figure, axes: Axes) -> None:
-    """One legend above all panels."""
+    """Draw one legend above all panels."""
     handles, labels = axes.get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), frameon=False)

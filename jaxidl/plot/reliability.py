@@ -1,4 +1,4 @@
-"""How often findings of the benchmark are right, by the confidence that they are reported with."""
+"""The share of right findings of the benchmark, by their reported confidence."""
 
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,9 @@ MARKS = {
 
 
 def plot_reliability(score: dict[str, Any]) -> Figure:
-    """Share of right names with 95 % intervals, over bins of confidence, for each family of cases;
-    numbers are those of names.
+    """Plot the share of right names over bins of confidence, for each family of cases.
+
+    Bars are 95 % intervals; numbers count names.
     """
     with house_style():
         figure = Figure(figsize=(7.2, 3.6), layout="constrained")

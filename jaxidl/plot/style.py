@@ -1,7 +1,7 @@
-"""How all figures look: legible in print, in grey and to colour-blind readers."""
+"""The style of all figures: legible in print, in grey and to colour-blind readers."""
 
 import io
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from jaxidl.files import write_bytes
 
-# Okabe and Ito's palette; line style and marker tell the sources apart without colour
+# Okabe and Ito's palette; line style and marker distinguish the sources without colour
 SOURCE_STYLE: dict[str, dict[str, Any]] = {
     "indirect": {"color": "#D55E00", "linestyle": "--", "marker": "s"},
     "direct": {"color": "#0072B2", "linestyle": "-.", "marker": "^"},
@@ -22,8 +22,8 @@ CONTROLLER_NAME = {"pid": "PID", "doomed": "DOOMED"}
 
 
 @contextmanager
-def house_style() -> Iterator[None]:
-    """Matplotlib settings of the house, undone on leaving."""
+def house_style() -> Generator[None]:
+    """Set the Matplotlib settings of all figures, and undo them on leaving."""
     settings: Any = {
         "font.size": 9,
         "axes.titlesize": 9.5,
@@ -47,7 +47,7 @@ def house_style() -> Iterator[None]:
 
 
 def save(figure: Figure, folder: Path, name: str) -> list[Path]:
-    """Write ``name``.png and ``name``.pdf into ``folder``; returns the two paths."""
+    """Write ``name``.png and ``name``.pdf into ``folder``; return the two paths."""
     paths = []
     for kind, metadata in (("png", {"Software": None}), ("pdf", {"CreationDate": None})):
         buffer = io.BytesIO()

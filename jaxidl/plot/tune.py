@@ -1,6 +1,4 @@
-"""The figure of ``jaxidl tune``: both searches against their cost, and what they found on fresh
-seeds.
-"""
+"""The figure of ``jaxidl tune``: both searches against their cost, and their results."""
 
 from pathlib import Path
 from typing import Any, Literal
@@ -16,8 +14,9 @@ UNITS = {"point_mass": ("m", "N"), "arm": ("rad", "Nm")}
 
 
 def figure(result: dict[str, Any]) -> Figure:
-    """Left: best error so far over learning runs. Right: error against effort of the fresh runs,
-    with their means.
+    """Plot best error so far over learning runs, and error against effort of the fresh runs.
+
+    The first is on the left, the second on the right, with their means.
     """
     length, torque = UNITS[result["problem"]["plant"]]
     drawn = Figure(figsize=(7.6, 3.3), layout="constrained")
@@ -74,8 +73,9 @@ def _fresh(axes: Axes, result: dict[str, Any]) -> None:
 
 
 def _scale(axes: Axes, which: Literal["x", "y"], values: list[float]) -> None:
-    """Logarithmic where values differ by more than a factor of three: below that its labels are
-    many and long.
+    """Use a logarithmic axis where values differ by more than a factor of three.
+
+    Below that its labels are many and long.
     """
     known = np.array(values)[np.isfinite(values)]
     if known.size and known.max() > 3.0 * known.min():
@@ -85,6 +85,6 @@ def _scale(axes: Axes, which: Literal["x", "y"], values: list[float]) -> None:
 
 
 def draw_tune(result: dict[str, Any], folder: Path) -> list[Path]:
-    """Draw the figure into ``folder`` as PNG and PDF; returns the paths."""
+    """Draw the figure into ``folder`` as PNG and PDF; return the paths."""
     with house_style():
         return save(figure(result), folder, "tune")

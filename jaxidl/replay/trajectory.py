@@ -157,7 +157,7 @@ class Problem:
         They are found by a trust-region least-squares method. Each parameter is scaled by its
         effect on the positions (``x_scale="jac"``).
         """
-        limits = {"max_nfev": EVALUATIONS, "ftol": 1e-7, "xtol": 1e-12, "gtol": 1e-12}
+        limits: Any = {"max_nfev": EVALUATIONS, "ftol": 1e-7, "xtol": 1e-12, "gtol": 1e-12}
         slopes: Any = self.slopes  # SciPy accepts a function, its stubs do not
         found = least_squares(
             self.residual, self.start, slopes, (lower, upper), x_scale="jac", **limits

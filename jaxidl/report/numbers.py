@@ -1,4 +1,6 @@
-"""Pictures of the gap before and after, in numbers."""
+"""Figures of the gap before and after, in numbers."""
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,14 +12,15 @@ from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, BEFORE, NOISE, WIDTH, length_unit, name_of, shown, which
 from jaxidl.report.words import judged, percent
 
-BAR_JOINTS = 12  # shown at most
+BAR_JOINTS = 12  # most joints shown
 ACROSS = 4  # panels side by side
 
 
 @house_style()
 def plot_gap(d: Diagnosis) -> Figure:
-    """On the data kept aside: torque error of each joint relative to its command, and how far a
-    replay gets away.
+    """Plot each joint's torque error relative to its command, and the error of a replay.
+
+    Both are those on held-out data.
     """
     joints = shown(d)
     lines = -(-len(joints) // ACROSS)
@@ -75,7 +78,7 @@ def _torque_errors(axes: Axes, d: Diagnosis) -> None:
         for at, value, noise in zip(x + shift, values, floor, strict=True):
             if not (np.isfinite(value) and value > 0.0):  # nothing was commanded
                 continue
-            # not across the line of the noise
+            # the text must not cross the noise line
             above = noise if 0.6 * noise < 100.0 * value < noise else 100.0 * value
             text = percent(value) if len(x) < 6 else percent(value).removesuffix(" %")
             axes.text(
@@ -115,7 +118,7 @@ def _torque_errors(axes: Axes, d: Diagnosis) -> None:
     axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.set_xlim(-0.8 - 0.7 * (len(x) == 1), len(x) - 0.2 + 0.7 * (len(x) == 1))
-    slanted = {"rotation": 20, "ha": "right", "rotation_mode": "anchor"} if len(x) > 4 else {}
+    slanted: Any = {"rotation": 20, "ha": "right", "rotation_mode": "anchor"} if len(x) > 4 else {}
     axes.set_xticks(x, [name_of(d, j, 24) for j in order], **slanted)
     axes.set_ylabel(
         "torque error [% of command]"
@@ -145,7 +148,7 @@ def _rollouts(axes: Axes, d: Diagnosis, joint: int) -> None:
         axes.text(
             0.5,
             0.5,
-            "the part kept aside\nis too short",
+            "the held-out part\nis too short",
             ha="center",
             va="center",
             transform=axes.transAxes,

@@ -1,4 +1,6 @@
-"""Pictures of the residual: over time, over the state, over frequency."""
+"""Figures of the residual: over time, over the state, over frequency."""
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -22,16 +24,17 @@ from jaxidl.report.common import (
     which,
 )
 
-BINS = 26  # over the range of position, velocity or acceleration
-FEWEST = 8  # samples that a bin must have
-CLEARLY = 0.4  # a residual that has shrunk to less is shown enlarged
-LONG = 4.0  # a log of more is also shown enlarged [s]
+BINS = 26  # number of bins over the range of position, velocity or acceleration
+FEWEST = 8  # fewest samples of a bin
+CLEARLY = 0.4  # a residual reduced below this share is shown enlarged
+LONG = 4.0  # a longer log is also shown enlarged [s]
 
 
 @house_style()
 def plot_residual(d: Diagnosis) -> Figure:
-    """Command and residual before and after over time, a row for each joint; on the right a stretch
-    of the data kept aside.
+    """Plot command and residual before and after over time, a row for each joint.
+
+    On the right is a stretch of held-out data.
     """
     joints = shown(d)
     time, starts = clock(d)
@@ -70,7 +73,7 @@ def plot_residual(d: Diagnosis) -> Figure:
         axes.set_xlabel("time [s]")
     if zoom:
         rows[0, 1].set_title("between the dotted lines")
-    rows[0, 0].set_title("grey ground: kept aside, no part in fitting")
+    rows[0, 0].set_title("grey background: held out, not used for fitting")
     figure.suptitle("What the model does not explain" + which(d, joints), fontsize=10)
     handles = rows[0, 0].get_legend_handles_labels()
     figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False)
@@ -82,7 +85,7 @@ def _residuals(axes: Axes, d: Diagnosis, joint: int, time: np.ndarray, starts: n
     for first, last in aside.reshape(-1, 2):
         axes.axvspan(float(time[first]), float(time[last - 1]), color="0.92", linewidth=0, zorder=0)
     floor = d.gap.noise_floor[joint]
-    band = {"color": NOISE, "alpha": 0.35, "linewidth": 0, "zorder": 1.5}
+    band: Any = {"color": NOISE, "alpha": 0.35, "linewidth": 0, "zorder": 1.5}
     axes.axhspan(-2.0 * floor, 2.0 * floor, label="encoder noise (± 2 standard deviations)", **band)
     for label, color, residual in sides(d):
         axes.plot(
@@ -94,7 +97,7 @@ def _residuals(axes: Axes, d: Diagnosis, joint: int, time: np.ndarray, starts: n
 
 
 def _fit(axes: Axes, d: Diagnosis, joint: int, inside: np.ndarray) -> None:
-    """Vertical limits for the residuals within a stretch, with zero and its noise."""
+    """Set vertical limits for the residuals within a stretch, with zero and its noise."""
     values = np.concatenate(
         [counted(d, x, joint)[inside] for x in (d.traces.before, d.traces.after)]
     )
@@ -110,9 +113,7 @@ def _fit(axes: Axes, d: Diagnosis, joint: int, inside: np.ndarray) -> None:
 
 
 def _stretch(d: Diagnosis, time: np.ndarray, joints: list[int]) -> tuple[float, float]:
-    """The part of the data kept aside, a tenth of the log, that has most of the residual's
-    energy.
-    """
+    """Return the held-out stretch, a tenth of the log, with most of the residual's energy."""
     length = float(np.clip((time[-1] - time[0]) / 10.0, 1.0, 6.0))
     scale = np.maximum(np.var(d.traces.command[:, joints], axis=0), 1e-300)
     energy = np.sum(d.traces.before[:, joints] ** 2 * d.traces.counted[:, joints] / scale, axis=1)
@@ -132,12 +133,11 @@ def _stretch(d: Diagnosis, time: np.ndarray, joints: list[int]) -> tuple[float, 
 
 @house_style()
 def plot_where(d: Diagnosis) -> Figure:
-    """The residual against velocity, position and acceleration: samples, and mean and spread within
-    bins.
+    """Plot the residual against velocity, position and acceleration.
 
-    A step at zero velocity is dry friction, a slope viscous friction, a slope over acceleration an
-    inertia, a shape over position friction, a spring or ripple. With one or two joints what is left
-    is shown a second time, enlarged.
+    Shown are samples, and mean and spread within bins. A step at zero velocity is dry friction, a
+    slope viscous friction, a slope over acceleration an inertia, a shape over position friction, a
+    spring or ripple. With one or two joints the residual after is shown a second time, enlarged.
     """
     joints = shown(d)
     twice = [
@@ -205,8 +205,9 @@ def _cloud(axes: Axes, x: np.ndarray, residual: np.ndarray, color: str, label: s
 
 
 def binned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Centre, mean and standard deviation (B,) of ``y`` (N,) in bins of ``x`` (N,), of which none
-    reaches across zero.
+    """Return centre, mean and standard deviation (B,) of ``y`` (N,) in bins of ``x`` (N,).
+
+    No bin extends across zero.
     """
     if not len(x):
         return np.zeros(0), np.zeros(0), np.zeros(0)
@@ -229,7 +230,10 @@ def binned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _acceleration(d: Diagnosis, joint: int) -> np.ndarray:
-    """From the velocity (N,), stretch by stretch: good enough to draw over."""
+    """Return the acceleration from the velocity (N,), stretch by stretch.
+
+    It is accurate enough for a figure.
+    """
     time, starts = clock(d)
     out = np.full(len(time), np.nan)
     for a, b in zip(starts, [*starts[1:], len(time)], strict=True):
@@ -240,8 +244,9 @@ def _acceleration(d: Diagnosis, joint: int) -> np.ndarray:
 
 @house_style()
 def plot_spectrum(d: Diagnosis) -> Figure:
-    """Power spectral density of the residual before and after, and what the encoder's noise
-    explains of it.
+    """Plot the power spectral density of the residual before and after.
+
+    It also shows the part due to the encoder's noise.
     """
     joints = shown(d)
     columns = min(2, len(joints))
@@ -278,7 +283,7 @@ def _spectra(axes: Axes, d: Diagnosis, joint: int) -> None:
         )
         top, lowest = max(top, power[inside].max(initial=0.0)), f[1] if len(f) > 1 else 0.1
     f = np.geomspace(max(min(lowest, d.band / 2), 1e-3), d.band, 50)
-    # white noise, differentiated twice: a density that grows with the fourth power, and the noise
+    # white noise, differentiated twice: a density that grows with the fourth power, with the noise
     # floor as its integral
     noise = 5.0 * d.gap.noise_floor[joint] ** 2 / d.band**5 * f**4
     axes.loglog(f, np.maximum(noise, 1e-300), color=NOISE, linestyle="--", label="encoder noise")

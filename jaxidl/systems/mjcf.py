@@ -6,7 +6,7 @@
 import contextlib
 import tempfile
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -109,7 +109,7 @@ def contents(path: Path) -> dict[str, bytes]:
 
 
 @contextlib.contextmanager
-def as_read(model: Model) -> Iterator[Path]:
+def as_read(model: Model) -> Generator[Path]:
     """Give the path of the model's file as it was read.
 
     It is the file itself or, if that has changed or is gone, a temporary copy. Beside the copy is
@@ -159,7 +159,7 @@ def names_of(path: str | Path) -> tuple[str, ...]:
 
 
 @contextlib.contextmanager
-def quietly() -> Iterator[list[str]]:
+def quietly() -> Generator[list[str]]:
     """Collect MuJoCo's warnings.
 
     They are not printed or written to a file in the current folder.

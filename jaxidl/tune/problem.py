@@ -78,12 +78,12 @@ class Problem:
         return np.log(np.concatenate([np.ravel(leaf) for _, leaf in self._free()]))
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper (P,): a factor each way, and no filter's weight above 1."""
+        """Return lower and upper bounds (P,): a factor each way, and no filter's weight above 1."""
         upper = np.where(["smoothing" in name for name in self.names], 0.0, np.inf)
         return self.start - np.log(FACTOR), np.minimum(self.start + np.log(FACTOR), upper)
 
     def law_of(self, logs: Logs) -> Any:
-        """The law with other numbers."""
+        """Return the law with other numbers."""
         leaves, structure = jax.tree.flatten(self.law)
         own = iter(pieces(jnp.exp(logs), [np.shape(leaf) for _, leaf in self._free()]))
         return structure.unflatten(
@@ -97,8 +97,10 @@ class Problem:
         smooth: bool = False,
         derivative: str | None = None,
     ) -> Outcome:
-        """One learning run; ``smooth``: the short one on the plant and with the networks that
-        derivatives are taken on.
+        """Simulate one learning run.
+
+        With ``smooth`` the short one, on the plant and with the networks that derivatives are taken
+        on.
         """
         with jax.default_matmul_precision(MATMUL_PRECISION):
             metrics = self.learn(self.law_of(logs), seed, smooth, derivative)
@@ -113,7 +115,9 @@ def point_mass_problem(
     noise: float = 5e-4,
     source: str = "joint",
 ) -> Problem:
-    """The paper's plant (friction 5, stiction 5) and its low gains, one of each for either axis.
+    """Return the paper's plant (friction 5, stiction 5) with its low gains to tune.
+
+    One gain of each kind for either axis.
 
     Raises:
         ConfigurationError: for an unknown controller.
@@ -167,7 +171,7 @@ class ArmGains(NamedTuple):
 def arm_problem(
     executions: int = 3, epochs: int = 8, noise: float = 1e-5, source: str = "joint"
 ) -> Problem:
-    """The seven-joint arm under DOOMED: one motion of 0.8 s.
+    """Return the seven-joint arm under DOOMED: one motion of 0.8 s.
 
     Derivatives are taken in forward mode (reverse mode through its rigid body takes XLA many
     minutes to compile), and without the encoders' counts, through which a loop has no derivative.
@@ -219,7 +223,7 @@ def arm_problem(
 
 
 def problem(plant: str, controller: str | None = None, **sizes: Any) -> Problem:
-    """The problem of that name.
+    """Return the problem of that name.
 
     Raises:
         ConfigurationError: for an unknown plant, or a controller that it has not.

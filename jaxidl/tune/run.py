@@ -34,8 +34,9 @@ from jaxidl.tune.search import (
 def tune(
     problem: Problem, search: Search, out: Path, *, bound: float | None = None, quiet: bool = False
 ) -> dict[str, Any]:
-    """Search twice, compare, and write ``tune.json`` into ``out``; finished points are kept there,
-    and a second call continues.
+    """Search in two ways, compare, and write ``tune.json`` into ``out``.
+
+    Finished points are kept there, and a second call continues.
 
     Args:
         problem: the plant and the law to tune.
@@ -107,8 +108,9 @@ PAIRS = (("gradient", "as it is"), ("random", "as it is"), ("gradient", "random"
 
 
 def course(trail: Trail, limit: float, each: int) -> dict[str, Any]:
-    """After each point of a search: learning runs so far, error and effort of the best point until
-    then; seconds of it all.
+    """Return error and effort of the best point after each point of a search.
+
+    With learning runs so far, and the seconds of it all.
 
     Each point costs ``each`` learning runs.
     """
@@ -125,14 +127,15 @@ def course(trail: Trail, limit: float, each: int) -> dict[str, Any]:
 
 
 def compared(a: Arrays, b: Arrays) -> dict[str, Any]:
-    """Ratios of error and effort over fresh seeds, run by run with the same draws."""
+    """Return ratios of error and effort over fresh seeds, run by run with the same draws."""
     with np.errstate(invalid="ignore"):  # where both diverged
         return {name: mean_ratio((a[name] - b[name])[0]) for name in ("error", "effort")}
 
 
 def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
-    """Geometric mean of ratios given as logarithms, its 95 % interval, how many are below 1, how
-    many have no finite numerator.
+    """Return the geometric mean of ratios given as logarithms, with its 95 % interval.
+
+    And how many are below 1, and how many have no finite numerator.
 
     What is not finite is left out of mean and interval; None where fewer than two are left.
     """
@@ -145,7 +148,7 @@ def mean_ratio(logs: Float[np.ndarray, " S"]) -> dict[str, Any]:
 
 
 def as_text(result: dict[str, Any]) -> str:
-    """The comparison as a Markdown table, with what it means in a line."""
+    """Return the comparison as a Markdown table, with a line on what it means."""
     rows = []
     for pair, numbers in result["compared"].items():
         cells = [_cell(number) for number in numbers.values()]

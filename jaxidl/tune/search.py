@@ -48,19 +48,20 @@ class Search:
                 )
 
     def points(self, problem: Problem) -> int:
-        """Points of random search that cost as much as the descent: each of its steps is one
-        gradient and one judgement.
+        """Return how many points of random search cost as much as the descent.
+
+        Each step of the descent is one gradient and one judgement.
         """
         return self.steps * (problem.gradient_cost + 1)
 
     def train(self) -> Integer[np.ndarray, " S"]:
-        """Seeds below 2^30 that points are judged by."""
+        """Return seeds below 2^30 that points are judged by."""
         return np.random.default_rng([self.root, 0]).integers(
             2**30, size=self.runs, dtype=np.uint32
         )
 
     def test(self) -> Integer[np.ndarray, " S"]:
-        """Seeds from 2^30 on that what was found is compared by."""
+        """Return seeds from 2^30 on that compare the gains found."""
         return np.random.default_rng([self.root, 1]).integers(
             2**30, 2**31, size=self.test_runs, dtype=np.uint32
         )
@@ -78,9 +79,7 @@ class Trail:
     seconds: float = 0.0  # that all of it took, compiling included
 
     def best(self, bound: float, upto: int | None = None) -> int:
-        """The point with the lowest mean error among those within ``bound`` (log), or the one that
-        exceeds it least.
-        """
+        """Return the point of lowest mean error within ``bound`` (log), or the nearest to it."""
         error, over = self.error[:upto].mean(1), np.maximum(self.effort[:upto].mean(1) - bound, 0.0)
         return int(np.lexsort((error, over))[0])
 
@@ -88,8 +87,9 @@ class Trail:
 def descend(
     problem: Problem, search: Search, bound: float, parts: Pieces, tick: Callable[[int], None]
 ) -> Trail:
-    """Projected Adam on error + WEIGHT · max(0, effort − limit)², both in logarithms and of the
-    smooth form.
+    """Descend by projected Adam on error + WEIGHT · max(0, effort − limit)².
+
+    Both are logarithms, of the smooth form.
 
     Its limit is as far from its effort at the beginning as ``bound`` is from the true plant's.
     """
@@ -127,14 +127,17 @@ def _trail(logs: Float[np.ndarray, "N P"], rows: list[Arrays]) -> Trail:
 
 
 def direction(slopes: Float[np.ndarray, "S P"]) -> Float[np.ndarray, " P"]:
-    """Mean over seeds of gradients no longer than LONGEST; one that is not finite says nothing."""
+    """Return the mean over seeds of gradients no longer than LONGEST.
+
+    A gradient that is not finite counts as zero.
+    """
     slopes = np.where(np.isfinite(slopes).all(1, keepdims=True), slopes, 0.0)
     norm = np.linalg.norm(slopes, axis=1, keepdims=True)
     return np.mean(slopes * np.minimum(1.0, LONGEST / np.maximum(norm, 1e-12)), axis=0)
 
 
 def sample(problem: Problem, search: Search, parts: Pieces, tick: Callable[[int], None]) -> Trail:
-    """Random search: the law as it is, then points drawn evenly between the bounds."""
+    """Search at random: the law as it is, then points drawn evenly between the bounds."""
     low, high = problem.bounds()
     draws = np.random.default_rng(search.root).uniform(
         low, high, (search.points(problem), len(low))
@@ -155,7 +158,7 @@ def sample(problem: Problem, search: Search, parts: Pieces, tick: Callable[[int]
 
 
 def as_it_is(problem: Problem, search: Search, parts: Pieces) -> Arrays:
-    """:func:`judged` of the law as it is; kept, for it says what the bound is."""
+    """Judge the law as it is; the result is kept, since it sets the bound."""
     piece = parts.load("start")
     if piece is None:
         piece = judged(problem, problem.start[None], search.train())
@@ -166,7 +169,7 @@ def as_it_is(problem: Problem, search: Search, parts: Pieces) -> Arrays:
 def judged(
     problem: Problem, points: Float[np.ndarray, "N P"], seeds: Integer[np.ndarray, " S"]
 ) -> Arrays:
-    """Error and effort (N, S) on the true plant; of a run that did not stay finite infinite."""
+    """Return error and effort (N, S) on the true plant; infinite for runs that diverged."""
     shape = (len(points), len(seeds))
     pairs = np.repeat(points, len(seeds), axis=0), np.tile(seeds, len(points))
     found: Outcome = jax.tree.map(np.asarray, wait(values(problem)(*pairs)))
@@ -178,14 +181,15 @@ def judged(
 
 @cache
 def values(problem: Problem) -> Callable[..., Any]:
-    """Compiled: points (N, P) and seeds (N,) -> outcomes (N,)."""
+    """Return a compiled function: points (N, P) and seeds (N,) -> outcomes (N,)."""
     return _spread(lambda logs, seed: problem.run(logs, seed))
 
 
 @cache
 def gradients(problem: Problem) -> Callable[..., Any]:
-    """Compiled: one point (P,), seeds (S,), a limit -> gradients (S, P) of each seed's penalised
-    error, and its effort (S,).
+    """Return a compiled function of one point (P,), seeds (S,) and a limit.
+
+    It returns gradients (S, P) of each seed's penalised error, and its effort (S,).
     """
 
     def penalised(logs: Any, seed: Any, limit: Any) -> Any:
