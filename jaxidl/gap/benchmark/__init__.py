@@ -1,3 +1,1 @@
-"""Hidden effects: logs made by an engine of its own, the truth about them, and the score of what a
-workflow says.
-"""
+"""Hidden effects: logs from a separate engine, the truth about them, and a workflow's score."""

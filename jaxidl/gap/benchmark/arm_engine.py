@@ -1,10 +1,9 @@
-"""Whole robots in motion: MuJoCo in C at a step finer than the controller's, which is no slower
-than the log.
+"""Whole robots in motion: MuJoCo in C at a finer step than the controller's.
 
-As :mod:`.engine` for one or two joints, with three differences: dry friction of many joints at once
-is MuJoCo's own constraint, its levels set anew at every step; the controller runs at its own rate,
-faster than a slow log; and what each hidden effect does to each joint is noted at every logged
-instant, so that its worth is known.
+The controller is at least as fast as the log. It works as :mod:`.engine` for one or two joints,
+with three differences: dry friction of many joints at once is MuJoCo's own constraint, its levels
+set anew at every step; the controller runs at its own rate, faster than a slow log; and what each
+hidden effect does to each joint is recorded at every logged instant, so that its strength is known.
 """
 
 import math
@@ -20,18 +19,18 @@ from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
 
-SLOWEST, FINEST = 500, 2000  # Hz; the controller's and the engine's rates are at least these
+SLOWEST, FINEST = 500, 2000  # Hz; least rates of the controller and of the engine
 # rad/s, 1, Hz; joint controllers
 NATURAL, FASTEST, DAMPING, DERIVATIVE = 2 * math.pi * 4.0, 2 * math.pi * 12.0, 0.8, 60.0
-# rad; a controller is made stiffer until the torque that the joint needs bends it no further
+# rad; a controller is made stiffer until the required torque deflects it no further
 SAG = 0.05
 ASTRAY = 0.4  # rad; a joint further than this from its reference is lost
-STOP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance of dry friction: as hard as MuJoCo has it
+STOP = (0.9999, 0.9999, 0.001, 0.5, 2.0)  # impedance of dry friction: as stiff as MuJoCo allows
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """What stands between the robot and its log.
+    """The sensors between the robot and its log.
 
     Attributes:
         quantum: of the encoders (J,) [rad].
@@ -54,11 +53,11 @@ class ArmRun:
     clean: Array  # (T, J) true positions
     speed: Array  # (T, J) true speeds
     command: Array  # (T, J) torques without noise
-    # of each hidden effect, (T, J): the torque that it adds to what the motor is asked for
+    # for each hidden effect, (T, J): the torque that it adds to the motor's command
     acts: list[Array]
 
     def log(self) -> dict[str, Array]:
-        """``time``, ``q0``, …, ``tau0``, …, each (T,)."""
+        """Return ``time``, ``q0``, …, ``tau0``, …, each (T,)."""
         joints = range(self.q.shape[1])
         return {
             "time": self.time,
@@ -68,8 +67,9 @@ class ArmRun:
 
 
 def rates(rate: float) -> tuple[int, int]:
-    """How many times the controller runs for one sample of a log at ``rate`` [Hz], and how many
-    steps each of those has.
+    """Return how many times the controller runs per sample of a log at ``rate`` [Hz].
+
+    Also return the number of steps for each run of the controller.
     """
     often = math.ceil(SLOWEST / rate)
     return often, max(2, math.ceil(FINEST / (rate * often)))
@@ -82,18 +82,19 @@ def run_arm(
     rate: float,
     sensors: Sensors,
 ) -> ArmRun:
-    """Let the arm ``xml`` with the ``hidden`` effects follow ``wanted``: positions, speeds and
-    accelerations (T', J).
+    """Let the arm ``xml`` with the ``hidden`` effects follow ``wanted``.
+
+    The latter are positions, speeds and accelerations (T', J).
 
     Args:
-        xml: the model one believes in.
-        hidden: what the true arm has besides.
+        xml: the believed model.
+        hidden: effects that the true arm has in addition.
         wanted: the reference at the controller's rate [rad, rad/s, rad/s²].
         sensors: between robot and log.
         rate: of the log [Hz]; the reference has ``rates(rate)[0]`` samples for each of the log's.
 
     Raises:
-        Diverged: if a joint is lost.
+        Diverged: if a joint is too far from its reference.
     """
     often, finer = rates(rate)
     control = often * rate
@@ -174,7 +175,7 @@ class _Arm:
         self.path = [self.data.qpos.copy()] if any(self.late) else []
 
     def inertia(self) -> Array:
-        """The inertia (J,) that each joint sees where it is."""
+        """Return the inertia (J,) that each joint sees at its position."""
         return np.diag(inertia(self.model, self.data.qpos.copy())).copy()
 
     def position(self) -> Array:
@@ -184,7 +185,7 @@ class _Arm:
         return self.data.qvel.copy()
 
     def read(self) -> Array:
-        """What perfect encoders would read (J,)."""
+        """Return what perfect encoders would read (J,)."""
         true = self.data.qpos
         if self.path:
             true = np.array(
@@ -196,8 +197,9 @@ class _Arm:
         return reading
 
     def advance(self, command: list[float], steps: int, note: bool) -> Array:
-        """Hold ``command`` (J,) for ``steps`` steps; where ``note``, return what each effect did at
-        the first, (E, J).
+        """Hold ``command`` (J,) for ``steps`` steps.
+
+        If ``note``, return what each effect did at the first step, (E, J).
         """
         model, data, rest = self.model, self.data, range(len(command))
         noted = np.zeros((len(self.hidden), len(command)))
@@ -246,8 +248,9 @@ class _Arm:
         noting: Array | None,
         joints: range,
     ) -> None:
-        """Set the levels of dry friction for this step; levels of several effects on one joint add
-        up.
+        """Set the levels of dry friction for this step.
+
+        Levels of several effects on one joint are added.
         """
         sliding, bears = [0.0] * len(q), [0.0] * len(q)
         for n, j, dry in self.rough:

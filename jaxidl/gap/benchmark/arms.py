@@ -1,5 +1,6 @@
-"""Random serial arms of 3 to 7 joints: the models one believes in, as MJCF. SI units; nothing that
-dissipates.
+"""Random serial arms of 3 to 7 joints: the believed models, as MJCF.
+
+Units are SI; nothing dissipates.
 """
 
 import math
@@ -31,11 +32,11 @@ class Arm:
 
 
 def random_arm(rng: np.random.Generator) -> Arm:
-    """Draw an arm: joints that mostly turn about another axis than the one before, links that get
-    lighter and shorter outwards.
+    """Draw an arm.
 
-    Every second arm has rotor inertias in its model, as a maker's file has; the others have none,
-    as most URDFs.
+    Most of its joints turn about a different axis than the one before, and its links become lighter
+    and shorter outwards. Every second arm has rotor inertias in its model, like a manufacturer's
+    file; the others have none, like most URDFs.
     """
     joints = int(rng.integers(JOINTS[0], JOINTS[1] + 1))
     shrink = rng.uniform(0.78, 0.92) ** np.arange(joints)
@@ -79,10 +80,10 @@ def random_arm(rng: np.random.Generator) -> Arm:
 def excitation(
     rng: np.random.Generator, joints: int, duration: float, rate: float
 ) -> tuple[Array, Array, Array]:
-    """Positions, speeds and accelerations, each (T, J), of sums of six harmonics that start and end
-    at rest; SI units.
+    """Return positions, speeds and accelerations, each (T, J), of sums of six harmonics.
 
-    Ranges are ±0.5 to ±1.3 rad and peak speeds at most 0.9 to 2.2 rad/s, drawn for each joint.
+    They start and end at rest; SI units. Ranges are ±0.5 to ±1.3 rad and peak speeds at most 0.9 to
+    2.2 rad/s, drawn for each joint.
     """
     time = np.arange(round(duration * rate)) / rate
     window = (
@@ -104,8 +105,9 @@ def excitation(
 
 
 def _turn(rng: np.random.Generator, before: str) -> str:
-    """An axis for the next joint; one time in five the same as before, so that parallel joints
-    occur.
+    """Return an axis for the next joint.
+
+    One time in five it is the same as before, so that parallel joints occur.
     """
     if rng.uniform() < 0.2:
         return before

@@ -1,4 +1,4 @@
-"""The model one believes in: its torques, and the controller that trusts it."""
+"""The believed model: its torques, and the controller that relies on it."""
 
 import math
 from typing import Any
@@ -15,25 +15,26 @@ mujoco: Any = _mujoco
 SPAN = {"slide": 0.35, "hinge": 1.2}  # m, rad; the range of motion to either side
 # m, rad; of the encoder
 NOISE, QUANTUM = {"slide": 5e-6, "hinge": 2e-5}, {"slide": 1e-5, "hinge": 5e-5}
-# rad/s, 1; bandwidth 5.4 Hz, crossover 4 Hz, so that the loop bears 35 ms of delay
+# rad/s, 1; bandwidth 5.4 Hz, crossover 4 Hz, so that the loop tolerates 35 ms of delay
 NATURAL, DAMPING = 2 * math.pi * 2.6, 0.7
-DERIVATIVE = 30.0  # Hz, low-pass of the measured speed
+DERIVATIVE = 30.0  # Hz, low pass of the measured speed
 # a run whose reading is further than this share of the span from its reference is no measurement
 ASTRAY = 0.6
 
 
 class Diverged(RuntimeError):
-    """The controller lost the mechanism."""
+    """The controller lost control of the mechanism."""
 
 
 def believe(model_xml: str) -> Any:
-    """The model without hidden effects, compiled."""
+    """Return the model without hidden effects, compiled."""
     return mujoco.MjModel.from_xml_string(model_xml)
 
 
 def inverse_dynamics(model: Any, q: Array, qd: Array, qdd: Array) -> Array:
-    """The torques (T, J) [N or Nm] that ``model`` needs for positions, speeds and accelerations,
-    each (T, J).
+    """Return the torques (T, J) [N or Nm] that ``model`` needs for a motion.
+
+    Positions, speeds and accelerations are (T, J) each.
     """
     data, tau = mujoco.MjData(model), np.empty_like(q)
     for k in range(len(q)):
@@ -44,7 +45,7 @@ def inverse_dynamics(model: Any, q: Array, qd: Array, qdd: Array) -> Array:
 
 
 def inertia(model: Any, q: Array) -> Array:
-    """The mass matrix (J, J) [kg or kg m²] at position ``q`` (J,)."""
+    """Return the mass matrix (J, J) [kg or kg m²] at position ``q`` (J,)."""
     rest, still = np.zeros_like(q), np.eye(len(q))
     weight = inverse_dynamics(model, q[None], rest[None], rest[None])
     return (
@@ -53,11 +54,12 @@ def inertia(model: Any, q: Array) -> Array:
 
 
 class Controller:
-    """Feed-forward of the believed model and proportional-derivative feedback of the encoders,
-    sample by sample.
+    """Feed-forward of the believed model and proportional-derivative feedback, sample by sample.
+
+    The feedback is on the encoder readings.
 
     Attributes:
-        wanted: the reference (T, J) [m or rad], a motion of its own for every seed.
+        wanted: the reference (T, J) [m or rad], a different motion for every seed.
         ahead: the torques (T, J) [N or Nm] that the believed model needs for it.
     """
 
@@ -85,11 +87,12 @@ class Controller:
         self._speed = [0.0] * len(kinds)
 
     def __call__(self, k: int, true: Floats) -> tuple[Floats, Floats]:
-        """The readings (J,) of the noisy, quantised encoders at sample ``k``, and the commands (J,)
-        they lead to.
+        """Return the encoders' readings (J,) at sample ``k``, and the resulting commands (J,).
+
+        The encoders are noisy and quantised.
 
         Raises:
-            Diverged: where a reading is far from the reference.
+            Diverged: if a reading is far from the reference.
         """
         wanted, speed, ahead, noise = self._samples[k]
         reading = [
@@ -100,7 +103,7 @@ class Controller:
             off = wanted[j] - y
             if not abs(off) < self._astray[j]:
                 raise Diverged(
-                    f"joint {j} reads {y:.3g} where {wanted[j]:.3g} is wanted, {k / self._rate:.3f}"
+                    f"joint {j} reads {y:.3g} instead of {wanted[j]:.3g}, {k / self._rate:.3f}"
                     " s into the run"
                 )
             self._speed[j] += self._share * ((y - before) * self._rate - self._speed[j])

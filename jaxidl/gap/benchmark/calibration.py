@@ -1,4 +1,4 @@
-"""How often the effects of reports are right, by the confidence that they are reported with."""
+"""The share of reported effects that are right, by their reported confidence."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -12,16 +12,17 @@ from jaxidl.gap.benchmark.judge import Record
 from jaxidl.gap.calibration import SIGNS
 
 BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
-"""Of confidence; each without its upper end but the last."""
+"""Edges of the bins of confidence; a bin excludes its upper edge, except the last."""
 
-STRENGTH = 0.3  # of the ridge on the weights
-# logs with one effect, which the catalogue has not, are so much less frequent than others
+STRENGTH = 0.3  # strength of the ridge on the weights
+# factor by which logs with one effect outside the catalogue are less frequent than others
 SELDOM = {"outside": 0.05}
 
 
 def is_right(truth: Record, report: Record, effect: Record) -> bool:
-    """Return whether an effect of a report is hidden there; for a whole robot by the equivalences
-    of :mod:`.robot_judge`.
+    """Return whether an effect of a report is hidden there.
+
+    For a whole robot the equivalences of :mod:`.robot_judge` apply.
     """
     if truth["family"] == "robot":
         return robot_judge.right(truth, report, effect)
@@ -34,8 +35,9 @@ def calibration(
     pairs: Iterable[tuple[Record, Record | None]],
     share: Callable[[Iterable[float]], dict[str, float]],
 ) -> dict[str, dict[str, float]]:
-    """Return the share right of the reported effects in each bin of confidence, ``"0.9-1.0"`` and
-    so on.
+    """Return the share of reported effects that are right in each bin of confidence.
+
+    Bins are ``"0.9-1.0"`` and so on.
     """
     rows = [
         (judge.confidence(e), float(is_right(t, r, e)))
@@ -55,9 +57,9 @@ def calibration(
 def training_rows(
     truth: Mapping[str, Record], reports: Mapping[str, Record | None]
 ) -> Iterator[dict[str, Any]]:
-    """Yield a row for each reported effect: ``case``, ``family``, ``effect``, ``joint``, every
-    number of its entry, ``right``.
+    """Yield a row for each reported effect.
 
+    A row has ``case``, ``family``, ``effect``, ``joint``, every number of its entry, and ``right``.
     Numbers deeper in an entry have dotted names, such as ``parameters.level.stderr``; lists are
     left out.
     """
@@ -85,8 +87,8 @@ def fitted(
     """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
 
     Args:
-        rows: family, signs and whether it is right, of each finding. Families weigh alike, but for
-            ``SELDOM``.
+        rows: family, signs and whether it is right, of each finding. Families have equal weights,
+            except for ``SELDOM``.
         strength: of the ridge on the weights.
     """
     every = list(rows)

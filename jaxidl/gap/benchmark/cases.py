@@ -1,5 +1,6 @@
-"""The cases of the benchmark: every effect alone at three severities, pairs, nothing, and effects
-outside the catalogue.
+"""The cases of the benchmark.
+
+They are every effect alone at three severities, pairs, nothing, and effects outside the catalogue.
 """
 
 import zlib
@@ -37,11 +38,12 @@ EXCLUDED: dict[tuple[str, str], str] = {
     ("motor_coupling", "slider"): "there is no other joint",
     ("motor_coupling", "pendulum"): "there is no other joint",
 }
-"""What cannot show on a mechanism, and why."""
+"""Effects that cannot show on a mechanism, and why."""
 
 VARIANTS = {"inertia_error": ["", "/mass"], "position_dependent_friction": ["", "/viscous"]}
-"""Kinds that take turns from draw to draw; a body on a slide has no other inertia than its
-joint.
+"""Kinds that alternate from draw to draw.
+
+On a slide a body has no inertia other than that of its joint.
 """
 
 MERGING: tuple[frozenset[str], ...] = (
@@ -61,9 +63,10 @@ MERGING: tuple[frozenset[str], ...] = (
     frozenset({"inertia_error", "joint_elasticity"}),
     frozenset({"inertia_error", "backlash"}),
 )
-"""No pairs of these on one joint: two of a group are, or nearly are, a single effect of the
-catalogue, or upset the loop together; and a rotor's inertia is not to be wrong and behind a spring
-at once.
+"""Groups of which no two effects are paired on one joint.
+
+Two of a group are, or nearly are, a single effect of the catalogue, or destabilise the loop
+together; and a rotor's inertia must not be both wrong and behind a spring.
 """
 
 MERGING_LATER: tuple[frozenset[str], ...] = (
@@ -107,7 +110,7 @@ MERGING_LATER: tuple[frozenset[str], ...] = (
     ),
     frozenset({"torque_scale", "torque_curve", "torque_saturation", "directional_load_friction"}),
 )
-"""The same for the later pairs, of which at least one effect is of the wider catalogue."""
+"""The same for the later pairs, with at least one effect of the wider catalogue."""
 
 WHOLE = {"payload", "base_tilt"}  # effects of the whole mechanism
 
@@ -115,22 +118,25 @@ ONCE: dict[str, tuple[str, ...]] = {
     "inertia_tensor_error": ("two_link 1",),
     "coupled_joint_friction": ("two_link 0",),
 }
-"""Joints on which an effect shows if not on all: the inertia of a first link is that of its rotor;
-a coupling has two joints.
+"""Joints on which an effect shows, if not on all.
+
+The inertia of a first link is that of its rotor; a coupling has two joints.
 """
 
 LATER = ("torque_ripple/harmonics", "payload/inertia")
-"""Kinds of effects that have cases besides those of their effects."""
+"""Kinds of effects that have cases in addition to those of their effects."""
 
-# draws of each single effect and severity; cases, later pairs of each mechanism
+# draws of each single effect and severity; cases and later pairs of each mechanism
 DRAWS, NONE, PAIRS, MORE = 2, 34, 22, 10
-# effects of the catalogue that there were first; pairs drawn from them stay what they are
+# the catalogue's first effects; pairs drawn from them must not change
 FIRST = 22
 
 
 class Hidden(NamedTuple):
-    """A hidden effect; ``joint`` is None for one of the whole mechanism. ``"outside"`` has its kind
-    among the parameters.
+    """A hidden effect.
+
+    ``joint`` is None for one of the whole mechanism; ``"outside"`` has its kind among the
+    parameters.
     """
 
     effect: str
@@ -140,7 +146,10 @@ class Hidden(NamedTuple):
 
 @dataclass(frozen=True)
 class Case:
-    """One log to be judged. The identity says nothing of what is hidden."""
+    """One log to be judged.
+
+    The identity says nothing about what is hidden.
+    """
 
     id: str
     mechanism: str
@@ -156,7 +165,7 @@ class Case:
 
     @property
     def log(self) -> str:
-        """Name of the log's file; by chance CSV or NPZ."""
+        """Name of the log's file, CSV or NPZ at random."""
         return "log.npz" if self.seed % 2 else "log.csv"
 
     def write(self, folder: Path) -> None:
@@ -167,7 +176,7 @@ class Case:
         """Run the engine.
 
         Raises:
-            Diverged: if the controller lost the mechanism, as a case or two of most roots does.
+            Diverged: if the controller lost the mechanism, as for a case or two of most roots.
         """
         return run(
             MECHANISMS[self.mechanism],
@@ -178,8 +187,10 @@ class Case:
 
 
 def all_cases(root: int = 2026) -> list[Case]:
-    """Every case, in an order without meaning for the workflow; the same for the same ``root``,
-    whatever else is in the list.
+    """Return every case.
+
+    Their order is meaningless to the workflow. A case is the same for the same ``root``, whatever
+    else is in the list.
     """
     cases = []
     for mechanism in MECHANISMS:
@@ -202,8 +213,9 @@ def all_cases(root: int = 2026) -> list[Case]:
 
 
 def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
-    """Measure ``case`` and write ``folder/log.csv`` or ``folder/log.npz`` and ``folder/model.xml``,
-    and no word of the truth.
+    """Measure ``case`` and write its log and model.
+
+    They are ``folder/log.csv`` or ``folder/log.npz`` and ``folder/model.xml``, without the truth.
 
     Raises:
         Diverged: if the controller lost the mechanism.
@@ -222,8 +234,9 @@ def write_case(case: Case, folder: Path, duration: float = 24.0) -> None:
 
 
 def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
-    """What is hidden, by the cases' identities: ``mechanism``, ``family``, ``severity`` and
-    ``hidden`` of each.
+    """Return what is hidden, by the cases' identities.
+
+    It is ``mechanism``, ``family``, ``severity`` and ``hidden`` of each.
     """
     return {
         case.id: {
@@ -240,8 +253,9 @@ def truth(cases: Iterable[Case]) -> dict[str, dict[str, Any]]:
 
 
 def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str, int]]]]:
-    """Label, severity and (row of the severity table, joint) of each hidden effect, case after
-    case.
+    """Yield label, severity and hidden effects, case after case.
+
+    A hidden effect is a row of the severity table and a joint.
     """
     for name, joint in _singles(mechanism):
         for severity in ("weak", "medium", "clear"):
@@ -284,7 +298,7 @@ def _rows(mechanism: str, root: int) -> Iterator[tuple[str, str, list[tuple[str,
 
 
 def _singles(mechanism: str) -> list[tuple[str, int]]:
-    """Effects and joints that can show on the mechanism."""
+    """Return effects and joints that can show on the mechanism."""
     names = [name for name in INJECTED if (name, mechanism) not in EXCLUDED]
     singles = [
         (name, joint)
@@ -299,7 +313,7 @@ def _singles(mechanism: str) -> list[tuple[str, int]]:
 
 
 def _size(row: str, mechanism: str, joint: int) -> tuple[float | int, ...] | None:
-    """Sizes of the severity table's ``row`` on a joint; None where it cannot show."""
+    """Return sizes of the severity table's ``row`` on a joint; None if it cannot show there."""
     return SIZES[row][list(PLACES).index((mechanism, joint))]
 
 
@@ -309,9 +323,7 @@ def _pair(
     ones: list[tuple[str, int]],
     others: list[tuple[str, int]],
 ) -> list[tuple[str, int]]:
-    """Two different effects that are not one, the first of ``ones`` and the second of
-    ``others``.
-    """
+    """Return two effects that are not equivalent, one of ``ones`` and one of ``others``."""
     merging = MERGING if ones is others else MERGING_LATER
     while True:
         if ones is others:
@@ -342,7 +354,7 @@ def _variant(name: str, mechanism: str, draw: int) -> str:
 def _hidden(
     row: str, joint: int, severity: str, rng: np.random.Generator, mechanism: str, seed: int
 ) -> Hidden:
-    """The effect of the table's ``row`` with parameters drawn within 25 % of the table's size."""
+    """Return the effect of ``row`` with parameters drawn within 25 % of the table's size."""
     sizes = _size(row, mechanism, joint)
     assert sizes is not None, f"{row} cannot show on joint {joint} of {mechanism}"
     size = sizes[("weak", "medium", "clear").index(severity)] * float(
@@ -357,12 +369,13 @@ def _hidden(
 
 
 def _rng(root: int, mechanism: str, label: str) -> np.random.Generator:
-    """Chance that belongs to a case by its name, so that cases can be added without changing the
-    others.
+    """Return a random generator that belongs to a case by its name.
+
+    So cases can be added without changing the others.
     """
     return np.random.default_rng([root, zlib.crc32(f"{mechanism} {label}".encode())])
 
 
 def _number(root: int, mechanism: str, label: str) -> int:
-    """A number that belongs to a case by its name and says nothing of it."""
+    """Return a number that belongs to a case by its name and says nothing about it."""
     return zlib.crc32(f"{root} {mechanism} {label}".encode())

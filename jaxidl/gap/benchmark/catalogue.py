@@ -44,8 +44,9 @@ INJECTED: dict[str, type[Injected]] = {
 
 
 def make(name: str, joint: int | None, parameters: Mapping[str, Any]) -> Injected:
-    """The effect ``name`` on ``joint`` (None: the whole mechanism); ``"outside"`` says which one as
-    ``kind``.
+    """Return the effect ``name`` on ``joint`` (None: the whole mechanism).
+
+    For ``"outside"`` the parameter ``kind`` says which one.
     """
     if name == "outside":
         return OUTSIDE[parameters["kind"]](

@@ -1,5 +1,6 @@
-"""Parameters of hidden effects, drawn at random around a size that sets how strong the effect
-is.
+"""Parameters of hidden effects, drawn at random around a size.
+
+The size sets how strong the effect is.
 """
 
 import math
@@ -14,7 +15,7 @@ from jaxidl.gap.benchmark.reference import Array
 
 
 class Place(NamedTuple):
-    """A joint of a mechanism, and what the effects there have to be in proportion to."""
+    """A joint of a mechanism, with the magnitudes to which effects there are proportional."""
 
     span: float  # m or rad
     rotor: float  # kg or kg m², the model's armature
@@ -34,8 +35,9 @@ FINE = 2e-4  # s, the engine's step at 500 Hz; dead times are whole steps
 def parameters(
     row: str, size: float, rng: np.random.Generator, mechanism: str, joint: int
 ) -> Mapping[str, Any]:
-    """Parameters of the effect in the severity table's ``row``, ``"name"`` or ``"name/kind"``, at
-    ``size``.
+    """Return parameters of the effect in the severity table's ``row``, at ``size``.
+
+    A row is ``"name"`` or ``"name/kind"``.
     """
     place, (name, _, kind) = PLACES[mechanism, joint], row.partition("/")
     if name == "outside":
@@ -63,7 +65,7 @@ def parameters(
 
 
 def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
-    """Effects of which the size is the parameter, but for its sign."""
+    """Return parameters of effects whose size is the parameter, except for its sign."""
     signed = size * float(rng.choice([-1, 1]))
     match name:
         case "viscous_friction" | "quadratic_drag" | "load_dependent_friction":
@@ -88,8 +90,9 @@ def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
 
 
 def clipping(share: float, torque: Array) -> float:
-    """The limit that would clip ``share`` of the RMS of ``torque`` (T,) if nothing reacted; peaks
-    differ between motions.
+    """Return the limit that would clip ``share`` of the RMS of ``torque`` (T,).
+
+    It assumes that nothing reacts. A share is used because peaks differ between motions.
     """
     low, high = 0.0, float(np.abs(torque).max())
     for _ in range(40):
@@ -100,7 +103,7 @@ def clipping(share: float, torque: Array) -> float:
 
 
 def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
-    """Effects that have a shape besides their size."""
+    """Return parameters of effects that have a shape in addition to their size."""
     phase = float(rng.uniform(0, 2 * math.pi))
     wave = {
         "variation": _in(rng, 0.7, 0.95),
@@ -134,10 +137,10 @@ def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> d
 def _wide(
     row: str, size: float, rng: np.random.Generator, place: Place, joint: int
 ) -> dict[str, Any]:
-    """The wider catalogue."""
+    """Return parameters of effects of the wider catalogue."""
     match row:
         case "com_error":
-            # sideways: along the link it is an inertia as well
+            # sideways, because along the link it is an inertia as well
             turn = _in(rng, -0.15, 0.15) + math.pi * int(rng.integers(2))
             return {"moment": [size * math.cos(turn), 0.0, size * math.sin(turn)]}
         case "inertia_tensor_error":
@@ -173,8 +176,9 @@ def _wide(
 
 
 def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
-    """Elasticity of stiffness ``size``, or backlash of gap ``size`` between stiff ends; the damping
-    keeps the loop stable.
+    """Return parameters of an elasticity or of backlash.
+
+    ``size`` is its stiffness, or the gap between stiff ends; the damping keeps the loop stable.
     """
     reduced = place.rotor * place.link / (place.rotor + place.link)
     stiffness = size if name == "joint_elasticity" else reduced * (2 * math.pi * 50) ** 2
@@ -187,7 +191,7 @@ def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place
 
 
 def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
-    """Effects that the catalogue does not hold."""
+    """Return parameters of effects that are not in the catalogue."""
     phase = float(rng.uniform(0, 2 * math.pi))
     match kind:
         case "hysteresis":
@@ -213,7 +217,7 @@ def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> 
 def _imitable(
     kind: str, size: float, rng: np.random.Generator, place: Place, joint: int
 ) -> dict[str, Any]:
-    """Effects outside the catalogue that follow from the state."""
+    """Return parameters of effects outside the catalogue that follow from the state."""
     phase = {"phase": float(rng.uniform(0, 2 * math.pi))}
     match kind:
         case "acceleration_friction" | "root_load_friction":

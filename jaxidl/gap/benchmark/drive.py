@@ -1,5 +1,6 @@
-"""What lies between the controller and the joint: motors that deliver less or later, encoders that
-read late or too much.
+"""Effects between the controller and the joint.
+
+Motors deliver less or later, encoders read late or with an offset.
 """
 
 import math

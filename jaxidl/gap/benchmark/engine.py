@@ -1,9 +1,8 @@
-"""Measured data from an engine that shares nothing with the code under test: MuJoCo in C, ten steps
-per sample.
+"""Measured data from an engine that shares nothing with the code under test.
 
-A controller that believes the model without the hidden effects runs at the log's rate, reads a
-noisy and quantised encoder and holds its command until the next sample. The log is what such a
-controller could write: instants, readings, commands.
+It is MuJoCo in C, with ten steps per sample. A controller that relies on the model without the
+hidden effects runs at the log's rate, reads a noisy and quantised encoder and holds its command
+until the next sample. The log is what such a controller could write: instants, readings, commands.
 """
 
 from collections.abc import Sequence
@@ -22,7 +21,10 @@ FINER = 10  # steps of the engine per sample
 
 @dataclass(frozen=True)
 class Run:
-    """A run of T samples of J joints: what is logged, and what only the engine knows. SI units."""
+    """A run of T samples of J joints, in SI units.
+
+    It holds what is logged, and what only the engine knows.
+    """
 
     time: Array  # (T,)
     q: Array  # (T, J) encoder readings
@@ -31,7 +33,7 @@ class Run:
     wanted: Array  # (T, J) the reference
 
     def log(self) -> dict[str, Array]:
-        """``time``, ``q0``, …, ``tau0``, …, each (T,)."""
+        """Return ``time``, ``q0``, …, ``tau0``, …, each (T,)."""
         joints = range(self.q.shape[1])
         columns = {f"q{j}": self.q[:, j] for j in joints} | {
             f"tau{j}": self.tau[:, j] for j in joints
@@ -46,7 +48,7 @@ def simulate(
     duration: float = 24.0,
     rate: float = 500.0,
 ) -> dict[str, Array]:
-    """The log of :func:`run`.
+    """Return the log of :func:`run`.
 
     Raises:
         Diverged: if the controller lost the mechanism.
@@ -61,10 +63,10 @@ def run(
     duration: float = 24.0,
     rate: float = 500.0,
 ) -> Run:
-    """Run the mechanism ``model_xml`` with the ``hidden`` effects for ``duration`` s and sample it
-    at ``rate`` Hz.
+    """Run the mechanism ``model_xml`` with the ``hidden`` effects for ``duration`` s.
 
-    Motion and noise follow from ``seed`` alone, so effects can be compared on the same motion.
+    It is sampled at ``rate`` Hz. Motion and noise follow from ``seed`` alone, so effects can be
+    compared on the same motion.
 
     Raises:
         Diverged: if the controller lost the mechanism.
@@ -125,7 +127,7 @@ class _Plant:
         self.path: list[Floats] = [self.data.qpos.tolist()]
 
     def read(self) -> Floats:
-        """What the encoders would read without noise."""
+        """Return what the encoders would read without noise."""
         sensors = enumerate(zip(self.late, self.bias, strict=True))
         readings = [self.path[max(0, self.count - late)][j] + bias for j, (late, bias) in sensors]
         for j, misread in self.wrong:
@@ -159,7 +161,7 @@ class _Plant:
             path.append(q.tolist())
 
     def _rub(self, q: Floats, qd: Floats, delivered: Floats, force: Floats) -> None:
-        """Add dry friction to ``force``; levels of several effects on one joint add up."""
+        """Add dry friction to ``force``; levels of several effects on one joint are added."""
         levels: dict[int, Level] = {}
         for j, dry in self.rough:
             more, (forward, backward, rest) = (

@@ -1,4 +1,4 @@
-"""Friction as it is put into MuJoCo, in the joints of a mechanism."""
+"""Friction as it is injected into MuJoCo, in the joints of a mechanism."""
 
 import math
 from dataclasses import dataclass
@@ -61,8 +61,9 @@ class Stiction(Injected):
 
 @dataclass
 class PositionDependentFriction(Injected):
-    """Dry or (``kind="viscous"``) viscous friction whose coefficient is a sine of the joint's own
-    position.
+    """Dry or viscous friction whose coefficient is a sine of the joint's own position.
+
+    It is viscous with ``kind="viscous"``.
     """
 
     level: float

@@ -1,5 +1,6 @@
-"""Effects outside the catalogue that follow from the state, and so can be imitated: the harder
-half.
+"""Effects outside the catalogue that follow from the state.
+
+They can be imitated, which makes them the harder half.
 """
 
 import math
@@ -7,12 +8,12 @@ from dataclasses import dataclass, field
 
 from jaxidl.gap.benchmark.injected import Floats, Injected
 
-SETTLING = 0.004  # s; of the acceleration that an effect feels
+SETTLING = 0.004  # s; time constant of the acceleration that an effect feels
 
 
 @dataclass
 class _Accelerated(Injected):
-    """One that feels the acceleration, from the speed by a fast low-pass."""
+    """An effect that feels the acceleration, derived from the speed by a fast low pass."""
 
     _before: float = field(default=0.0, init=False, repr=False)
     _acceleration: float = field(default=0.0, init=False, repr=False)
@@ -30,8 +31,9 @@ class _Accelerated(Injected):
 
 @dataclass
 class AccelerationFriction(_Accelerated):
-    """Dry friction in proportion to the acceleration: gear teeth pressed together by the inertia
-    behind them.
+    """Dry friction in proportion to the acceleration.
+
+    Gear teeth are pressed together by the inertia behind them.
     """
 
     coefficient: float = 0.0
@@ -43,8 +45,9 @@ class AccelerationFriction(_Accelerated):
 
 @dataclass
 class PositionInertia(_Accelerated):
-    """An inertia that varies with the joint's own position, as of a crank: ``inertia`` · sin(2π q /
-    ``period`` + ``phase``).
+    """An inertia that varies with the joint's own position, as of a crank.
+
+    It is ``inertia`` · sin(2π q / ``period`` + ``phase``).
     """
 
     inertia: float = 0.0
@@ -59,7 +62,7 @@ class PositionInertia(_Accelerated):
 
 @dataclass
 class TorqueDeadband(Injected):
-    """An amplifier that delivers nothing below ``width``, and so much less above it."""
+    """An amplifier that delivers nothing below ``width``, and that much less above it."""
 
     width: float
 
@@ -91,9 +94,7 @@ class ElasticCoupling(Injected):
 
 @dataclass
 class CableDrag(Injected):
-    """Drag of a cable that is the more bent the further two joints are out of the middle
-    together.
-    """
+    """Drag of a cable that grows the further two joints together are from the middle."""
 
     other: int
     coefficient: float
@@ -118,8 +119,9 @@ class CoupledRipple(Injected):
 
 @dataclass
 class EncoderEccentricity(Injected):
-    """An encoder disc that sits off its centre: a reading that is wrong once a turn, of its shaft,
-    by up to ``error``.
+    """An encoder disc that is off its centre.
+
+    The reading is wrong by up to ``error`` once per turn of its shaft.
     """
 
     error: float
@@ -132,8 +134,9 @@ class EncoderEccentricity(Injected):
 
 @dataclass
 class FadingMotor(Injected):
-    """A motor constant that falls with the speed: the share ``loss`` · |speed| of the torque is
-    missing.
+    """A motor constant that falls with the speed.
+
+    The share ``loss`` · |speed| of the torque is missing.
     """
 
     loss: float

@@ -1,8 +1,8 @@
-"""The catalogue's effects as they are put into MuJoCo, in plain floats, written apart from the code
-that is to find them.
+"""The catalogue's effects as they are injected into MuJoCo, in plain floats.
 
-Each acts on one joint ``joint`` through the hooks of :class:`Injected` that it overrides; the
-engine calls them at every fine step. Positions in m or rad, torques in N or Nm, times in s.
+They are written independently of the code that has to find them. Each acts on one joint ``joint``
+through the hooks of :class:`Injected` that it overrides; the engine calls them at every fine step.
+Positions in m or rad, torques in N or Nm, times in s.
 """
 
 import math
@@ -20,13 +20,15 @@ Floats = list[float]
 
 
 def tensor(six: Floats) -> Array:
-    """The symmetric matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
+    """Return the symmetric matrix (3, 3) of xx, yy, zz, xy, xz, yz."""
     xx, yy, zz, xy, xz, yz = six
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]], float)
 
 
 def principal(inertia: Array) -> tuple[list[float], list[float]]:
-    """Principal moments and the quaternion (w, x, y, z) of the principal axes of a tensor (3, 3).
+    """Return principal moments and axes of a tensor (3, 3).
+
+    The axes are a quaternion (w, x, y, z).
 
     Raises:
         ValueError: for a tensor that no body has.
@@ -34,7 +36,7 @@ def principal(inertia: Array) -> tuple[list[float], list[float]]:
     moments, axes = np.linalg.eigh(inertia)
     if moments[0] <= 0 or moments[2] > moments[0] + moments[1] + 1e-12:
         raise ValueError(f"no body has principal moments of inertia {moments}")
-    axes = axes * np.linalg.det(axes)  # a rotation, no reflection
+    axes = axes * np.linalg.det(axes)  # a rotation, not a reflection
     quaternion = np.zeros(4)
     mujoco.mju_mat2Quat(quaternion, axes.ravel())
     return moments.tolist(), quaternion.tolist()
@@ -46,7 +48,7 @@ def row(values: float | Floats) -> Floats:
 
 @dataclass
 class Injected:
-    """One hidden effect; a plain one changes nothing."""
+    """One hidden effect; this base class changes nothing."""
 
     joint: int
 
@@ -54,51 +56,55 @@ class Injected:
         """Change the true mechanism before it is compiled."""
 
     def start(self, step: float, position: float, command: float) -> None:
-        """Forget everything: a run with the fine step ``step`` [s] starts at rest at ``position``
-        under ``command``.
+        """Reset the effect.
+
+        A run with the fine step ``step`` [s] starts at rest at ``position`` under ``command``.
         """
 
     def encoder(self) -> tuple[float, float]:
-        """How late the reading is, and how much it reads too much."""
+        """Return the delay of the reading, and its offset."""
         return 0.0, 0.0
 
     def misread(self, q: float) -> float:
-        """How much the reading is too much at the true position ``q``, if that varies."""
+        """Return the error of the reading at the true position ``q``, if it varies."""
         return 0.0
 
     def actuate(self, t: float, command: float) -> float:
-        """The torque that the motor delivers for ``command``, or for what the stage before it
-        delivers.
+        """Return the torque that the motor delivers for ``command``.
+
+        The command may also be what the stage before it delivers.
         """
         return command
 
     def spread(self, delivered: Floats) -> tuple[int, float]:
-        """Another joint, and the torque that what the motors deliver makes there."""
+        """Return another joint, and the torque there due to what the motors deliver."""
         return self.joint, 0.0
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        """A smooth torque on the joint."""
+        """Return a smooth torque on the joint."""
         return 0.0
 
     def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        """Dry friction: its level when moving forward, backward, and what it bears at rest if that
-        is more.
+        """Return dry friction: its level when moving forward, backward, and at rest.
+
+        The last one is the level that it withstands at rest if that is larger.
         """
         return 0.0, 0.0, 0.0
 
     def passive(self, qd: Floats) -> dict[int, float]:
-        """The torques by joint of what :meth:`alter` has made the engine do; only for keeping
-        account of them.
+        """Return the torques, by joint, of what :meth:`alter` makes the engine do.
+
+        They are used only for records.
         """
         return {}
 
 
 @dataclass
 class InertiaError(Injected):
-    """``extra`` rotor inertia, or (``kind="mass"``) the joint's body with mass and inertia (1 +
-    ``extra``) times as large.
+    """Additional inertia: of the rotor, or of the joint's body.
 
-    ``mass`` [kg] comes on top of a body's, whose inertia grows in proportion.
+    ``extra`` is rotor inertia, or with ``kind="mass"`` the body has (1 + ``extra``) times its mass
+    and inertia. ``mass`` [kg] is added to a body's, whose inertia grows in proportion.
     """
 
     extra: float
@@ -156,8 +162,9 @@ class Spring(Injected):
 
 @dataclass
 class TorqueRipple(Injected):
-    """A sine of the position, or several: ``amplitude`` and ``phase`` of one, two, … waves in a
-    ``period``.
+    """A sine of the position, or several.
+
+    They have ``amplitude`` and ``phase`` of one, two, … waves in a ``period``.
     """
 
     amplitude: float | Floats

@@ -1,5 +1,6 @@
-"""What one report is worth against the truth. A report is the workflow's ``report.json``, or None
-where it gave none.
+"""The score of one report against the truth.
+
+A report is the workflow's ``report.json``, or None if there is none.
 """
 
 from collections.abc import Iterable, Mapping
@@ -17,19 +18,21 @@ COMPANIONS: Mapping[str, tuple[str, ...]] = {
     "com_error": ("inertia_error", "inertia_tensor_error"),
     "directional_load_friction": ("load_dependent_friction",),
 }
-"""Effects that may be named beside a hidden one: the catalogue says a friction that bends, a centre
-of mass that is off with the link's own inertia kept, and friction under load that differs by
-direction, as a sum of several of its effects.
+"""Effects that may be named beside a hidden one.
+
+The catalogue expresses some effects as a sum of several of its own: friction that bends, a centre
+of mass that is off while the link's own inertia stays, and friction under load that differs by
+direction.
 """
 
 SUMS: Mapping[str, tuple[str, ...]] = {
     "asymmetric_friction": ("coulomb_friction", "constant_offset"),
     "directional_load_friction": ("load_dependent_friction", "torque_scale"),
 }
-"""Effects that are exactly others together: either way of saying it is right."""
+"""Effects that are exactly several others together: either description is right."""
 
-CONFIDENT = 0.8  # an effect reported with less is a suspicion, no name
-# effects of the whole mechanism, on whatever joint a report puts them
+CONFIDENT = 0.8  # an effect reported with less is suspected, not named
+# effects of the whole mechanism, whichever joint a report gives
 WHOLE = {"payload", "base_tilt"}
 TIED = {
     "slider": {
@@ -42,29 +45,33 @@ TIED = {
     "pendulum": {"actuator_delay", "sensor_delay", "payload", "directional_load_friction"},
     "two_link": {"payload", "directional_load_friction"},
 }
-"""Effects with a double that no log of the mechanism tells apart: a torque m·a/s is that of another
-mass or of another motor constant, with a single joint nobody knows on which side the time was lost,
-and a load on the last link is an error of that link. Friction under load that differs by direction
-is friction under load and another motor constant. To say so is all one can do.
+"""Effects with an equivalent that no log of the mechanism can distinguish.
+
+A torque m·a/s is that of a different mass or of a different motor constant; with a single joint it
+is unknown on which side the time was lost; and a load on the last link is an error of that link.
+Friction under load that differs by direction is friction under load with a different motor
+constant. A report can only say so.
 """
 
 
 def key(record: Record) -> Key:
-    """The effect and joint of a hidden effect, a named effect or a candidate."""
+    """Return the effect and joint of a hidden effect, a named effect or a candidate."""
     return record["effect"], None if record["effect"] in WHOLE else record["joint"]
 
 
 def confidence(effect: Record) -> float:
-    """Return the reported confidence in [0, 1] that the effect is there; 1 where a report gives
-    none.
+    """Return the reported confidence in [0, 1] that the effect is there.
+
+    It is 1 if a report has none.
     """
     value = effect.get("confidence")
     return 1.0 if value is None else float(value)
 
 
 def named(report: Record | None) -> list[Key]:
-    """Return the effects that a report names with confidence, in the order in which they were
-    added.
+    """Return the effects that a report names with confidence.
+
+    They are in the order in which they were added.
     """
     return (
         [key(effect) for effect in report["effects"] if confidence(effect) >= CONFIDENT]
@@ -74,11 +81,11 @@ def named(report: Record | None) -> list[Key]:
 
 
 def misnamed(report: Record | None) -> bool:
-    """Return whether a report names an effect with confidence on a joint that it does not call
-    unexplained or ambiguous.
+    """Return whether a report names an effect with confidence without reservations.
 
-    A report without ``unexplained_joints`` that is unexplained is so on every joint; so is an
-    ambiguous one without candidates.
+    That is on a joint that it calls neither unexplained nor ambiguous. A report without
+    ``unexplained_joints`` that is unexplained is so on every joint; so is an ambiguous one without
+    candidates.
     """
     if report is None:
         return False
@@ -93,7 +100,7 @@ def misnamed(report: Record | None) -> bool:
 
 
 def candidates(report: Record | None) -> list[set[Key]]:
-    """The sets of effects that a report cannot tell apart."""
+    """Return the sets of effects that a report cannot distinguish."""
     return (
         [{key(one) for one in entry["candidates"]} for entry in report.get("ambiguous", [])]
         if report
@@ -102,10 +109,10 @@ def candidates(report: Record | None) -> list[set[Key]]:
 
 
 def single_credit(hidden: Record, report: Record | None) -> float:
-    """1 where exactly the hidden effect is named, 1/2 where it is in an ambiguity set and nothing
-    outside that set is named.
+    """Return the credit for a single hidden effect.
 
-    What may be named beside it does not count.
+    It is 1 if exactly the hidden effect is named, 1/2 if it is in an ambiguity set and nothing
+    outside that set is named. What may be named beside it does not count.
     """
     truth, names = key(hidden), named(report)
     beside = {(name, truth[1]) for name in COMPANIONS.get(truth[0], ())}
@@ -119,16 +126,15 @@ def single_credit(hidden: Record, report: Record | None) -> float:
 
 
 def sums(hidden: Record) -> set[Key]:
-    """Effects that are exactly the hidden one together; of most there are none."""
+    """Return effects that are exactly the hidden one together; for most there are none."""
     return {(part, key(hidden)[1]) for part in SUMS.get(hidden["effect"], ())}
 
 
 def tied(truth: Record) -> bool:
-    """Whether the only hidden effect of a case has a double that no log of this mechanism tells
-    apart.
+    """Return whether a case's only hidden effect has an equivalent that no log distinguishes.
 
-    On a pendulum a payload at the right place also scales inertia and weight alike, as a heavier
-    body or a weaker motor does.
+    The log is of this mechanism. On a pendulum a payload at the right place also scales inertia and
+    weight alike, as a heavier body or a weaker motor does.
     """
     effect, parameters = truth["hidden"][0]["effect"], truth["hidden"][0]["parameters"]
     heavier = parameters.get("kind") == "mass" and parameters["extra"] > 0
@@ -139,8 +145,10 @@ def tied(truth: Record) -> bool:
 
 
 def pair_credits(hidden: Iterable[Record], report: Record | None) -> list[float]:
-    """For each hidden effect: 1 named, itself or those that are it together, 1/2 in an ambiguity
-    set, 0 neither.
+    """Return the credit for each hidden effect.
+
+    It is 1 if it, or those that are equal to it together, are named, 1/2 in an ambiguity set, 0
+    otherwise.
     """
     unsure, names = set().union(*candidates(report)), set(named(report))
     return [
@@ -150,7 +158,7 @@ def pair_credits(hidden: Iterable[Record], report: Record | None) -> list[float]
 
 
 def column(truth: Record, report: Record | None) -> str:
-    """The column of the confusion matrix: what the report says, in one word.
+    """Return the column of the confusion matrix: the report's statement in one word.
 
     That is the first effect named, since it is the strongest, unless the report is ``"ambiguous"``,
     ``"unexplained"`` with no effect, or names ``"none"``; ``"other joint"`` for the right effect on
@@ -172,17 +180,18 @@ def column(truth: Record, report: Record | None) -> str:
 def parameter_errors(
     hidden: Record, effect: Record, mechanism: str
 ) -> dict[str, tuple[float, list[float]]]:
-    """Return the relative error of each parameter that truth and report share, and its components
-    in standard errors.
+    """Return the relative error of each parameter that truth and report share.
+
+    Also return its components in standard errors.
     """
     return errors(expected(hidden, mechanism), effect.get("parameters", {}), hidden["joint"])
 
 
 def removed(truth: Record, report: Record | None) -> float | None:
-    """Share of the held-out torque error above the noise floor that is gone, on the joints with
-    hidden effects.
+    """Return the share of the held-out torque error above the noise floor that is removed.
 
-    None where nothing is named, or where there was no error above the noise floor.
+    It is taken over the joints with hidden effects. None if nothing is named, or if there was no
+    error above the noise floor.
     """
     if not named(report) or report is None:
         return None

@@ -1,10 +1,10 @@
-"""Errors of links, which a log tells apart only in combinations: judged by the torque that they
-make, not by their names.
+"""Errors of links, which a log can distinguish only in combinations.
 
-The truth holds the Gram matrix of the regressor of all links' inertial parameters on the case's own
-motion, so what a motion cannot tell apart is decided by its rank and not by a list: an inertia
-about the joint's axis is a rotor's, a load is a wrong last link, the mass of a link may stand in
-another link's parameters.
+They are judged by the torque that they cause, not by their names. The truth holds the Gram matrix
+of the regressor of all links' inertial parameters on the case's own motion, so what a motion cannot
+distinguish is decided by its rank and not by a list: an inertia about the joint's axis is a
+rotor's, a load is an error of the last link, the mass of a link may appear in another link's
+parameters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,12 +15,11 @@ import numpy as np
 from jaxidl.gap.benchmark.reference import Array
 
 INERTIAL = ("inertia_error", "com_error", "inertia_tensor_error", "payload")
-TEN = 10  # parameters of a link before its rotor's
+TEN = 10  # number of a link's parameters before its rotor's
 
 
 class Links:
-    """The true errors of a robot's links, and what effects of that kind can explain of their
-    torque.
+    """The true errors of a robot's links, and the part of their torque that effects can explain.
 
     Errors are vectors (P,) of all links' inertial parameters, in the order of
     :func:`.worth.columns`.
@@ -36,8 +35,9 @@ class Links:
         self.error = np.array(record["error"], float)
 
     def directions(self, name: str, joint: int | None) -> dict[str, Array]:
-        """Return the directions (P, n) in which each parameter of the effect ``name`` on ``joint``
-        changes the links.
+        """Return the directions (P, n) in which an effect's parameters change the links.
+
+        The effect is ``name`` on ``joint``; there is an entry for each parameter.
         """
         last = len(self.believed) - 1
         start = (TEN + 1) * (last if joint is None or name == "payload" else joint)
@@ -54,8 +54,9 @@ class Links:
         return {"ten": unit[:, start : start + TEN]}
 
     def vector(self, record: Mapping[str, Any]) -> Array:
-        """Return the change (P,) of the links that an effect with its parameters makes, hidden or
-        reported.
+        """Return the change (P,) of the links due to an effect with its parameters.
+
+        The effect may be hidden or reported.
         """
         name, total = record["effect"], np.zeros(self.size)
         given = {key: _value(value) for key, value in record["parameters"].items()}
@@ -73,14 +74,16 @@ class Links:
         return total
 
     def energy(self, error: Array) -> float:
-        """Return the mean square of the torque of an ``error`` (P,), in shares of the joints'
-        commands, added over joints.
+        """Return the mean square of the torque of an ``error`` (P,).
+
+        It is in shares of the joints' commands, added over joints.
         """
         return float(max(error @ self.gram @ error, 0.0))
 
     def left(self, error: Array, names: Sequence[tuple[str, int | None]]) -> float:
-        """Return the root mean square of the torque of ``error`` (P,) that effects of these names
-        cannot take over.
+        """Return the root mean square torque of ``error`` (P,) that effects cannot explain.
+
+        The effects are those of the given names.
         """
         blocks = [block for name in names for block in self.directions(*name).values()]
         if not blocks:
@@ -91,8 +94,9 @@ class Links:
     def fitted(
         self, names: Sequence[tuple[str, int | None]]
     ) -> dict[tuple[str, int | None], dict[str, Array]]:
-        """Return the parameters that a perfect fit with effects of these names has; NaN for those
-        that the motion leaves open.
+        """Return the parameters of a perfect fit with effects of these names.
+
+        Those that the motion does not determine are NaN.
         """
         parts = [
             (name, key, block) for name in names for key, block in self.directions(*name).items()
@@ -109,12 +113,13 @@ class Links:
         return found
 
     def _fit(self, basis: Array, error: Array) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
-        """Least squares of the torque of ``error`` by that of the ``basis`` (P, n): values (n,),
-        and which of them are unique.
+        """Fit the torque of ``error`` by that of the ``basis`` (P, n), by least squares.
+
+        Returns values (n,), and which of them are unique.
         """
         normal = basis.T @ self.gram @ basis
         size = np.diag(normal)
-        # a first moment about a vertical axis, for one, makes no torque at all
+        # for example, a first moment about a vertical axis causes no torque at all
         seen = size > 1e-10 * size.max()
         scale = np.where(seen, np.sqrt(np.maximum(size, 0)), np.inf)
         eigen, turn = np.linalg.eigh(normal / np.outer(scale, scale))
@@ -126,8 +131,9 @@ class Links:
 
 
 def load(given: Mapping[str, Array]) -> Array:
-    """Return the ten parameters of a load about the body's origin, from its mass, centre and
-    inertia about that.
+    """Return the ten parameters of a load about the body's origin.
+
+    They follow from its mass, its centre, and its inertia about that.
     """
     mass, centre = float(given.get("mass", np.zeros(1))[0]), given.get("com", np.zeros(3))
     six = given.get("inertia", np.zeros(6))
@@ -140,7 +146,7 @@ def load(given: Mapping[str, Array]) -> Array:
 
 
 def _value(value: Any) -> Array:
-    """The numbers of a parameter, hidden (plain) or reported (with unit and standard error)."""
+    """Return the numbers of a parameter, hidden (plain) or reported (with unit and error)."""
     given = value.get("value") if isinstance(value, Mapping) else value
     return (
         np.zeros(0)

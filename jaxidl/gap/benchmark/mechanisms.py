@@ -1,5 +1,6 @@
-"""The three mechanisms of the benchmark: the models one believes in. SI units, no damping,
-friction, contacts or limits.
+"""The three mechanisms of the benchmark: the believed models.
+
+Units are SI; there is no damping, friction, contact or limit.
 """
 
 _OPTIONS = """  <compiler angle="radian"/>
@@ -47,5 +48,5 @@ TWO_LINK = f"""<mujoco model="two_link">
 
 MECHANISMS = {"slider": SLIDER, "pendulum": PENDULUM, "two_link": TWO_LINK}
 JOINTS = {"slider": 1, "pendulum": 1, "two_link": 2}
-# kg, of the joints' bodies
+# kg, masses of the joints' bodies
 MASSES = {("slider", 0): 2.0, ("pendulum", 0): 1.0, ("two_link", 0): 1.5, ("two_link", 1): 1.0}

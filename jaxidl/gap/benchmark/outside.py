@@ -1,4 +1,7 @@
-"""Effects that the catalogue does not hold: whoever names one of its effects for them is wrong."""
+"""Effects outside the catalogue.
+
+Naming an effect of the catalogue for one of them is wrong.
+"""
 
 import math
 from dataclasses import dataclass, field
@@ -9,8 +12,9 @@ from jaxidl.gap.benchmark.injected import Floats, Injected
 
 @dataclass
 class Hysteresis(Injected):
-    """Dahl's friction with a long presliding distance: a spring that forgets, neither dry friction
-    nor a spring [N or Nm].
+    """Dahl's friction with a long presliding distance [N or Nm].
+
+    It is a spring that forgets: neither dry friction nor a spring.
     """
 
     level: float
@@ -29,7 +33,7 @@ class Hysteresis(Injected):
 
 @dataclass
 class OffsetDrift(Injected):
-    """A torque that wanders slowly with time."""
+    """A torque that drifts slowly with time."""
 
     amplitude: float
     frequency: float
@@ -41,12 +45,12 @@ class OffsetDrift(Injected):
 
 @dataclass
 class Disturbance(OffsetDrift):
-    """A periodic force from outside that knows nothing of the joint's position."""
+    """A periodic force from outside that does not depend on the joint's position."""
 
 
 @dataclass
 class ScaleDrift(Injected):
-    """A motor constant that wanders slowly with time, as with temperature."""
+    """A motor constant that drifts slowly with time, as with temperature."""
 
     amplitude: float
     frequency: float
@@ -69,7 +73,7 @@ class CubicSpring(Injected):
 
 @dataclass
 class MemoryDrag(Injected):
-    """Drag of a fluid that has to be set moving: it follows the speed with a lag."""
+    """Drag of a fluid that has to be accelerated: it follows the speed with a lag."""
 
     coefficient: float
     memory: float
@@ -86,8 +90,9 @@ class MemoryDrag(Injected):
 
 @dataclass
 class Dropouts(Injected):
-    """The motor loses a share ``depth`` of its torque for ``length`` s at irregular moments,
-    ``interval`` s apart on average.
+    """The motor loses a share ``depth`` of its torque for ``length`` s at irregular moments.
+
+    They are ``interval`` s apart on average.
     """
 
     depth: float

@@ -1,5 +1,7 @@
-"""Motions that make hidden effects visible: reversals, standstill under load, slow and fast, both
-directions, the whole range.
+"""Motions that make hidden effects visible.
+
+They include reversals, standstill under load, slow and fast motion, both directions, the whole
+range.
 """
 
 from typing import Any
@@ -8,10 +10,10 @@ import numpy as np
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-# s; every round holds every kind of motion, so that a part kept aside has seen them all
+# s; every round has every kind of motion, so that a held-out part contains them all
 ROUND = 12.0
 SHARES = (("multisine", 0.34), ("slow", 0.21), ("points", 0.30), ("fast", 0.15))
-REST, MOVE = 0.4, 0.5  # s of standstill at the start; of the move to a segment's centre
+REST, MOVE = 0.4, 0.5  # s; standstill at the start, and move to a segment's centre
 # s; averaging a ramp over the first makes its speed a trapezoid, over the second its acceleration
 BOXES = (0.2, 0.1)
 
@@ -19,11 +21,10 @@ BOXES = (0.2, 0.1)
 def reference(
     rng: np.random.Generator, span: Array, duration: float, rate: float
 ) -> tuple[Array, Array, Array]:
-    """Positions, speeds and accelerations, each (T, J), within about ± ``span`` (J,) [m or rad],
-    from rest.
+    """Return positions, speeds and accelerations, each (T, J), from rest.
 
-    Every joint moves at the same time with amplitudes, frequencies and phases of its own;
-    standstill is shared by all.
+    They stay within about ± ``span`` (J,) [m or rad]. All joints move at the same time with their
+    own amplitudes, frequencies and phases; standstill is shared by all.
     """
     time = np.arange(round(duration * rate)) / rate
     x = np.zeros((len(time), len(span)))
@@ -54,7 +55,7 @@ def reference(
 
 
 def _segments(duration: float) -> list[tuple[str, float, float]]:
-    """Names, starts and ends [s] of the kinds of motion, round after round."""
+    """Return names, starts and ends [s] of the kinds of motion, round after round."""
     rounds = max(1, round(duration / ROUND))
     length, segments, start = (duration - REST) / rounds, [], REST
     for _ in range(rounds):
@@ -67,8 +68,9 @@ def _segments(duration: float) -> list[tuple[str, float, float]]:
 def _points(
     rng: np.random.Generator, start: float, end: float, position: Array
 ) -> list[tuple[float, Array]]:
-    """Moves from point to point with dwells, as knots; some are long and some so short that the
-    joint just creeps.
+    """Return moves from point to point with dwells, as knots.
+
+    Some are long and some so short that the joint just creeps.
     """
     knots = []
     while start + 0.9 < end:
@@ -86,7 +88,7 @@ def _points(
 def _oscillation(
     rng: np.random.Generator, name: str, time: Array, length: float, joints: int
 ) -> Array:
-    """(T, J) an oscillation that starts and ends at rest, in shares of the span."""
+    """Return (T, J) an oscillation that starts and ends at rest, in shares of the span."""
     low, high, count, peak = {
         "multisine": (0.1, 1.5, 8, 0.62),
         "slow": (0.3, 0.7, 2, 0.18),
@@ -102,7 +104,7 @@ def _oscillation(
 
 
 def _box(x: Array, width: int) -> Array:
-    """Running mean over ``width`` samples with the ends held."""
+    """Return the running mean over ``width`` samples with the ends held."""
     padded = np.pad(x, ((width // 2, width - 1 - width // 2), (0, 0)), mode="edge")
     total = np.cumsum(np.vstack([np.zeros((1, x.shape[1])), padded]), axis=0)
     return (total[width:] - total[:-width]) / width

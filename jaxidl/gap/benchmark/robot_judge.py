@@ -1,5 +1,6 @@
-"""What a report on a whole robot is worth: which names are right, which effects are found, how far
-off the parameters are.
+"""The score of a report on a whole robot.
+
+It says which names are right, which effects are found, and how far off the parameters are.
 """
 
 from collections.abc import Callable, Mapping
@@ -13,12 +14,12 @@ from jaxidl.gap.benchmark.links import INERTIAL, Links
 from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.translate import True_, errors, expected
 
-WORTH = 0.03  # of a joint's command: an effect that a workflow has to find
-# of the joints' commands: what a link's effect has to take over of the true torque for its name to
-# be right
+WORTH = 0.03  # share of a joint's command from which a workflow has to find an effect
+# share of the joints' commands by which a link's effect has to explain the true torque for its
+# name to be right
 MATTERS = 0.01
-# 1; a torque scale named that is further from the true one is wrong, for every true one is a little
-# off 1
+# 1; a named torque scale further from the true one is wrong, because every true one differs a
+# little from 1
 SCALE_OFF = 0.02
 
 CONTAINS: Mapping[str, tuple[str, ...]] = {
@@ -31,8 +32,9 @@ CONTAINS: Mapping[str, tuple[str, ...]] = {
     "directional_load_friction": ("load_dependent_friction",),
     "spring": ("constant_offset",),
 }
-"""Effects that have others within them by their formulas: who names the first has found the second
-on that joint, too.
+"""Effects that contain others by their formulas.
+
+Naming the first also finds the second on that joint.
 """
 
 TORQUES = {
@@ -50,14 +52,16 @@ TORQUES = {
     ),
     *("warm", "damping", "motor_inertia"),
 }
-"""Parameters in proportion to the joint's torque: a log whose torque scale is off shows them so
-much larger.
+"""Parameters in proportion to the joint's torque.
+
+A log whose torque scale is off shows them larger by that factor.
 """
 
 
 def names_of(record: Record) -> list[Key]:
-    """Return effect and joint of a hidden or reported effect; a coupling of two joints goes by
-    either.
+    """Return effect and joint of a hidden or reported effect.
+
+    A coupling of two joints has both.
     """
     effect, joint = judge.key(record)
     other = record.get(
@@ -70,8 +74,9 @@ def names_of(record: Record) -> list[Key]:
 
 
 def right(truth: Record, report: Record, effect: Record) -> bool:
-    """Return whether ``effect`` of the report is there: hidden on that joint, or the same thing by
-    another name.
+    """Return whether ``effect`` of the report is right.
+
+    It is if it is hidden on that joint, or equivalent to what is.
     """
     hidden = {name: h for h in truth["hidden"] for name in names_of(h)}
     for name in names_of(effect):
@@ -106,8 +111,9 @@ def right(truth: Record, report: Record, effect: Record) -> bool:
 
 
 def found(truth: Record, report: Record | None, hidden: Record) -> bool:
-    """Return whether what ``hidden`` does is named: itself, what contains it, or links' effects
-    that can do the same.
+    """Return whether the action of ``hidden`` is named.
+
+    That is by the effect itself, one that contains it, or links' effects that are equivalent.
     """
     names = set(judge.named(report)) if report else set()
     for effect, joint in names_of(hidden):
@@ -131,12 +137,11 @@ def worth(hidden: Record) -> float:
 def parameter_errors(
     truth: Record, report: Record, effect: Record
 ) -> dict[str, tuple[float, list[float]]]:
-    """Return relative errors and errors in standard errors of what ``effect`` says, as
-    :func:`.translate.errors`.
+    """Return relative errors and errors in standard errors of the parameters of ``effect``.
 
-    The truth is what a perfect fit with the named effects has: a coulomb friction within a Stribeck
-    curve that is named belongs to its level; a rotor takes over what no named link's effect can
-    take; values are in the log's torques.
+    They are as in :func:`.translate.errors`. The truth is the result of a perfect fit with the
+    named effects: a Coulomb friction within a named Stribeck curve belongs to its level; a rotor
+    includes what no named link's effect can explain; values are in the log's torques.
     """
     name, names = judge.key(effect), judge.named(report)
     if name[0] in INERTIAL:
@@ -158,8 +163,9 @@ def parameter_errors(
 
 
 def link_error(truth: Record, report: Record | None) -> float:
-    """Return the RMS torque of what is still wrong about the links after what a report says, over
-    that before.
+    """Return the RMS torque of the remaining errors of the links, over that before.
+
+    The remaining errors are those after what a report names.
     """
     links = _links(truth)
     before = links.energy(links.error)
@@ -167,7 +173,7 @@ def link_error(truth: Record, report: Record | None) -> float:
 
 
 def _left(truth: Record, report: Record | None) -> Array:
-    """What is wrong about the links (P,) after all that a report names with confidence."""
+    """Return the errors of the links (P,) after all that a report names with confidence."""
     links = _links(truth)
     said = [
         e
@@ -178,8 +184,9 @@ def _left(truth: Record, report: Record | None) -> Array:
 
 
 def _merged(truth: Record, name: Key, names: list[Key]) -> dict[str, True_]:
-    """The true parameters of ``name``, with what else is hidden on its joint, is not named, and has
-    its form.
+    """Return the true parameters of ``name``.
+
+    They include what else is hidden on its joint, is not named, and has the same form.
     """
     here = {
         h["effect"]: expected(h)
@@ -189,7 +196,7 @@ def _merged(truth: Record, name: Key, names: list[Key]) -> dict[str, True_]:
     unnamed = {effect: p for effect, p in here.items() if (effect, name[1]) not in names}
     true = dict(here.get(name[0], {}))
     if "sublinear_friction" in here and name[0] in judge.COMPANIONS["sublinear_friction"]:
-        # where a bent friction is hidden, its line depends on the speeds that a report fits it over
+        # where a bent friction is hidden, its line depends on the range of speeds of the fit
         return {}
     dry, offset = (
         _one(unnamed, "coulomb_friction", "level"),
@@ -222,7 +229,7 @@ def _merged(truth: Record, name: Key, names: list[Key]) -> dict[str, True_]:
 
 
 def _one(here: Mapping[str, Mapping[str, True_]], effect: str, name: str) -> float:
-    """A number among the parameters of an effect; 0 without it."""
+    """Return a number among the parameters of an effect; 0 if it is missing."""
     value = here.get(effect, {}).get(name, 0.0)
     return 0.0 if callable(value) else float(np.ravel(np.asarray(value))[0])
 
@@ -250,7 +257,7 @@ def _links(truth: Record) -> Links:
 
 
 class _Held:
-    """A record by its identity, so that what is made of it can be kept."""
+    """A record by its identity, so that results derived from it can be cached."""
 
     def __init__(self, record: Record):
         self.record = record

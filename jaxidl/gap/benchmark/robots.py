@@ -1,5 +1,6 @@
-"""Whole robots as cases: their logs, and the truth about them with what each hidden effect is
-worth.
+"""Whole robots as cases: their logs, and the truth about them.
+
+The truth includes the strength of each hidden effect.
 """
 
 import json
@@ -25,7 +26,7 @@ from jaxidl.gap.benchmark.whole import Part, draw
 from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial, rms
 
 RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
-COARSE = 50.0  # Hz; of the motion that the effects are sized on
+COARSE = 50.0  # Hz; rate of the motion on which effects are sized
 # of a run, at which the links' regressor is taken, and the worth of a changed body
 INSTANTS, DENSE = 300, 1500
 SCALE, MOST = 0.015, 0.029  # standard deviation and largest error of a joint's torque constant
@@ -38,15 +39,16 @@ class Drawn:
     arm: Arm
     hidden: tuple[Part, ...]
     remainder: tuple[Part, ...]
-    wanted: tuple[Array, Array, Array]  # at control rate
+    wanted: tuple[Array, Array, Array]  # reference at the control rate
     rate: float  # of the log [Hz]
     sensors: Sensors
 
 
 @dataclass(frozen=True)
 class Robot:
-    """A whole robot as a case. The identity says nothing of what is hidden; ``number`` of the
-    draw.
+    """A whole robot as a case.
+
+    The identity says nothing about what is hidden; ``number`` is that of the draw.
     """
 
     root: int
@@ -76,8 +78,8 @@ class Robot:
             float(rng.uniform(30, 60)),
         )
         if self.log == "log.csv":
-            rate = min(rate, 250.0)  # a larger one is a nuisance as text
-        motions = int(rng.integers(2**31))  # the same motion at whatever rate
+            rate = min(rate, 250.0)  # a larger log is impractical as text
+        motions = int(rng.integers(2**31))  # the same motion at any rate
         wanted = excitation(np.random.default_rng(motions), joints, duration, rate * rates(rate)[0])
         coarse = excitation(np.random.default_rng(motions), joints, duration, COARSE)
         need = inverse_dynamics(altered(arm.xml, []), *coarse)
@@ -98,8 +100,9 @@ class Robot:
         return Drawn(arm, tuple(hidden), tuple(remainder), wanted, rate, sensors)
 
     def measure(self) -> tuple[Drawn, ArmRun]:
-        """Draw and run the robot; one that the controller loses is drawn anew, since nobody would
-        log it.
+        """Draw and run the robot.
+
+        One that the controller loses is drawn anew, since nobody would log it.
 
         Raises:
             Diverged: if ten draws are lost.
@@ -116,8 +119,9 @@ class Robot:
         raise Diverged(f"{self.id}: ten draws were lost")
 
     def write(self, folder: Path) -> Mapping[str, Any]:
-        """Run the robot, write ``folder/model.xml`` and its log, and return the truth, which
-        belongs elsewhere.
+        """Run the robot, write ``folder/model.xml`` and its log, and return the truth.
+
+        The truth is to be stored elsewhere.
 
         Raises:
             Diverged: see :meth:`measure`.
@@ -130,7 +134,7 @@ class Robot:
 
 
 def robots(root: int, count: int) -> list[Robot]:
-    """Return the first ``count`` robots of a root; more do not change them."""
+    """Return the first ``count`` robots of a root; a larger count does not change them."""
     return [Robot(root, number) for number in range(count)]
 
 
@@ -151,8 +155,7 @@ def write_log(path: Path, log: Mapping[str, Array]) -> None:
 
 
 def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
-    """Return what is hidden, what each effect is worth on each joint, and what the links' errors do
-    together; as JSON.
+    """Return what is hidden, the strength of each effect, and the errors of links, as JSON.
 
     ``worth`` (J,) is the RMS of the effect's torque over the RMS of the joint's command.
     ``inertial`` holds the Gram matrix of the links' regressor, lower triangle row by row, in shares
@@ -209,11 +212,10 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
 
 
 def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -> None:
-    """Say first moments and tensors about the bodies' origins, as changes besides that in
-    proportion to the mass.
+    """Express first moments and tensors about the bodies' origins.
 
-    So they are linear, and what the mass error, the shift and the change of inertia of one link do
-    together is in them in full.
+    They are changes in addition to that in proportion to the mass, and so linear: the mass error,
+    the shift and the change of inertia of one link together are fully contained in them.
     """
     for record in records:
         if record["effect"] in ("com_error", "inertia_tensor_error"):
@@ -228,8 +230,9 @@ def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -
 
 
 def _torque(effect: Injected, noted: Array, xml: str, motion: Motion, thin: Motion) -> Array:
-    """What an effect did (T, J): as the engine noted it, or at fewer instants by inverse
-    dynamics.
+    """Return the torque of an effect (T, J).
+
+    It is as recorded by the engine, or at fewer instants by inverse dynamics.
     """
     if isinstance(effect, JointElasticity):
         rotor = np.zeros_like(noted)

@@ -1,5 +1,7 @@
-"""Dry friction as a true stop: within a fine step it takes what brings the joint to rest, if its
-level allows, else its level.
+"""Dry friction as a true stop.
+
+Within a fine step it applies the torque that brings the joint to rest, if its level allows,
+otherwise its level.
 """
 
 import math
@@ -13,15 +15,15 @@ Level = tuple[float, float, float]  # moving forward, backward, and at rest if t
 def rub(
     levels: Mapping[int, Level], qd: Floats, net: Floats, mass: list[Floats], step: float
 ) -> Floats:
-    """Friction (J,) of one or two joints.
+    """Return friction (J,) of one or two joints.
 
-    Two rough joints act on each other through the mass matrix: unless both can be stopped at once,
-    each is improved in turn.
+    Two joints with friction act on each other through the mass matrix: unless both can be stopped
+    at once, each is improved in turn.
 
     Args:
-        levels: by joint, for the rough ones.
+        levels: by joint, for those with friction.
         qd: speeds (J,).
-        net: all other torques (J,), weight and Coriolis torques taken off.
+        net: all other torques (J,), less weight and Coriolis torques.
         mass: mass matrix (J, J).
         step: length of the step [s].
     """
@@ -46,8 +48,9 @@ def rub(
 
 
 def _bears(level: Level, speed: float, free: float, push: float) -> float:
-    """What the friction bears against ``push``: more at rest, or where the joint would turn round
-    to the speed ``free``.
+    """Return what the friction withstands against ``push``.
+
+    It is more at rest, or where the joint would reverse to the speed ``free``.
     """
     side = level[0] if push > 0 else level[1]
     return max(side, level[2]) if abs(speed) < 1e-9 or speed * free <= 0 else side

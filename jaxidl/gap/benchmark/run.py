@@ -1,5 +1,6 @@
-"""Run the benchmark: make each case's log, let the workflow read it, keep its report; then the
-score.
+"""The run of the benchmark.
+
+It makes each case's log, lets the workflow read it, keeps its report, and then computes the score.
 """
 
 import csv
@@ -30,10 +31,10 @@ AnyCase = Case | Robot
 def chosen(
     families: tuple[str, ...], severities: tuple[str, ...], every: int, root: int = DEVELOPMENT
 ) -> list[AnyCase]:
-    """Return the cases asked for: of each family and severity each ``every``-th.
+    """Return the chosen cases: of each family and severity each ``every``-th.
 
     Raises:
-        ConfigurationError: for an unknown family or severity, or if nothing is left.
+        ConfigurationError: for an unknown family or severity, or if no case remains.
     """
     for name in families:
         if name not in FAMILIES:
@@ -65,13 +66,13 @@ def run_benchmark(
     processes: int,
     root: int = DEVELOPMENT,
 ) -> dict[str, Any]:
-    """Run what has no report yet, each case in its own process, and return the score, which is in
-    ``out/benchmark.json``, too.
+    """Run the cases that have no report yet, each in its own process, and return the score.
 
-    The truth lies in ``out/truth.json`` (of each robot also in ``out/truth``), which no diagnosis
-    reads; ``out/cases/ID`` holds log and model, ``out/reports/ID.json`` the report. A case that
-    fails counts as wrong, with its error in its report's place. One whose mechanism its controller
-    lost is no case, and the score says how many there were.
+    The score is also in ``out/benchmark.json``. The truth is in ``out/truth.json`` (of each robot
+    also in ``out/truth``), which no diagnosis reads; ``out/cases/ID`` holds log and model,
+    ``out/reports/ID.json`` the report. A case that fails counts as wrong, with its error in place
+    of its report. One whose mechanism its controller lost is no case, and the score says how many
+    there were.
 
     Raises:
         ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of
@@ -98,8 +99,10 @@ def generate(
     processes: int = 1,
     root: int = DEVELOPMENT,
 ) -> list[Path]:
-    """Make the cases' logs and models and ``out/truth.json``, without any diagnosis; return the
-    cases' folders.
+    """Make the cases' logs and models and ``out/truth.json``, without any diagnosis.
+
+    Returns:
+        The cases' folders.
 
     Raises:
         ConfigurationError: as :func:`run_benchmark`.
@@ -112,11 +115,17 @@ def generate(
 
 
 def training_table(out: Path, path: Path | None = None) -> Path:
-    """Write one row for each effect of each finished report in ``out`` as CSV (default:
-    ``out/training.csv``); return its path.
+    """Write one row for each effect of each finished report in ``out`` as CSV.
 
-    Columns are those of :func:`.calibration.training_rows`; a number that an entry has not is left
-    empty.
+    Columns are those of :func:`.calibration.training_rows`; a number that an entry does not have is
+    left empty.
+
+    Args:
+        out: the folder of the benchmark.
+        path: the file. Default: ``out/training.csv``.
+
+    Returns:
+        Its path.
 
     Raises:
         ConfigurationError: where ``out`` holds no finished benchmark.
@@ -139,7 +148,7 @@ def training_table(out: Path, path: Path | None = None) -> Path:
 
 
 def make_case(case: AnyCase, out: Path) -> None:
-    """Write one case's log and model if they are not there, and the truth about a robot."""
+    """Write one case's log and model if they are missing, and the truth about a robot."""
     if _made(out, case):
         return
     record = case.write(out / "cases" / case.id)
@@ -184,7 +193,10 @@ def _at(work: Callable[[AnyCase, Path], None], out: Path, case: AnyCase) -> None
 
 
 def _claim(out: Path, root: int) -> None:
-    """Cases of two roots do not share a folder: their scores would be one."""
+    """Raise ConfigurationError if the folder has cases of another root.
+
+    Otherwise their scores would be combined.
+    """
     path = out / "root.json"
     held = json.loads(path.read_text())["root"] if path.is_file() else root
     if held != root:
@@ -198,7 +210,7 @@ def _claim(out: Path, root: int) -> None:
 
 
 def _truth(cases: list[AnyCase], out: Path) -> dict[str, Any]:
-    """The truth about the cases: that about robots is known once they have run."""
+    """Return the truth about the cases; that about robots is known once they have run."""
     known: dict[str, Any] = truth(case for case in cases if isinstance(case, Case))
     for case in cases:
         if isinstance(case, Robot):
@@ -207,13 +219,16 @@ def _truth(cases: list[AnyCase], out: Path) -> dict[str, Any]:
 
 
 def _reports(out: Path, names: list[str]) -> dict[str, Any]:
-    """The reports by the cases' identities, None for one that failed."""
+    """Return the reports by the cases' identities, None for one that failed."""
     reports = {name: json.loads((out / "reports" / f"{name}.json").read_text()) for name in names}
     return {name: None if "error" in report else report for name, report in reports.items()}
 
 
 def _made(out: Path, case: AnyCase) -> bool:
-    """Whether a case's files are there; a robot's truth is written last, a small case's model."""
+    """Return whether a case's files are there.
+
+    A robot's truth is written last, a small case's model.
+    """
     truth_too = isinstance(case, Case) or (out / "truth" / f"{case.id}.json").is_file()
     return (
         (out / "cases" / case.id / "model.xml").is_file()

@@ -1,5 +1,6 @@
-"""The score of a workflow on the benchmark: pure functions of the truth and of the reports, both by
-the cases' identities.
+"""The score of a workflow on the benchmark.
+
+It consists of pure functions of the truth and of the reports, both by the cases' identities.
 """
 
 import math
@@ -18,11 +19,12 @@ Z95 = 1.959963984540054
 
 
 def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> dict[str, Any]:
-    """Everything that the benchmark says; shares are dictionaries as :func:`share` makes them. A
-    missing report is a wrong one.
+    """Return all results of the benchmark.
+
+    Shares are dictionaries as :func:`share` returns them. A missing report is a wrong one.
 
     Args:
-        truth: what :func:`jaxidl.gap.benchmark.cases.truth` says of each case that counts.
+        truth: what :func:`jaxidl.gap.benchmark.cases.truth` returns for each case that counts.
         reports: the ``report.json`` of each case.
     """
     families: dict[str, list[Pair]] = {
@@ -46,8 +48,9 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
 
 
 def share(credits: Iterable[float]) -> dict[str, float]:
-    """``share`` of right answers among ``n``, and Wilson's 95 % interval ``low`` to ``high``; half
-    credits count half.
+    """Return the ``share`` of right answers among ``n``.
+
+    ``low`` to ``high`` is Wilson's 95 % interval; half credits count half.
     """
     values = list(credits)
     n, k = len(values), float(sum(values))
@@ -60,15 +63,16 @@ def share(credits: Iterable[float]) -> dict[str, float]:
 
 
 def quartiles(values: Iterable[float]) -> dict[str, float | int]:
-    """``n``, ``q25``, ``median`` and ``q75`` of the values; NaN without any."""
+    """Return ``n``, ``q25``, ``median`` and ``q75`` of the values; NaN if there are none."""
     array = np.array(list(values), float)
     low, middle, high = np.quantile(array, [0.25, 0.5, 0.75]) if len(array) else [math.nan] * 3
     return {"n": len(array), "q25": float(low), "median": float(middle), "q75": float(high)}
 
 
 def confusion(pairs: Iterable[Pair]) -> dict[str, dict[str, int]]:
-    """How often each hidden effect, ``"none"`` or ``"outside"`` (rows) is called what (columns, see
-    :func:`judge.column`).
+    """Return how often each hidden effect (rows) is given which name (columns).
+
+    Rows include ``"none"`` and ``"outside"``; for columns see :func:`judge.column`.
     """
     counts: dict[str, dict[str, int]] = {}
     for truth, report in pairs:
@@ -79,8 +83,9 @@ def confusion(pairs: Iterable[Pair]) -> dict[str, dict[str, int]]:
 
 
 def _singles(pairs: list[Pair]) -> dict[str, Any]:
-    """``right`` overall and by severity, mechanism and effect; ``right_or_tied`` counts an
-    ambiguity that is physical in full.
+    """Return ``right`` overall and by severity, mechanism and effect.
+
+    ``right_or_tied`` gives full credit for an ambiguity that is physical.
     """
     credits = [judge.single_credit(truth["hidden"][0], report) for truth, report in pairs]
     rows = list(zip((truth for truth, _ in pairs), credits, strict=True))
@@ -107,8 +112,9 @@ def _verdicts(pairs: list[Pair]) -> dict[str, int]:
 
 
 def _none(pairs: list[Pair]) -> dict[str, Any]:
-    """``false_alarm``: an effect is named where none is hidden; ``not_nothing``: any other verdict
-    than nothing missing.
+    """Return ``false_alarm`` and ``not_nothing`` of cases where nothing is hidden.
+
+    The former is that an effect is named, the latter any verdict other than nothing missing.
     """
     return {
         "false_alarm": share(float(bool(judge.named(report))) for _, report in pairs),
@@ -120,10 +126,10 @@ def _none(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _outside(pairs: list[Pair]) -> dict[str, Any]:
-    """``misnamed``: an effect of the catalogue is named for one outside it, with confidence;
-    overall and by kind.
+    """Return ``misnamed``, overall and by kind.
 
-    ``imitable``: of the kinds that follow from the state.
+    It means that an effect of the catalogue is named with confidence for one outside it.
+    ``imitable`` is that of the kinds that follow from the state.
     """
     rows = [(truth, float(judge.misnamed(report))) for truth, report in pairs]
     return {
@@ -138,8 +144,10 @@ def _outside(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _pairs(pairs: list[Pair]) -> dict[str, Any]:
-    """``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: of
-    all effects; ``exact``: named both and no other.
+    """Return ``both``, ``found`` and ``exact`` of pairs.
+
+    ``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: share
+    of all effects; ``exact``: both are named and no other.
     """
     credits = [judge.pair_credits(truth["hidden"], report) for truth, report in pairs]
     rows = [
@@ -160,11 +168,11 @@ def _pairs(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _robots(pairs: list[Pair]) -> dict[str, Any]:
-    """``precision``: of what is named with confidence; ``recall``: of hidden effects worth 3 % of a
-    joint's command.
+    """Return ``precision`` and ``recall`` of whole robots.
 
-    Both also by effect. ``parameters`` of the names that are right, and ``links``: what is left of
-    the links' errors.
+    ``precision`` is that of what is named with confidence, ``recall`` that of hidden effects of at
+    least 3 % of a joint's command; both also by effect. Also return ``parameters`` of the names
+    that are right, and ``links``: the remaining errors of the links.
     """
     named = [
         (e, robot_judge.right(t, r, e), t, r)
@@ -201,15 +209,17 @@ def _sure(effect: Record) -> bool:
 
 
 def _parameters(pairs: list[Pair]) -> dict[str, Any]:
-    """Relative errors where a single effect is named right: of all parameters, by effect and
-    parameter; and their honesty.
+    """Return relative errors where a single effect is named right.
+
+    They are those of all parameters, by effect and parameter, with the correctness of their
+    standard errors.
     """
     errors: list[tuple[str, dict[str, tuple[float, list[float]]]]] = []
     for truth, report in pairs:
         hidden = truth["hidden"][0]
         if report is not None and judge.single_credit(hidden, report) == 1:
             effect = next((e for e in report["effects"] if judge.key(e) == judge.key(hidden)), None)
-            if effect is not None:  # named by itself, not by what it is the sum of
+            if effect is not None:  # named itself, not as the sum of others
                 errors.append(
                     (hidden["effect"], judge.parameter_errors(hidden, effect, truth["mechanism"]))
                 )
@@ -217,8 +227,9 @@ def _parameters(pairs: list[Pair]) -> dict[str, Any]:
 
 
 def _summary(errors: list[tuple[str, dict[str, tuple[float, list[float]]]]]) -> dict[str, Any]:
-    """Quartiles of relative errors, and the share of true values within two standard errors; of all
-    and by effect.
+    """Return quartiles of relative errors, overall and by effect.
+
+    Also return the share of true values within two standard errors.
     """
     grouped: dict[str, dict[str, list[float]]] = {}
     within: dict[str, list[float]] = {}
@@ -242,8 +253,9 @@ def _summary(errors: list[tuple[str, dict[str, tuple[float, list[float]]]]]) -> 
 
 
 def _gap_removed(families: Mapping[str, list[Pair]]) -> dict[str, Any]:
-    """Share of the excess held-out gap removed, where something is named: singles, those of them
-    named right, and pairs.
+    """Return the share of the excess held-out gap removed, where something is named.
+
+    It is given for singles, those of them named right, and pairs.
     """
     values = {
         name: [judge.removed(*pair) for pair in families[name]] for name in ("single", "pair")

@@ -1,5 +1,4 @@
-"""How strong the effects are: the table of their sizes, and the measure that the table was made
-with.
+"""The strength of effects: the table of their sizes, and the measure behind it.
 
 The severity of an effect is the torque error of the believed model over the commanded torque, both
 RMS on the joint that the effect acts on: about 3 % weak, 8 % medium, 20 % clear.
@@ -14,7 +13,7 @@ from jaxidl.gap.benchmark.reference import Array
 
 SEVERITIES = {"weak": 0.03, "medium": 0.08, "clear": 0.20}
 Sizes = tuple[float, float, float]
-BAND = 30.0  # Hz; above it the derivatives of a log say little
+BAND = 30.0  # Hz; above it the derivatives of a log contain little information
 
 SIZES: dict[str, tuple[Sizes | None, ...]] = {
     "viscous_friction": (
@@ -259,22 +258,21 @@ SIZES: dict[str, tuple[Sizes | None, ...]] = {
         (0.0039, 0.0104, 0.026),
     ),
 }
-"""Size (weak, medium, clear) of each effect, or kind of effect, on the slider, the pendulum and the
-arm's two joints.
+"""Size (weak, medium, clear) of each effect, or kind of effect, on each joint.
 
-The size is the effect's own parameter (of several, the first), in its unit, with two exceptions:
-``torque_scale`` stands for the distance from 1, and ``torque_saturation`` for the share of the
-torque's RMS that is clipped, since peaks differ from motion to motion. A clear elasticity, the
-softest that the loop bears, is a torque error of 7 % to 18 % only.
+The joints are those of the slider, the pendulum and the arm with two joints. The size is the
+effect's own parameter (of several, the first), in its unit, with two exceptions: ``torque_scale``
+is the distance from 1, and ``torque_saturation`` the share of the torque's RMS that is clipped,
+since peaks differ from motion to motion. A clear elasticity, the softest that the loop tolerates,
+is a torque error of only 7 % to 18 %.
 """
 
 
 def residual(model_xml: str, run: Run) -> tuple[Array, Array]:
-    """Torque error of the believed model and commanded torque, each (T - 2, J), from noise-free
-    readings, below 30 Hz.
+    """Return torque error of the believed model and commanded torque, each (T - 2, J).
 
-    The command is held, so the second difference around an instant sees the mean of the commands
-    before and after it.
+    They are computed from noise-free readings, below 30 Hz. The command is held, so the second
+    difference around an instant depends on the mean of the commands before and after it.
     """
     model, step = believe(model_xml), run.time[1] - run.time[0]
     q = run.clean
@@ -286,7 +284,7 @@ def residual(model_xml: str, run: Run) -> tuple[Array, Array]:
 
 
 def severity(model_xml: str, run: Run, joint: int | None) -> float:
-    """RMS torque error over RMS command on ``joint``, or on all joints together."""
+    """Return RMS torque error over RMS command on ``joint``, or on all joints together."""
     error, tau = residual(model_xml, run)
     columns = slice(None) if joint is None else slice(joint, joint + 1)
     return float(np.sqrt((error[:, columns] ** 2).mean() / (tau[:, columns] ** 2).mean()))

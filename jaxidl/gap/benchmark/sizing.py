@@ -1,4 +1,4 @@
-"""How large an effect has to be to be worth a given share of the command on a given motion."""
+"""The size at which an effect has a given share of the command on a given motion."""
 
 from collections.abc import Callable
 
@@ -11,14 +11,13 @@ from jaxidl.gap.benchmark.worth import Motion, acts, rms
 def sized(
     effect: Callable[[float], Injected], xml: str, motion: Motion, aim: float, start: float = 1.0
 ) -> float:
-    """Return the size with which ``effect(size)`` is worth ``aim`` on ``motion`` of the model
-    ``xml``: see :func:`strength`.
+    """Return the size at which ``effect(size)`` has the strength ``aim`` on ``motion``.
 
-    Sizes are corrected in proportion four times: exact at once for what is in proportion to its
-    size.
+    The motion is that of the model ``xml``; see :func:`strength`. Sizes are corrected in proportion
+    four times: exact at once for effects in proportion to their size.
 
     Raises:
-        ValueError: where it does nothing at all.
+        ValueError: where the effect does nothing at all.
     """
     size = start
     for _ in range(4):
@@ -32,7 +31,8 @@ def sized(
 
 
 def strength(effect: Injected, xml: str, motion: Motion) -> float:
-    """Return RMS torque over RMS command, on the joint where ``effect`` does most in proportion to
-    it.
+    """Return RMS torque over RMS command of an effect.
+
+    It is taken on the joint where ``effect`` is strongest relative to the command.
     """
     return float((rms(acts(effect, xml, motion)) / rms(motion.tau)).max())

@@ -1,5 +1,6 @@
-"""The true parameters of hidden effects in the catalogue's terms: where names differ, and as
-functions where it has tables.
+"""The true parameters of hidden effects in the catalogue's terms.
+
+Names are translated where they differ, and tables are given as functions.
 """
 
 import math
@@ -13,15 +14,16 @@ from jaxidl.gap.benchmark.reference import Array
 
 True_ = float | Array | Callable[[Array], Array]
 
-# which effect it is, and what a report need not say as a number
+# which effect it is, and what a report need not give as a number
 ASIDE = {"kind", "other", "difference", "power"}
 AMPLITUDES = {"sine": ("sine", "cosine"), "cosine": ("sine", "cosine")}
-"""Parameters that are judged by the size of several together."""
+"""Parameters that are judged relative to the size of several together."""
 
 
 def expected(hidden: Mapping[str, Any], mechanism: str = "robot") -> dict[str, True_]:
-    """Return the parameters that a right report has: numbers, arrays, or functions of the position
-    for tables.
+    """Return the parameters that a right report has.
+
+    They are numbers, arrays, or functions of the position for tables.
     """
     given: dict[str, Any] = dict(hidden["parameters"])
     name, kind = hidden["effect"], given.get("kind", "")
@@ -43,11 +45,11 @@ def expected(hidden: Mapping[str, Any], mechanism: str = "robot") -> dict[str, T
 def errors(
     true: Mapping[str, True_], reported: Mapping[str, Any], joint: int | None
 ) -> dict[str, tuple[float, list[float]]]:
-    """Return the relative error of each parameter that truth and report share, and its components
-    in standard errors.
+    """Return the relative error of each parameter that truth and report share.
 
-    A scale is compared by its distance from 1, a table by its values over the positions that it
-    covers; standard errors that a report has not, or that are zero, give no components.
+    Also return its components in standard errors. A scale is compared by its distance from 1, a
+    table by its values over the positions that it covers; standard errors that are missing in a
+    report, or zero, give no components.
     """
     found: dict[str, tuple[float, list[float]]] = {}
     for name, value in true.items():
@@ -67,7 +69,7 @@ def errors(
             )
         if wanted is None or len(got) != len(wanted):
             continue
-        open_ = ~np.isfinite(wanted)  # what the motion leaves open has no true value
+        open_ = ~np.isfinite(wanted)  # what the motion does not determine has no true value
         if open_.all():
             continue
         off = np.where(open_, np.nan, got - wanted)
@@ -90,7 +92,7 @@ def errors(
 
 
 def _deviations(off: Array, stderr: Any, joint: int | None) -> list[float]:
-    """Errors in standard errors, of the components that have one."""
+    """Return errors in standard errors, of the components that have one."""
     if stderr is None:
         return []
     sizes = np.ravel(np.array(stderr, float))
@@ -105,7 +107,7 @@ def _deviations(off: Array, stderr: Any, joint: int | None) -> list[float]:
 
 
 def _over(value: Callable[[Array], Array], reported: Mapping[str, Any], knots: int) -> Array | None:
-    """A function's values at the knots of the reported table."""
+    """Return a function's values at the knots of the reported table."""
     ends = [
         np.ravel(np.asarray(reported.get(end, {}).get("value", np.nan), float))
         for end in ("lower", "upper")

@@ -9,10 +9,10 @@ from jaxidl.gap.benchmark.injected import Injected
 
 @dataclass
 class JointElasticity(Injected):
-    """A rotor of ``motor_inertia``, taken from the link so that the total stays, behind a spring
-    and a damper.
+    """A rotor of ``motor_inertia`` behind a spring and a damper.
 
-    Units: N/m or Nm/rad, N s/m or Nm s/rad, kg or kg m².
+    The inertia is taken from the link so that the total stays. Units: N/m or Nm/rad, N s/m or Nm
+    s/rad, kg or kg m².
     """
 
     stiffness: float
@@ -35,27 +35,32 @@ class JointElasticity(Injected):
         self._rotor, self._speed, self._step = position + self.wound(command), 0.0, step
 
     def wound(self, command: float) -> float:
-        """How far the rotor is ahead of the link when it bears ``command`` at rest."""
+        """Return how far the rotor is ahead of the link when it carries ``command`` at rest."""
         return command / self.stiffness
 
     def transmit(self, q: float, qd: float, delivered: float) -> float:
-        """The torque on the link; the rotor moves on by a step under the delivered torque."""
+        """Return the torque on the link.
+
+        The rotor moves by a step under the delivered torque.
+        """
         torque = self.bear(self._rotor - q, self._speed - qd)
         self._speed += self._step * (delivered - torque) / self.motor_inertia
         self._rotor += self._step * self._speed
         return torque
 
     def bear(self, ahead: float, speed: float) -> float:
-        """The torque transmitted when the rotor is ``ahead`` of the link and gets ahead at
-        ``speed``.
+        """Return the torque transmitted when the rotor is ``ahead`` of the link.
+
+        ``speed`` is its speed relative to the link.
         """
         return self.stiffness * ahead + self.damping * speed
 
 
 @dataclass
 class Backlash(JointElasticity):
-    """The same with a dead zone of width ``gap`` [m or rad]; stiff and damped contact at its two
-    ends, which never pulls.
+    """The same with a dead zone of width ``gap`` [m or rad].
+
+    At its two ends the contact is stiff and damped, and never pulls.
     """
 
     gap: float

@@ -1,5 +1,6 @@
-"""What is hidden in a whole robot: everything common on every joint at once, up to two exotic
-effects, and a remainder.
+"""What is hidden in a whole robot.
+
+These are all common effects on every joint at once, up to two exotic effects, and a remainder.
 """
 
 import math
@@ -14,7 +15,7 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.sizing import sized
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
-# of the largest joint torque: what even a joint needs on which nothing weighs, for the sizes of its
+# share of the largest joint torque that even an unloaded joint needs, for the sizes of its
 # friction
 TINY = 0.03
 EXOTIC = (
@@ -45,8 +46,9 @@ WHOLE = ("payload", "base_tilt")
 
 
 class Part(NamedTuple):
-    """A hidden effect or, as ``"outside"``, a part of the remainder; ``joint`` is None for one of
-    the whole robot.
+    """A hidden effect or, as ``"outside"``, a part of the remainder.
+
+    ``joint`` is None for one of the whole robot.
     """
 
     effect: str
@@ -57,11 +59,10 @@ class Part(NamedTuple):
 def draw(
     rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int
 ) -> tuple[list[Part], list[Part]]:
-    """Draw the hidden effects, ``exotic`` of them uncommon, and the remainder, for the ``motion``
-    of the believed ``arm``.
+    """Draw the hidden effects and the remainder for the ``motion`` of the believed ``arm``.
 
-    Sizes are shares of what each joint's motion needs, with friction and errors of links as they
-    are found on real arms.
+    ``exotic`` of the effects are uncommon. Sizes are shares of what each joint's motion needs, with
+    friction and errors of links as they are found on real arms.
     """
     need = rms(motion.tau)
     need = np.maximum(need, TINY * need.max())
@@ -79,8 +80,9 @@ def draw(
 
 
 def _common(rng: np.random.Generator, arm: Arm, motion: Motion, j: int, need: float) -> list[Part]:
-    """Friction, rotor, offset on some, and errors of the link: a few to 20 % of its mass and
-    size.
+    """Return friction, rotor, offset on some joints, and errors of the link.
+
+    The errors are a few to 20 % of its mass and size.
     """
     speed, acceleration = rms(motion.qd)[j], rms(motion.qdd)[j]
     mass = arm.masses[j] * rng.uniform(0.03, 0.2) * rng.choice([-1, 1])
@@ -112,7 +114,7 @@ def _common(rng: np.random.Generator, arm: Arm, motion: Motion, j: int, need: fl
 
 
 def _command(arm: Arm, motion: Motion, parts: list[Part]) -> Motion:
-    """The motion with the torques that it needs with the hidden ``parts``."""
+    """Return the motion with the torques that it needs with the hidden ``parts``."""
     return motion._replace(
         tau=motion.tau - sum(acts(make(*part), arm.xml, motion) for part in parts)
     )
@@ -121,8 +123,9 @@ def _command(arm: Arm, motion: Motion, parts: list[Part]) -> Motion:
 def _odd(
     rng: np.random.Generator, name: str, arm: Arm, motion: Motion, j: int, common: list[Part]
 ) -> list[Part]:
-    """The exotic effect ``name``, worth 5 to 15 % of a joint's command; nothing where it cannot be
-    that on this joint.
+    """Return the exotic effect ``name`` with a strength of 5 to 15 % of a joint's command.
+
+    Nothing if it cannot have that strength on this joint.
     """
     aim, joints = _log(rng, 0.05, 0.15), len(arm.masses)
     other = j - 1 if j else 1
@@ -215,9 +218,7 @@ def _odd(
 
 
 def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
-    """Whether the effect would have to be larger than it ever is, to be worth something on this
-    joint.
-    """
+    """Return whether the effect would have to be unrealistically large to matter on this joint."""
     match name:
         case "payload":
             return parameters["mass"] > 0.5 * float(arm.masses.sum())
@@ -233,7 +234,10 @@ def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
 
 
 def _spring(rng: np.random.Generator, j: int, common: list[Part]) -> dict[str, Any]:
-    """A rotor that is behind a spring: the whole of what the rotor's inertia is wrong by."""
+    """Return parameters of a rotor behind a spring.
+
+    It is the whole error of the rotor's inertia.
+    """
     rotor = next(
         part.parameters["extra"]
         for part in common
@@ -248,8 +252,9 @@ def _spring(rng: np.random.Generator, j: int, common: list[Part]) -> dict[str, A
 
 
 def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> list[Part]:
-    """What no effect has: hysteresis, drift and a ripple of two positions together, of 0.7 to 2.5 %
-    of the command each.
+    """Return what no effect covers, of 0.7 to 2.5 % of the command each.
+
+    These are hysteresis, drift and a ripple of two positions together.
     """
     span, phase = float(np.ptp(motion.q[:, j])), float(rng.uniform(0, 2 * math.pi))
     shapes: dict[str, dict[str, Any]] = {
@@ -278,7 +283,7 @@ def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> li
 
 
 def _at(shape: Mapping[str, Any], size: float) -> dict[str, Any]:
-    """Parameters of a shape at ``size``: ("size", x) stands for x times it."""
+    """Return parameters of a shape at ``size``: ("size", x) means x times it."""
 
     def value(x: Any) -> Any:
         if isinstance(x, tuple):

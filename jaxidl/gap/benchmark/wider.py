@@ -1,5 +1,6 @@
-"""The wider catalogue as it is put into MuJoCo: wrong links, a tilted base, and friction and motors
-of real gears.
+"""The wider catalogue as it is injected into MuJoCo.
+
+It has errors of links, a tilted base, and friction and motors of real gears.
 """
 
 import math
@@ -13,11 +14,10 @@ from jaxidl.gap.benchmark.injected import Floats, Injected, mujoco, principal, t
 
 @dataclass
 class ComError(Injected):
-    """The centre of mass of the joint's body is off: ``moment`` is mass times shift, in the body's
-    frame [kg m].
+    """The centre of mass of the joint's body is off.
 
-    Its mass is right, and its inertia about the centre, so that the inertia about the joint changes
-    as it does on a real link.
+    ``moment`` is mass times shift, in the body's frame [kg m]. Its mass is right, and its inertia
+    about the centre, so that the inertia about the joint changes as it does on a real link.
     """
 
     moment: Floats
@@ -29,8 +29,9 @@ class ComError(Injected):
 
 @dataclass
 class InertiaTensorError(Injected):
-    """The body's inertia about its centre of mass is ``tensor`` larger: xx, yy, zz, xy, xz, yz [kg
-    m²] in the body's axes.
+    """The body's inertia about its centre of mass is ``tensor`` larger.
+
+    Its elements are xx, yy, zz, xy, xz, yz [kg m²] in the body's axes.
     """
 
     tensor: Floats
@@ -47,8 +48,9 @@ class InertiaTensorError(Injected):
 
 @dataclass
 class BaseTilt(Injected):
-    """The base is turned by the small ``angles`` about x and y [rad]: seen from it, gravity is
-    turned the other way.
+    """The base is turned by the small ``angles`` about x and y [rad].
+
+    Seen from it, gravity is turned in the opposite direction.
     """
 
     angles: Floats
@@ -66,8 +68,9 @@ class BaseTilt(Injected):
 
 @dataclass
 class DirectionalLoadFriction(Injected):
-    """Friction in proportion to the torque that passes the gear, another share where the motor
-    drives than where it is driven.
+    """Friction in proportion to the torque that passes the gear.
+
+    The share where the motor drives differs from that where it is driven.
     """
 
     driving: float
@@ -83,7 +86,7 @@ class DirectionalLoadFriction(Injected):
 
 @dataclass
 class ThermalFriction(Injected):
-    """Viscous friction that falls from ``warm`` + ``excess`` to ``warm`` as the grease gets warm.
+    """Viscous friction that falls from ``warm`` + ``excess`` to ``warm`` as the grease warms up.
 
     ``time_constant`` [s]; with ``work`` [J] in its place it falls with the work that the friction
     has done.
@@ -110,8 +113,9 @@ class ThermalFriction(Injected):
 
 @dataclass
 class TorqueCurve(Injected):
-    """A motor that saturates magnetically: of the torque asked for, the share ``loss`` · |torque|
-    [1/Nm] is missing.
+    """A motor that saturates magnetically.
+
+    The share ``loss`` · |torque| [1/Nm] of the commanded torque is missing.
     """
 
     loss: float
@@ -122,8 +126,9 @@ class TorqueCurve(Injected):
 
 @dataclass
 class SublinearFriction(Injected):
-    """Friction that grows less than in proportion to the speed: ``coefficient`` ·
-    |speed|^``power``, against the motion.
+    """Friction that grows less than in proportion to the speed.
+
+    It is ``coefficient`` · |speed|^``power``, against the motion.
     """
 
     coefficient: float
@@ -131,7 +136,7 @@ class SublinearFriction(Injected):
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         speed = qd[self.joint]
-        # m/s or rad/s; below it in proportion, since no step is short enough for an infinite slope
+        # m/s or rad/s; linear below it, since no step is short enough for an infinite slope
         slow = 1e-3
         size = (
             abs(speed) ** self.power if abs(speed) > slow else abs(speed) * slow ** (self.power - 1)
@@ -141,8 +146,9 @@ class SublinearFriction(Injected):
 
 @dataclass
 class CoupledJointFriction(Injected):
-    """Friction on the sum or the ``difference`` of the speeds of two joints, as in a wrist: the
-    engine's own tendon.
+    """Friction on the sum or the ``difference`` of the speeds of two joints, as in a wrist.
+
+    It is the engine's own tendon.
     """
 
     other: int
@@ -154,7 +160,7 @@ class CoupledJointFriction(Injected):
         tendon = spec.add_tendon(name=f"couple{self.joint}{self.other}")
         tendon.wrap_joint(spec.joints[self.joint].name, 1.0)
         tendon.wrap_joint(spec.joints[self.other].name, -1.0 if self.difference else 1.0)
-        # newer engines take a polynomial of the speed, linear term first
+        # newer engines accept a polynomial of the speed, linear term first
         viscous = np.zeros(np.shape(tendon.damping))
         tendon.damping = self.coefficient if viscous.ndim == 0 else [self.coefficient, *viscous[1:]]
         tendon.frictionloss = self.level
@@ -172,7 +178,7 @@ class CoupledJointFriction(Injected):
 
 @dataclass
 class MotorCoupling(Injected):
-    """The motor of the joint turns ``other`` too: a ``share`` of its torque arrives there."""
+    """The motor of the joint also turns ``other``, with a ``share`` of its torque."""
 
     other: int
     share: float

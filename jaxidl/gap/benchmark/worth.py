@@ -1,5 +1,6 @@
-"""What a hidden effect is worth: RMS torque over RMS command of a joint; and what the errors of
-links do together.
+"""The strength of a hidden effect: RMS torque over RMS command of a joint.
+
+It also gives the combined torque of the errors of links.
 """
 
 from collections.abc import Sequence
@@ -14,13 +15,14 @@ from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
 
 PARAMETERS = ("mass", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
-"""A link's inertial parameters about its body's origin: mass, first moments, inertia; the rotor's
-is called ``"rotor"``.
+"""A link's inertial parameters about its body's origin: mass, first moments, inertia.
+
+The rotor's is called ``"rotor"``.
 """
 
 
 class Motion(NamedTuple):
-    """A motion of T instants of J joints and the torques of it; SI units."""
+    """A motion of T instants of J joints and its torques; SI units."""
 
     time: Array  # (T,)
     q: Array  # (T, J)
@@ -43,12 +45,11 @@ def altered(xml: str, effects: Sequence[Injected]) -> Any:
 
 
 def acts(effect: Injected, xml: str, motion: Motion) -> Array:
-    """Return the torque (T, J) that ``effect`` adds to the motors' on ``motion``, without what the
-    motion would then become.
+    """Return the torque (T, J) that ``effect`` adds to the motors' on ``motion``.
 
-    A changed body and a wrong reading count as the difference of inverse dynamics; dry friction
-    only where the joint moves. What is hidden behind a spring is not counted: only a simulation
-    knows.
+    The motion is taken as it is, without the changes that the effect would cause. A changed body
+    and a wrong reading count as the difference of inverse dynamics; dry friction only where the
+    joint moves. What is hidden behind a spring is not counted: that needs a simulation.
     """
     added = np.zeros_like(motion.tau)
     dt = float(motion.time[1] - motion.time[0])
@@ -85,12 +86,11 @@ def acts(effect: Injected, xml: str, motion: Motion) -> Array:
 
 
 def columns(xml: str, motion: Motion) -> tuple[list[str], Array]:
-    """Return names and regressor (T, J, P) of the inertial parameters of all links and rotors: the
-    torque of a unit of each.
+    """Return names and regressor (T, J, P) of the inertial parameters of all links and rotors.
 
-    Names are ``"link 2 mx"`` (see :data:`PARAMETERS`) and ``"link 2 rotor"``. Inverse dynamics is
-    linear in them, so they come from small changes of a compiled model; inertia is that about the
-    body's origin.
+    The regressor is the torque of a unit of each. Names are ``"link 2 mx"`` (see
+    :data:`PARAMETERS`) and ``"link 2 rotor"``. Inverse dynamics is linear in them, so they come
+    from small changes of a compiled model; inertia is that about the body's origin.
     """
     model = altered(xml, [])
     base = inverse_dynamics(model, motion.q, motion.qd, motion.qdd)
@@ -114,8 +114,9 @@ def columns(xml: str, motion: Motion) -> tuple[list[str], Array]:
 
 
 def inertial(model: Any) -> Array:
-    """Return the inertial parameters (J, 11) of all links of a compiled model, in the order of
-    :func:`columns`.
+    """Return the inertial parameters (J, 11) of all links of a compiled model.
+
+    They are in the order of :func:`columns`.
     """
     rows = [
         [*_inertial(model, int(model.jnt_bodyid[j])), model.dof_armature[j]]
@@ -125,7 +126,7 @@ def inertial(model: Any) -> Array:
 
 
 def _inertial(model: Any, body: int) -> Array:
-    """The ten parameters of a body and of what is fixed to it, about its origin."""
+    """Return the ten parameters of a body and of what is fixed to it, about its origin."""
     total = _own(model, body, np.zeros(3))
     for child in range(model.nbody):
         if model.body_parentid[child] == body and model.body_jntnum[child] == 0:
@@ -150,8 +151,9 @@ def _own(model: Any, body: int, at: Array) -> Array:
 
 
 def _set(model: Any, body: int, ten: Array) -> None:
-    """Give a body its ten parameters; it need not be one that exists, since only its inverse
-    dynamics is taken.
+    """Give a body its ten parameters.
+
+    They need not be those of a possible body, since only its inverse dynamics is used.
     """
     mass, centre = ten[0], ten[1:4] / ten[0]
     xx, yy, zz, xy, xz, yz = ten[4:]
@@ -164,4 +166,4 @@ def _set(model: Any, body: int, ten: Array) -> None:
     mujoco.mju_mat2Quat(quaternion, axes.ravel())
     model.body_mass[body], model.body_ipos[body] = mass, centre
     model.body_inertia[body], model.body_iquat[body] = moments, quaternion
-    model.body_sameframe[body] = 0  # the axes of inertia are no longer the body's
+    model.body_sameframe[body] = 0  # the axes of inertia are no longer those of the body
