@@ -24,6 +24,7 @@ extensions = [
     "sphinx_design",
     "generated",
     "field_comments",
+    "mathml",
 ]
 exclude_patterns = ["_build", "_ext", "conf.py", "**/out/**", "**.ipynb_checkpoints"]
 
@@ -33,9 +34,11 @@ myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence
 myst_heading_anchors = 3
 myst_links_external_new_tab = False
 suppress_warnings = ["config.cache", "mystnb.unknown_mime_type"]
+highlight_language = "text"
 html_theme = "furo"
 html_title = "jaxidl"
 html_static_path = ["_static"]
+html_math_renderer = "mathml"
 html_css_files = ["jaxidl.css"]
 html_copy_source = False
 html_show_copyright = False
@@ -47,8 +50,9 @@ html_theme_options = {
 copybutton_prompt_text = r">>> |\$ "
 copybutton_prompt_is_regexp = True
 
-# notebooks: scripts with cells, run when the site is built and kept until they or the package change
-nb_custom_formats = {".py": ["jupytext.reads", {"fmt": "py:percent"}]}
+# notebooks: scripts with cells, run when the site is built, and again when they or the package
+# change
+nb_custom_formats = {".py": "cells.read"}
 nb_execution_mode = "cache"
 nb_execution_timeout = 600
 nb_execution_raise_on_error = True

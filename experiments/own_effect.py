@@ -1,11 +1,13 @@
-"""An effect of your own, from its definition to its discovery: a script with cells, to be read from
-top to bottom.
-
-A simulation lacks an eddy-current brake, which the package does not know. We write it down, put it
-into a plant, sweep over its strength, differentiate through it, and let the gap workflow find it in
-a log. ``python experiments/own_effect.py FOLDER`` takes about a minute, prints what each cell finds
-and writes ``own_effect.png`` and ``.pdf``. As a notebook: run it cell by cell.
-"""
+# %% [markdown]
+# # An effect of your own
+#
+# A simulation lacks an eddy-current brake, which the package does not know. We write it down, put
+# it into a plant, sweep over its strength, differentiate through it, and let the gap workflow find
+# it in a log.
+#
+# `python experiments/own_effect.py FOLDER` takes about a minute, prints what each cell finds and
+# writes `own_effect.png` and `.pdf`. The script is also a page of the documentation: run it cell by
+# cell.
 
 # %%
 import sys
@@ -33,12 +35,15 @@ from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Joints
 
 jax.config.update("jax_enable_x64", True)
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/own_effect")
+folder = Path(sys.argv[1] if len(sys.argv) == 2 else "out/own_effect")
 folder.mkdir(parents=True, exist_ok=True)
 
-# %% [markdown] ## Define it The fields are what is swept, differentiated and fitted. `torque` is
-# for one instant and all joints. `guesses` says where a search may begin: here several speeds, each
-# with the strength that would explain the size of what the model lacks.
+# %% [markdown]
+# ## Define it
+#
+# The fields are what is swept, differentiated and fitted. `torque` is for one instant and all
+# joints. `guesses` says where a search may begin: here several speeds, each with the strength that
+# would explain the size of what the model lacks.
 
 
 # %%
@@ -67,8 +72,11 @@ class EddyBrake(Effect):
         ]
 
 
-# %% [markdown] ## Add it to a plant The paper's point mass on two axes, whose model is right but
-# for the brake, moves by 1 m within a second at up to 5 m/s.
+# %% [markdown]
+# ## Add it to a plant
+#
+# The paper's point mass on two axes, whose model is right but for the brake, moves by 1 m within a
+# second at up to 5 m/s.
 
 # %%
 study = PaperStudy(
@@ -100,9 +108,12 @@ print(
     f"with it {1e3 * measure(slowed, setting.reference).q_error:.2f} mm"
 )
 
-# %% [markdown] ## Sweep over it Whole learning runs (eight executions with small networks trained
-# between them) for every strength and seed, as one program. Where no brake is, there is nothing to
-# learn but noise, and the error grows a little.
+# %% [markdown]
+# ## Sweep over it
+#
+# Whole learning runs (eight executions with small networks trained between them) for every strength
+# and seed, as one program. Where no brake is, there is nothing to learn but noise, and the error
+# grows a little.
 
 # %%
 strengths, seeds, executions = jnp.linspace(0.0, 200.0, 5), (1, 2, 3), 8
@@ -127,6 +138,7 @@ for k, row in zip(strengths, jnp.median(errors, axis=1), strict=True):
 
 # %% [markdown]
 # ## Differentiate through it
+#
 # The derivative of the execution's tracking error by both parameters, through all thousand steps.
 
 
@@ -152,9 +164,12 @@ for name, f, r, n in zip(("k", "v"), forward, reverse, numeric, strict=True):
         f"d(tracking error)/d{name}: forward {f:.9e}, reverse {r:.9e}, central differences {n:.9e}"
     )
 
-# %% [markdown] ## Let the gap workflow find it The "real machine" is the benchmark's engine: plain
-# MuJoCo at a step ten times finer than the log's, noisy and quantised encoders, and the brake
-# written down a second time, in plain floats. Its bearing rubs, too. The model knows of neither.
+# %% [markdown]
+# ## Let the gap workflow find it
+#
+# The "real machine" is the benchmark's engine: plain MuJoCo at a step ten times finer than the
+# log's, noisy and quantised encoders, and the brake written down a second time, in plain floats.
+# Its bearing rubs, too. The model knows of neither.
 
 
 # %%
@@ -249,3 +264,5 @@ with house_style():
     )
     over_speed.legend(loc="upper left", markerscale=5)
     save(figure, folder, "own_effect")
+
+figure  # noqa: B018 (what the cell shows)

@@ -1,5 +1,5 @@
-"""Fields of records are documented by comments, ``q: Joints  # (J,) [rad]``: this hands them to autodoc,
-and leaves out of signatures what nobody sets.
+"""Fields of records are documented by comments, ``q: Joints  # (J,) [rad]``: this hands them to
+autodoc, and leaves out of signatures what nobody sets.
 """
 
 import ast
@@ -50,10 +50,17 @@ def _class(name: str) -> tuple[type | None, str]:
     return None, field
 
 
+def _bars(line: str) -> str:
+    """Escape bars outside of literals: to docutils they would be substitutions."""
+    parts = re.split(r"(``.*?``|`.*?`)", line)
+    return "".join(p if p.startswith("`") else p.replace("|", r"\|") for p in parts)
+
+
 def document(
     app: Sphinx, what: str, name: str, obj: object, options: object, lines: list[str]
 ) -> None:
-    """Put a field's comment where it has no docstring."""
+    """Put a field's comment where it has no docstring; bars are absolute values."""
+    lines[:] = [_bars(line) for line in lines]
     said = " ".join(lines).strip()
     if what not in ("attribute", "property") or (said and not said.startswith("Alias for field")):
         return

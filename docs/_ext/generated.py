@@ -14,6 +14,7 @@ from typing import Any
 from docutils import nodes
 from docutils.statemachine import StringList
 from sphinx.application import Sphinx
+from sphinx.util import logging
 from sphinx.util.docutils import SphinxDirective
 
 from jaxidl.files import markdown
@@ -50,8 +51,8 @@ def claims() -> str:
         (
             row["statement"],
             f"{signs[row['verdict']]} {row['verdict']}" + f": {row['why']}" * bool(row["why"]),
-            interval(row["average"]) if row["average"] else "–",
-            interval(row["typical"]) if row["typical"] else "–",
+            interval(row["average"]) if row["average"] else "-",
+            interval(row["typical"]) if row["typical"] else "-",
             row["true_if"],
             row["measure"],
             ", ".join(f"{k} {v}" for k, v in row["beside"].items()),
@@ -107,7 +108,7 @@ def ablation_runs() -> str:
     """Command, size and origin of each ablation."""
     rows = [
         (
-            f"[{name.replace('_', ' ')}](#{name.replace('_', '-')})",
+            f"[{name.replace('_', ' ')}](#ablation-{name.replace('_', '-')})",
             f"`{about['command'].split(' --out')[0]}`",
             about["runs"],
             about["programs"],
@@ -170,7 +171,7 @@ def derivative_tells() -> str:
 
 def share(cell: dict[str, Any]) -> str:
     if not cell["n"]:
-        return "–"
+        return "-"
     low, high = (max(100.0 * cell[k], 0.0) for k in ("low", "high"))
     return f"{100.0 * cell['share']:.0f} % [{low:.0f}, {high:.0f}] of {cell['n']}"
 
@@ -179,7 +180,7 @@ def gap_benchmark() -> str:
     """The headline numbers of the hidden-effects benchmark."""
     b = load("gap_benchmark")
     robots, single = b["robots"], b["singles"]
-    best = {k: share(b["calibration"][k]["0.9-1.0"]) for k in ("robot", "single", "pair", "outside")}
+    best = {kind: share(by["0.9-1.0"]) for kind, by in b["calibration"].items()}
     rows = [
         ("whole robots of 3 to 7 joints: names that are right", share(robots["precision"])),
         ("… hidden effects worth 3 % of a joint's command that are found",
@@ -237,7 +238,7 @@ def peers() -> str:
 
 
 def _bound(x: float) -> str:
-    return "−∞" if x == -float("inf") else "∞" if x == float("inf") else f"{x:g}"
+    return "-∞" if x == -float("inf") else "∞" if x == float("inf") else f"{x:g}"
 
 
 def catalogue() -> str:
@@ -252,7 +253,7 @@ def catalogue() -> str:
                 f"[`{name}`](#effect-{name.replace('_', '-')})",
                 cls.sentence,
                 parameters,
-                ", ".join(dict.fromkeys(cls.mjcf.values())) or "–",
+                ", ".join(dict.fromkeys(cls.mjcf.values())) or "-",
                 "yes" if name in searched() else "no",
             )
         )
@@ -295,7 +296,8 @@ def command(name: str) -> str:
         if isinstance(action, argparse._HelpAction):
             continue
         flags = [f for f in action.option_strings if not f.startswith("--no-")]
-        metavar = "" if action.nargs == 0 or action.metavar is None else f" {_words(action.metavar)}"
+        taken = action.nargs != 0 and action.metavar is not None
+        metavar = f" {_words(action.metavar)}" if taken else ""
         if "--no-" + (flags[0][2:] if flags else "") in action.option_strings:
             metavar = ""  # a switch
         heading = f"`{flags[0]}{metavar}`" if flags else f"`{metavar.strip()}`"
@@ -318,11 +320,41 @@ def _plain(text: str) -> str:
     return re.sub(r"(?<![\w-])(--[a-z][\w-]*)", r"`\1`", text)
 
 
+def public_names() -> str:
+    """The names of the package, with the first sentence of each."""
+    import jaxidl
+
+    rows = []
+    for name in jaxidl.__all__:
+        thing = getattr(jaxidl, name)
+        home = getattr(thing, "__module__", "")
+        doc = (getattr(thing, "__doc__", "") or "").strip().split("\n\n")[0]
+        first = re.split(r"(?<=[.:])\s", " ".join(doc.split()))[0]
+        if not isinstance(thing, type) and not callable(thing):
+            first = "" if isinstance(thing, dict) else first
+        role = "class" if isinstance(thing, type) else "func"
+        where = f"`{home}`" if home else ""
+        rows.append((f"{{py:{role}}}`{name} <{_documented(thing, name)}>`" if home else f"`{name}`",
+                     first.replace("*", "\\*"), where))  # fmt: skip
+    return table(("name", "", "from"), rows)
+
+
+def _documented(thing: Any, name: str) -> str:
+    """Under which full name the reference has it: a package that says it is public, or its home."""
+    import importlib
+
+    package = ".".join(thing.__module__.split(".")[:2])
+    if name in getattr(importlib.import_module(package), "__all__", ()):
+        return f"{package}.{name}"
+    return f"{thing.__module__}.{name}"
+
+
 MAKERS: dict[str, Callable[..., str]] = {
     f.__name__.replace("_", "-"): f
     for f in (
         claims, claims_counted, arm_ranking, arm_latency, ablation_runs, tuning, derivative_tells,
-        gap_benchmark, gap_benchmark_by_effect, peers, catalogue, effects, command, text_table,
+        gap_benchmark, gap_benchmark_by_effect, peers, catalogue, effects, command, public_names,
+        text_table,
     )
 }  # fmt: skip
 
@@ -345,18 +377,21 @@ class Generated(SphinxDirective):
         return node.children
 
 
-def check_commands(app: Sphinx, env: Any) -> None:
-    """Every command has its section."""
+def check_sections(app: Sphinx, env: Any) -> None:
+    """Every command and every ablation has its section."""
     from jaxidl.cli import COMMANDS
-    from sphinx.util import logging
 
-    text = (Path(app.srcdir) / "reference" / "commands.md").read_text(encoding="utf-8")
-    said = set(re.findall(r"^```\{generated\} command (\S+)$", text, flags=re.M))
-    for name in sorted({*COMMANDS} ^ said):
-        logging.getLogger(__name__).warning("reference/commands.md and the command %s differ", name)
+    for page, kind, names in (
+        ("reference/commands.md", "command ", {*COMMANDS}),
+        ("explanation/ablations.md", "text-table ablation_", {*load("ablations")}),
+    ):
+        text = (Path(app.srcdir) / page).read_text(encoding="utf-8")
+        said = set(re.findall(rf"^```\{{generated\}} {kind}(\S+)$", text, flags=re.M))
+        for name in sorted(names ^ said):
+            logging.getLogger(__name__).warning("%s and %s%s differ", page, kind, name)
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     app.add_directive("generated", Generated)
-    app.connect("env-updated", check_commands)
+    app.connect("env-updated", check_sections)
     return {"parallel_read_safe": True}

@@ -1,0 +1,78 @@
+# %% [markdown]
+# # What changed between two logs
+#
+# A robot that ran well yesterday runs differently today. Its model never was exact, so a diagnosis
+# of today's log alone would list everything that the model lacks. With yesterday's log as a
+# reference only what has changed is named: a load, a new tool, wear. On the command line: `jaxidl
+# gap NEW.csv --model robot.urdf --reference OLD.csv`.
+
+# %%
+from pathlib import Path
+
+import numpy as np
+
+from jaxidl import gap, report
+from jaxidl.gap.benchmark.catalogue import make
+from jaxidl.gap.benchmark.engine import simulate
+from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+
+folder = Path("out/what_changed")
+folder.mkdir(parents=True, exist_ok=True)
+(folder / "model.xml").write_text(TWO_LINK)
+
+# %% [markdown]
+# ## Two logs of one robot
+#
+# A two-link arm in gravity. Both joints have friction that the model does not know, and the model's
+# upper arm is 10 % too light. Between the two logs the arm picks up a tool of 0.4 kg, 30 cm below
+# its elbow. The motions differ, too.
+
+# %%
+always = [
+    make("viscous_friction", 0, {"coefficient": 0.4}),
+    make("viscous_friction", 1, {"coefficient": 0.2}),
+    make("coulomb_friction", 0, {"level": 0.5}),
+    make("coulomb_friction", 1, {"level": 0.25}),
+    make("inertia_error", 0, {"extra": 0.1, "kind": "mass"}),
+]
+tool = make("payload", None, {"mass": 0.4, "com": [0.0, 0.0, -0.3]})
+
+
+def measured(effects, seed):
+    """The log (24 s at 500 Hz) of a robot with these effects."""
+    columns = simulate(TWO_LINK, effects, seed)
+    q, tau = (np.column_stack([columns[f"{name}{j}"] for j in range(2)]) for name in ("q", "tau"))
+    return gap.from_arrays(columns["time"], q, tau)
+
+
+old, new = measured(always, seed=3), measured([*always, tool], seed=4)
+
+# %% [markdown]
+# ## Only what has changed
+
+# %%
+found = gap.diagnose(new, folder / "model.xml", reference=old, rollouts=False)
+print(report.table(found))
+
+# %% [markdown]
+# The tool, with its mass and its place in the frame of the last link, and nothing else: friction
+# and the wrong mass of the upper arm are in both logs, so they are no finding. They are part of the
+# corrected model all the same (`found.plant`).
+#
+# Do not take a name alone for the truth. On six pairs of such logs (other seeds) the tool was found
+# each time, with 98 %. On four of them an elasticity of the shoulder was named beside it, with 89
+# to 91 %, that is not there. It was stiff (4800 ± 1800 Nm/rad on one of them) and made a small
+# share of the torque: size and standard error say how little hangs on it.
+#
+# ## The other way round
+#
+# With the logs exchanged the tool is gone: the same mass with a minus sign.
+
+# %%
+gone = gap.diagnose(old, folder / "model.xml", reference=new, rollouts=False)
+print(report.table(gone))
+
+# %% [markdown]
+# On a measured UR10e with 2.8 kg at its flange the load comes out as 2.74 ± 0.04 kg, with its
+# centre within a centimetre and nothing else from a confidence of 0.8 on: see [real
+# machines](../explanation/real_machines.md).
