@@ -196,7 +196,7 @@ class Effect(struct.PyTreeNode):
         """Return the names of effects on its joint that it includes.
 
         They are those included if the parameters ``free`` are free, and are not looked for beside
-        it. ``name.parameter`` is an effect in so far as only that parameter of it is free.
+        it. ``name.parameter`` is an effect to the extent that only that parameter of it is free.
         """
         return ()
 

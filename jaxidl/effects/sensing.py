@@ -15,7 +15,7 @@ BIGGEST = 0.5  # largest bias that a search looks for [m or rad]
 
 
 class SensingNoise(Effect):
-    """Encoder noise clip(σ·N(0, 1), −σ, σ), drawn anew at every instant."""
+    """Encoder noise clip(σ·N(0, 1), −σ, σ), drawn independently at every instant."""
 
     scale: Joints | Scalar  # σ, also the largest error [m]
 

@@ -207,7 +207,7 @@ def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
     """Return the command after the effect.
 
-    Its hidden state follows the measured motion and starts anew with each run.
+    Its hidden state follows the measured motion and restarts with each run.
     """
 
     def step(memory: Any, now: Any) -> Any:

@@ -40,7 +40,7 @@ class Finding:
     # root mean square of its torque over that of the command, on the joint where it is largest
     share: float
     where: int  # that joint
-    # root mean square held-out error there without it, all others fitted anew [N or Nm]
+    # root mean square held-out error there without it, all others refitted [N or Nm]
     held_out_before: float
     held_out_after: float  # ... with it
     gain: float  # 1 − after/before

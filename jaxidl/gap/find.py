@@ -181,7 +181,7 @@ def supported(
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
-    The weakest is removed first; the rest is fitted and searched anew each time.
+    The weakest is removed first; the rest is fitted and searched again each time.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:

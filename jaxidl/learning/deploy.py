@@ -8,7 +8,7 @@ in hard real time, and all networks' predictions take less than 1 ms of it. Ther
     torque = jax.jit(feedforward.call).lower(*feedforward.in_avals).compile()
 
 and in the loop ``np.asarray(torque(q, qd, qdd_desired))`` on float32 arrays. ``feedforward.call``
-by itself is dispatched anew at every call, which takes most of a millisecond.
+by itself is dispatched again at every call, which takes most of a millisecond.
 ``experiments/bench/real_time.py`` shows how to keep a loop on time.
 
 The file is in single precision, because one in double precision can only be called in a process

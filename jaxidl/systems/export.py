@@ -1,6 +1,6 @@
 """A plant with additional effects, as MJCF where MuJoCo has them, else as ``effects.json``.
 
-MuJoCo writes the user's file anew, with six digits and, where frames are nested, in another order;
+MuJoCo rewrites the user's file, with six digits and, where frames are nested, in another order;
 the values that the dynamics depend on are then rewritten at full precision and put back into their
 order.
 """
@@ -92,7 +92,7 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
 def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
     """Compile, with a name for every body and joint and without the motors of an earlier patch.
 
-    Those are created anew.
+    Those are created again.
     """
     for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
         spec.delete(actuator)

@@ -1,7 +1,7 @@
 """Positions of the bodies and joint axes of a mechanism of slides and hinges.
 
 The result is that of ``mjx.kinematics``. With JAX 0.10 XLA fuses that function's chain of
-quaternions into every element of its result, each of which computes the chain anew: milliseconds
+quaternions into every element of its result, each of which recomputes the chain: milliseconds
 for seven joints. Here each frame is computed once.
 """
 

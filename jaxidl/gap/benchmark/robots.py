@@ -27,7 +27,7 @@ from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial,
 
 RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
 COARSE = 50.0  # Hz; rate of the motion on which effects are sized
-# of a run, at which the links' regressor is taken, and the worth of a changed body
+# instants of a run for the links' regressor, and for the strength of a changed body
 INSTANTS, DENSE = 300, 1500
 SCALE, MOST = 0.015, 0.029  # standard deviation and largest error of a joint's torque constant
 
@@ -102,7 +102,7 @@ class Robot:
     def measure(self) -> tuple[Drawn, ArmRun]:
         """Draw and run the robot.
 
-        One that the controller loses is drawn anew, since nobody would log it.
+        One that the controller loses is drawn again, since nobody would log it.
 
         Raises:
             Diverged: if ten draws are lost.
