@@ -30,8 +30,8 @@ class Drive(NamedTuple):
     q: Any
     qd: Any
     qdd: Any
-    tau: Any  # as logged
-    predicted: Any  # as the model predicts it
+    tau: Any  # command as logged
+    predicted: Any  # command as predicted by the model
     table: Tables
 
 
@@ -42,7 +42,7 @@ class Terms(NamedTuple):
     torque: Any
     level: Any  # dry friction of moving joints
     up: Any  # dry friction of joints at rest that are pushed forwards
-    down: Any  # ... backwards
+    down: Any  # dry friction of joints at rest that are pushed backwards
     inertia: Any  # torque that its change of the body requires
     q: Any  # true position
 

@@ -42,7 +42,7 @@ class Finding:
     where: int  # that joint
     # root mean square held-out error there without it, all others refitted [N or Nm]
     held_out_before: float
-    held_out_after: float  # ... with it
+    held_out_after: float  # the same error with it
     gain: float  # 1 − after/before
     gain_stderr: float
     # bounds of the fitted parameters
@@ -81,14 +81,14 @@ class Envelope(NamedTuple):
     """
 
     torque_rms: list[float]  # on held-out data [N or Nm]
-    torque_relative: list[float]  # of the command's root mean square
+    torque_relative: list[float]  # share of the command's root mean square
 
 
 class Side(NamedTuple):
     """The gap of one plant on held-out data; J values each."""
 
     torque_rms: list[float]  # [N or Nm]
-    torque_relative: list[float]  # of the command's root mean square
+    torque_relative: list[float]  # share of the command's root mean square
     rollout_rms: dict[str, list[float]]  # by horizon [m or rad]
 
 
@@ -122,8 +122,8 @@ class Diagnosis:
     summary: str  # in plain language
     findings: tuple[Finding, ...]  # in the order added
     ambiguous: tuple[Ambiguity, ...]
-    where: tuple[Place, ...]  # of the residual before
-    remaining: tuple[Place, ...]  # of the residual after
+    where: tuple[Place, ...]  # regimes of the residual before
+    remaining: tuple[Place, ...]  # regimes of the residual after
     gap: Gap
     envelope: Envelope
     unexplained: tuple[int, ...]  # joints with a large residual

@@ -52,9 +52,9 @@ class Refinement(NamedTuple):
     accepted: bool
     reason: str  # why it was accepted or not
     effects: tuple[Effect, ...]  # effects to use: refined if accepted, as given if not
-    given: tuple[Values, ...]  # of each effect: its free parameters as given,
-    refined: tuple[Values, ...]  # as refined, accepted or not,
-    # and standard errors from the scatter between windows; zero without influence
+    given: tuple[Values, ...]  # for each effect, its free parameters as given
+    refined: tuple[Values, ...]  # the same as refined, accepted or not
+    # their standard errors from the scatter between windows; zero without influence
     stderr: tuple[Values, ...]
     window: float  # [s]
     windows: tuple[int, int]  # number of training windows, and of held-out ones

@@ -22,7 +22,8 @@ Feedforward = Callable[[State, Joints, Circumstances | None], Joints]
 class Task(struct.PyTreeNode):
     """The task to be executed, and under which circumstances."""
 
-    start: State  # initial state as sensed; also the true one, unless given
+    # initial state as sensed; also the true one, unless an execution is given another
+    start: State
     policy: Policy  # desired acceleration in a state
     # bound of each of feedback, feedforward and rigid-body torque [N or Nm]
     torque_limit: Joints | Scalar

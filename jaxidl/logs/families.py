@@ -40,7 +40,7 @@ class Chosen:
     # positions in the header of time, run, q0, tau0, ...; q@NAME is the position of a joint that
     # is not used
     places: dict[str, int]
-    factors: dict[str, float]  # into SI units; keys not listed are in SI units
+    factors: dict[str, float]  # factors into SI units; keys not listed are in SI units
     titles: dict[str, str]  # titles as in the header
     ignored: tuple[str, ...]  # titles of columns that are not needed
     notes: tuple[str, ...] = ()

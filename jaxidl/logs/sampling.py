@@ -26,7 +26,7 @@ class Piece(NamedTuple):
     """A stretch without gaps."""
 
     samples: Samples
-    where: slice  # rows of it
+    where: slice  # rows of the stretch
     # (n,) index of each sample on a uniform grid from the first on; missing ones leave gaps
     number: np.ndarray
     step: float  # [s] interval of that grid

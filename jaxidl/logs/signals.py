@@ -44,7 +44,7 @@ class Signals(NamedTuple):
     qd: Float[np.ndarray, "T J"]
     qdd: Float[np.ndarray, "T J"]
     tau: Float[np.ndarray, "T J"]  # commands as logged
-    tables: Tables  # of the modelled rigid body, T rows
+    tables: Tables  # tables of the modelled rigid body, T rows
     sigma: Float[np.ndarray, " J"]  # encoder noise, standard deviation [m or rad]
     # residual due to that noise alone, root mean square [N or Nm]
     noise_floor: Float[np.ndarray, " J"]
@@ -53,7 +53,7 @@ class Signals(NamedTuple):
     # command − inverse dynamics in these rows: the residual of the rigid body [N or Nm]
     balance: Float[np.ndarray, "N J"]
     moving: Bool[np.ndarray, "T J"]
-    # instants in neither are just before or after a rest, where the filter blurs both
+    # instants neither moving nor resting are next to a rest, where the filter blurs both
     resting: Bool[np.ndarray, "T J"]
     # for each joint: last instant and largest torque withstood of each rest [N or Nm]
     peaks: tuple[Float[np.ndarray, "E 2"], ...]

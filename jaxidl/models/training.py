@@ -29,7 +29,7 @@ class Training:
     # a number, or traced: as an axis of an ablation, or to differentiate by it
     learning_rate: Scalar = 1e-3
     holdout_every: int = 5  # rows 6, 11, 16, ... are held out; 0: none
-    snapshot_epochs: float = 10.0  # epochs between two validations
+    snapshot_epochs: float = 10.0  # about this many epochs between two validations
 
     def __post_init__(self) -> None:
         rate = self.learning_rate

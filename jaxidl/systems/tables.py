@@ -33,17 +33,17 @@ class Tables(NamedTuple):
     """
 
     torque: Float[Any, "*T J"]  # inverse dynamics [N or Nm]
-    inertia: Float[Any, "*T J J"]  # its derivative by acceleration: the inertia matrix
-    by_q: Float[Any, "*T J J"]  # ... by position
-    by_qd: Float[Any, "*T J J"]  # ... by velocity
-    # ... by the mass of each joint's body, whose inertia changes in proportion
+    inertia: Float[Any, "*T J J"]  # derivative of the torque by acceleration, the inertia matrix
+    by_q: Float[Any, "*T J J"]  # derivative of the torque by position
+    by_qd: Float[Any, "*T J J"]  # derivative of the torque by velocity
+    # derivative of the torque by the mass of each joint's body, whose inertia changes in proportion
     by_mass: Float[Any, "*T J J"]
-    # ... by the ten inertial parameters of each joint's body (the second J), in its frame
+    # derivative of the torque by each joint's body's (second J) ten inertial parameters, in its frame
     by_link: Float[Any, "*T J J 10"]
-    # ... by those of the last body that moves, which may be welded to a joint's
+    # derivative of the torque by those of the last body that moves, which may be welded to a joint's
     by_load: Float[Any, "*T J 10"]
-    by_gravity: Float[Any, "*T J 3"]  # ... by gravity
-    by_tilt: Float[Any, "*T J 2"]  # ... by small turns of the base
+    by_gravity: Float[Any, "*T J 3"]  # derivative of the torque by gravity
+    by_tilt: Float[Any, "*T J 2"]  # derivative of the torque by small turns of the base
 
     def part(self, joints: slice | list[int]) -> "Tables":
         """Return the tables (T rows) of some joints, as if the others did not move."""
