@@ -48,3 +48,12 @@ def one_of(what: str, value: object, valid: object) -> ConfigurationError:
     """Return the error for a name that is not among the valid ones."""
     names = ", ".join(str(v) for v in valid)  # type: ignore[attr-defined]
     return ConfigurationError(f"{what} to be one of {names}", repr(value), f"choose one of {names}")
+
+
+def needs_checkout(lacking: str) -> ConfigurationError:
+    """Return the error for what an installed package leaves out, such as benchmarks."""
+    return ConfigurationError(
+        "a checkout of the repository",
+        f"an installation without {lacking}",
+        "clone it and install it with `pip install -e .`",
+    )

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -17,9 +17,6 @@ from jaxidl.arm.setup import GOALS, ArmStudy, Hidden
 from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
 from jaxidl.gap.additions import additions
-from jaxidl.gap.benchmark.arm_engine import Sensors, run_arm
-from jaxidl.gap.benchmark.catalogue import make
-from jaxidl.gap.benchmark.injected import Injected
 from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.gap.library import rms
@@ -30,6 +27,9 @@ from jaxidl.logs.log import read
 from jaxidl.logs.signals import prepare
 from jaxidl.systems.arm import JOINTS, compiled
 from jaxidl.systems.mjcf import read_model
+
+if TYPE_CHECKING:
+    from jaxidl.gap.benchmark.injected import Injected
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,8 @@ def record(logged: Logged) -> dict[str, np.ndarray]:
     effects: nothing of what is to find them. It follows the study's desired motion under stiff
     controllers.
     """
+    from jaxidl.gap.benchmark.arm_engine import Sensors, run_arm  # in a checkout only
+
     study = logged.study()
     with jax.enable_x64(True):
         wanted = desired_trajectory(study.task())
@@ -77,9 +79,11 @@ def record(logged: Logged) -> dict[str, np.ndarray]:
     return {"time": run.time, "q": run.q, "tau": run.tau}
 
 
-def injected(study: ArmStudy) -> list[Injected]:
+def injected(study: ArmStudy) -> "list[Injected]":
     """Return the arm's hidden effects as the benchmark has them."""
-    h, made = study.hidden, list[Injected]()
+    from jaxidl.gap.benchmark.catalogue import make  # in a checkout only
+
+    h, made = study.hidden, []
     for j in range(JOINTS):
         ripple = {"amplitude": h.ripple[j], "period": h.ripple_period[j], "phase": 0.0}
         made += [

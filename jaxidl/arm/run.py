@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from jaxidl.arm.real_time import latency
 from jaxidl.arm.setup import ArmStudy
 from jaxidl.arm.table import as_text, falls, ranking
 from jaxidl.backend import PRECISION
-from jaxidl.errors import StoreError, one_of
+from jaxidl.errors import StoreError, needs_checkout, one_of
 from jaxidl.files import as_json, write_bytes
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.jobs import Pieces
@@ -192,7 +193,7 @@ def run_all(
         What each of the ``experiments`` found, and ``about``: versions, command, revision.
 
     Raises:
-        ConfigurationError: for an unknown experiment.
+        ConfigurationError: for an unknown experiment, or one that needs a checkout.
         StoreError: when another process is at work there, it cannot be written, or it holds results
             of other settings.
         KeyboardInterrupt: finished pieces are saved; the same call continues.
@@ -200,6 +201,8 @@ def run_all(
     for name in experiments:
         if name not in EXPERIMENTS:
             raise one_of("experiment", name, EXPERIMENTS)
+    if "gap" in experiments and find_spec("jaxidl.gap.benchmark") is None:
+        raise needs_checkout("the benchmark's engine, which the experiment gap needs")
     earlier, settings = _earlier(out), run.settings()
     for name in experiments:
         if earlier["settings"].get(name, settings[name]) != settings[name]:

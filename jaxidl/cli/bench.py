@@ -8,7 +8,7 @@ from typing import Annotated
 import tyro
 from tyro.conf import arg
 
-from jaxidl.errors import ConfigurationError, JaxidlError, one_of
+from jaxidl.errors import JaxidlError, needs_checkout, one_of
 
 FOLDER = Path(__file__).resolve().parents[2] / "experiments" / "bench"
 BENCHMARKS = (
@@ -60,10 +60,7 @@ def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
         if name not in BENCHMARKS:
             raise one_of("benchmark", name, BENCHMARKS)
     if not FOLDER.is_dir():
-        got = "an installation without the folder experiments/bench"
-        raise ConfigurationError(
-            "a checkout of the repository", got, "clone it and install it with `pip install -e .`"
-        )
+        raise needs_checkout("the folder experiments/bench")
     for name in names or BENCHMARKS:
         print(f"{name} ...", file=sys.stderr, flush=True)
         done = subprocess.run(

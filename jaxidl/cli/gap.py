@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import arg
 
-from jaxidl.errors import ConfigurationError, JaxidlError
+from jaxidl.errors import ConfigurationError, JaxidlError, needs_checkout
 
 Names = tuple[str, ...]
 
@@ -163,6 +163,8 @@ def gap_benchmark(
         processes: how many cases at a time (default: one a core).
         overwrite: begin anew; what lies at --out is kept as DIR.old.
     """
+    if importlib.util.find_spec("jaxidl.gap.benchmark") is None:
+        raise needs_checkout("the benchmark's engine")
     from jaxidl.gap.benchmark.run import run_benchmark
     from jaxidl.jobs.pieces import set_aside
     from jaxidl.plot.confusion import write_confusion

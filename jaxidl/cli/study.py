@@ -2,8 +2,9 @@
 says.
 """
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from tyro.conf import arg
@@ -68,10 +69,31 @@ def reproduce(
 
     choose_devices(devices)
     folder = out / ("quick" if quick else "study")
-    run_sweep(
-        Grid.quick() if quick else Grid(), folder / "study.nc", devices=devices, overwrite=overwrite
+    grid, results = Grid.quick() if quick else Grid(), folder / "study.nc"
+    print(f"{len(grid)} learning runs; {'minutes' if quick else 'hours'}, see the time left below")
+    if overwrite or not results.exists():
+        first_figure(grid, results, devices=devices, overwrite=overwrite)
+    run_sweep(grid, results, devices=devices)
+    report(results, folder)
+
+
+def first_figure(grid: Grid, results: Path, **running: Any) -> None:
+    """Run those few of the grid's runs that the paper's Fig. 1 shows, and draw it beside them."""
+    from jaxidl.paper.runs import run_sweep
+    from jaxidl.plot.figures import draw_all
+
+    few = replace(
+        grid,
+        gains=("low",),
+        noise=tuple(dict.fromkeys((min(grid.noise), max(grid.noise)))),
+        friction=grid.friction[:1],
+        stiction=grid.stiction[:1],
+        epochs=grid.epochs[:1],
+        seeds=grid.seeds[:1],
     )
-    report(folder / "study.nc", folder)
+    data = run_sweep(few, results, **running)
+    for path in draw_all(data, results.parent, ("fig1_illustration",)):
+        print(f"wrote {path}, of the first {len(few)} runs; the others follow")
 
 
 def report(results: Path, out: Path) -> None:
@@ -86,4 +108,5 @@ def report(results: Path, out: Path) -> None:
     rows = check_claims(data)
     write_bytes(out / "claims.json", (as_json(rows) + "\n").encode())
     print(as_table(rows))
-    print(f"results in {results}, {len(paths)} figures and claims.json in {out}")
+    for path in (results, out / "claims.json", *paths):
+        print(f"wrote {path}")

@@ -3,7 +3,7 @@
 import json
 import textwrap
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
@@ -223,14 +223,12 @@ FIGURES: dict[str, Callable[[xr.Dataset], Figure]] = {
 }
 
 
-def draw_all(data: xr.Dataset, folder: Path) -> list[Path]:
-    """Draw every figure into ``folder`` as PNG and PDF; return the paths."""
+def draw_all(data: xr.Dataset, folder: Path, names: Iterable[str] = tuple(FIGURES)) -> list[Path]:
+    """Draw the named figures into ``folder`` as PNG and PDF; return the paths."""
     with house_style(), warnings.catch_warnings():
         # where every run diverged there is nothing to average
         warnings.simplefilter("ignore", RuntimeWarning)
-        return [
-            path for name, draw in FIGURES.items() for path in save(draw(data), Path(folder), name)
-        ]
+        return [path for name in names for path in save(FIGURES[name](data), Path(folder), name)]
 
 
 def _low_gain(data: xr.Dataset) -> str:
