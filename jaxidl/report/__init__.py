@@ -1,5 +1,6 @@
-"""What a diagnosis looks like: terminal, page, JSON, figures. ``jaxidl.report.save(diagnosis,
-folder)`` writes all of it.
+"""A diagnosis presented in the terminal, as a page, as JSON and in figures.
+
+``jaxidl.report.save(diagnosis, folder)`` writes all of it.
 """
 
 from jaxidl.report.figures import (

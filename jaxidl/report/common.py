@@ -1,6 +1,4 @@
-"""What all pictures of a diagnosis have in common: which joints, which colours, one clock, names
-that are safe to draw.
-"""
+"""What all figures of a diagnosis share: joints, colours, a clock, and names safe to draw."""
 
 import io
 import warnings
@@ -13,15 +11,16 @@ from matplotlib.figure import Figure
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.report.words import cut
 
-WIDTH = 7.2  # of every figure [in]
+WIDTH = 7.2  # width of every figure [in]
 BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
-JOINTS = 7  # shown at most in figures with a row for each
-POINTS = 6000  # of a curve or cloud; more are thinned out
+JOINTS = 7  # most joints in figures with a row for each
+POINTS = 6000  # most points of a curve or cloud; more are thinned out
 
 
 def shown(d: Diagnosis) -> list[int]:
-    """At most ``JOINTS`` joints, in the model's order: those where something was found, then those
-    with the largest gap.
+    """Return at most ``JOINTS`` joints, in the model's order.
+
+    Joints with findings come first in the choice, then those with the largest gap.
     """
     found = {f.joint for f in d.findings}
     order = sorted(
@@ -32,7 +31,7 @@ def shown(d: Diagnosis) -> list[int]:
 
 
 def which(d: Diagnosis, joints: list[int]) -> str:
-    """What to add to a title if not all joints are shown."""
+    """Return an addition to a title if not all joints are shown."""
     total = len(d.model.names)
     return (
         ""
@@ -42,19 +41,20 @@ def which(d: Diagnosis, joints: list[int]) -> str:
 
 
 def name_of(d: Diagnosis, joint: int | None, most: int = 22) -> str:
-    """A joint's name, cut to length, with dollar signs that do not begin a formula."""
+    """Return a joint's name, cut to length, with dollar signs that do not begin a formula."""
     name = "mechanism" if joint is None else d.model.names[joint]
     return cut(name, most).replace("$", r"\$")
 
 
 def length_unit(d: Diagnosis, joint: int) -> str:
-    """Unit of a joint's position: m or rad."""
+    """Return the unit of a joint's position: m or rad."""
     return "m" if d.model.kinds[joint] == "slide" else "rad"
 
 
 def clock(d: Diagnosis) -> tuple[np.ndarray, np.ndarray]:
-    """Time (N,) [s] that goes on where a log begins anew, and the first row of each stretch without
-    a gap (S,).
+    """Return a time (N,) [s] that continues where a new log begins.
+
+    Also return the first row of each stretch without a gap (S,).
     """
     time = np.array(d.traces.time, float)
     if len(time) < 2:
@@ -69,8 +69,9 @@ def clock(d: Diagnosis) -> tuple[np.ndarray, np.ndarray]:
 def broken(
     time: np.ndarray, values: np.ndarray, starts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A curve with a break before each of ``starts``, thinned out to the extremes of each piece of
-    it if it is long.
+    """Return a curve with a break before each of ``starts``.
+
+    A long one is thinned out to the extremes of its pieces.
     """
     values = np.insert(np.array(values, float), starts[1:], np.nan)
     time = np.insert(time, starts[1:], time[starts[1:]])
@@ -80,19 +81,20 @@ def broken(
     whole = len(time) // piece * piece
     parts = values[:whole].reshape(-1, piece)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # pieces of nothing but breaks
+        warnings.simplefilter("ignore", RuntimeWarning)  # some pieces contain only breaks
         extremes = np.stack([np.nanmin(parts, 1), np.nanmax(parts, 1)], 1)
     return np.repeat(time[:whole:piece], 2), extremes.ravel()
 
 
 def counted(d: Diagnosis, residual: np.ndarray, joint: int) -> np.ndarray:
-    """A joint's residual (N,), NaN where a rest begins or ends."""
+    """Return a joint's residual (N,), NaN where a rest begins or ends."""
     return np.where(d.traces.counted[:, joint], residual[:, joint], np.nan)
 
 
 def sides(d: Diagnosis) -> list[tuple[str, str, np.ndarray]]:
-    """Label, colour and residuals (N, J) before and after; only of the model as it is if nothing
-    was found.
+    """Return label, colour and residuals (N, J) before and after.
+
+    Only those of the model as it is if nothing was found.
     """
     if not d.findings:
         return [("residual", BEFORE, d.traces.before)]
@@ -100,8 +102,9 @@ def sides(d: Diagnosis) -> list[tuple[str, str, np.ndarray]]:
 
 
 def limits(axes: Axes, *values: np.ndarray, share: float = 0.997) -> None:
-    """Vertical limits that hold ``share`` of the values, and zero: a few outliers shall not flatten
-    the rest.
+    """Set vertical limits that contain ``share`` of the values, and zero.
+
+    A few outliers then do not flatten the rest.
     """
     sizes = np.abs(np.concatenate([np.ravel(v) for v in values]))
     sizes = sizes[np.isfinite(sizes)]
@@ -110,11 +113,11 @@ def limits(axes: Axes, *values: np.ndarray, share: float = 0.997) -> None:
 
 
 def png(figure: Figure) -> bytes:
-    """The figure as a PNG file's content, the same for the same figure."""
+    """Return the figure as a PNG file's content, the same for the same figure."""
     buffer = io.BytesIO()
     FigureCanvasAgg(figure)
     with warnings.catch_warnings():
-        # a joint's name in another script
+        # a joint's name may be in another script
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         figure.savefig(buffer, format="png", dpi=180, metadata={"Software": None})
     return buffer.getvalue()

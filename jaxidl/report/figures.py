@@ -1,8 +1,8 @@
-"""The figures of a diagnosis: functions from a :class:`jaxidl.gap.diagnosis.Diagnosis` to a
-``Figure``.
+"""The figures of a diagnosis.
 
-They keep to Matplotlib's object-oriented interface: no window, no global state.
-:func:`jaxidl.report.common.png` renders them.
+They are functions from a :class:`jaxidl.gap.diagnosis.Diagnosis` to a ``Figure``. They use
+Matplotlib's object-oriented interface: no window, no global state. :func:`jaxidl.report.common.png`
+renders them.
 """
 
 from collections.abc import Callable
@@ -26,7 +26,7 @@ FIGURES: dict[str, Callable[[Diagnosis], Figure | None]] = {
 
 
 def draw(d: Diagnosis) -> dict[str, bytes]:
-    """Return PNG content of all figures that this diagnosis has something to show in, by name."""
+    """Return PNG content, by name, of all figures for which this diagnosis has data."""
     drawn = {name: plot(d) for name, plot in FIGURES.items()}
     return {name: png(figure) for name, figure in drawn.items() if figure is not None}
 

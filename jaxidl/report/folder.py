@@ -24,45 +24,49 @@ MODEL, EFFECTS, PAGE, REPORT, PICTURES = (
 
 
 def save(d: Diagnosis, folder: str | Path) -> Path:
-    """Write report.json, report.html, figures and the patched model into ``folder``, which is made;
-    return the page's path.
+    """Write report.json, report.html, figures and the patched model into ``folder``.
 
-    Everything is first written aside and then moved into place file by file, ``report.json`` last.
-    An older report there is replaced; other files stay as they are.
+    The folder is created. Everything is first written to a temporary folder and then moved into
+    place file by file, ``report.json`` last. An older report in the folder is replaced; other files
+    stay as they are.
+
+    Returns:
+        The page's path.
 
     Raises:
-        StoreError: if the folder cannot be written, or has a model or report that is not ours;
-            nothing has changed then.
-        ModelError: if the model's file has gone or changed since it was read.
+        StoreError: if the folder cannot be written, or has a model or report that jaxidl did not
+            write; nothing has changed then.
+        ModelError: if the model's file is gone or has changed since it was read.
     """
     folder, made = Path(folder), list[Path]()
     try:
         made = [path for path in (folder, *folder.parents) if not path.exists()]  # deepest first
         check_folder(folder, d.model.path)
         folder.mkdir(parents=True, exist_ok=True)
-        # inside the folder: the place beside it may be on another disk, or not ours to write
+        # inside the folder: its parent may be on another disk, or not writable
         with tempfile.TemporaryDirectory(prefix=".report-", dir=folder) as aside:
-            with jax.enable_x64(True):  # the parameters' precision
+            with jax.enable_x64(True):  # keeps the parameters' precision
                 names = _compose(d, folder, Path(aside))
             _move(Path(aside), folder, names)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise StoreError(
-            f"to write a report into {folder}", reason, "make room or choose another folder"
+            f"to write a report into {folder}", reason, "free some space or choose another folder"
         ) from None
     finally:
-        for path in made:  # those that are still empty
+        for path in made:  # only those that are still empty
             with contextlib.suppress(OSError):
                 path.rmdir()
     return folder / PAGE
 
 
 def check_folder(folder: Path, model: Path) -> None:
-    """Complain if a report on the model file ``model`` could not be written into ``folder``; for
-    use before hours of work.
+    """Check that a report on the model file ``model`` can be written into ``folder``.
+
+    It is meant for use before long computations.
 
     Raises:
-        StoreError: if something is in the way.
+        StoreError: if it cannot be written.
     """
     if folder.exists() and not folder.is_dir():
         raise StoreError(f"a folder at {folder}", "a file", "choose another folder")
@@ -79,7 +83,7 @@ def check_folder(folder: Path, model: Path) -> None:
         )
     if (folder / MODEL).exists() and model.exists() and os.path.samefile(folder / MODEL, model):
         raise StoreError(
-            "another folder than the model's own",
+            "a folder other than the model's own",
             f"{folder}",
             "choose another folder: its model.xml would be lost",
         )
@@ -96,7 +100,7 @@ def check_folder(folder: Path, model: Path) -> None:
 
 
 def _ours(path: Path) -> bool:
-    """Is this a report.json as we write it?"""
+    """Return whether this is a report.json that jaxidl wrote."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         return {"verdict", "effects", "gap", "files"} <= content.keys()
@@ -105,7 +109,7 @@ def _ours(path: Path) -> bool:
 
 
 def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
-    """Write all files into ``aside``; their names in the order in which they are to be moved."""
+    """Write all files into ``aside``; return their names in the order to move them."""
     figures = draw(d)
     (aside / PICTURES).mkdir()
     pictures = [f"{PICTURES}/{name}.png" for name in figures]
@@ -113,7 +117,7 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
         (aside / name).write_bytes(content)
     _, effects = write_patched(d.model, [*d.common, *(f.effect for f in d.findings)], aside)
     record = json.loads(effects.read_text(encoding="utf-8"))["effects"]
-    # a path may be no text
+    # an option may be a path
     (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))
     files = {"model": MODEL, "effects": EFFECTS, "report": PAGE, "figures": pictures}
     (aside / REPORT).write_text(d.to_json(files=files) + "\n", encoding="utf-8")
@@ -121,8 +125,9 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
 
 
 def _move(aside: Path, folder: Path, names: list[str]) -> None:
-    """Move the files; if that fails or is interrupted, take back those that were not there
-    before.
+    """Move the files.
+
+    If that fails or is interrupted, remove those that were not there before.
     """
     for name in names:
         with (aside / name).open("rb") as file:

@@ -1,4 +1,4 @@
-"""Pictures of what was found: what each effect is worth, and the parameters."""
+"""Figures of the findings: the improvement by each effect, and the parameters."""
 
 from typing import Any, NamedTuple
 
@@ -12,14 +12,15 @@ from jaxidl.report.common import AFTER, WIDTH, length_unit, name_of
 from jaxidl.report.matrix import AXES
 from jaxidl.report.words import confidence, percent, readable, squared
 
-MOST = 40  # bars, and rows of parameters
-CURVES = 8  # tables over position
+MOST = 40  # most bars, and rows of parameters
+CURVES = 8  # most tables over position
 
 
 @house_style()
 def plot_improvement(d: Diagnosis) -> Figure | None:
-    """Share of the held-out error that comes back without each effect, sorted. None if nothing was
-    found.
+    """Plot the share of the held-out error that returns without each effect, sorted.
+
+    Returns None if nothing was found.
     """
     if not d.findings:
         return None
@@ -61,7 +62,7 @@ def plot_improvement(d: Diagnosis) -> Figure | None:
         for n, word in enumerate(text):
             axes.text(116 + 24 * n, k, word, ha="center", va="center", fontsize=8)
     left = f" (the first {MOST} of {len(d.findings)})" if len(d.findings) > MOST else ""
-    figure.suptitle("What each effect is worth on the data kept aside" + left, fontsize=10)
+    figure.suptitle("Improvement by each effect on held-out data" + left, fontsize=10)
     return figure
 
 
@@ -81,10 +82,10 @@ class _Scalar(NamedTuple):
 
 @house_style()
 def plot_parameters(d: Diagnosis) -> Figure | None:
-    """Each parameter found, ± two standard errors beside zero, and tables as curves over position.
-    None if nothing was found.
+    """Plot each parameter found, ± two standard errors, and tables over position.
 
-    The same parameter of several joints shares a panel.
+    Parameters are shown relative to zero; the same parameter of several joints shares a panel.
+    Returns None if nothing was found.
     """
     panels, curves = _split(d)
     if not panels and not curves:
@@ -110,7 +111,7 @@ def plot_parameters(d: Diagnosis) -> Figure | None:
 def _split(
     d: Diagnosis,
 ) -> tuple[list[tuple[str, list[_Scalar]]], list[tuple[Finding, str, Estimate]]]:
-    """Numbers by parameter, and tables over position."""
+    """Return numbers by parameter, and tables over position."""
     groups: dict[str, list[_Scalar]] = {}
     curves: list[tuple[Finding, str, Estimate]] = []
     for f, (name, p) in (
@@ -142,7 +143,7 @@ def _split(
 
 
 def _ends(finding: Finding) -> tuple[float, float] | None:
-    """Positions of a table's first and last value."""
+    """Return the positions of a table's first and last value."""
     effect: Any = getattr(finding.effect, "effect", finding.effect)
     if not hasattr(effect, "lower"):
         return None

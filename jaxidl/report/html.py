@@ -1,5 +1,6 @@
-"""The little HTML that a report needs: elements whose text is escaped unless it says that it is
-markup already.
+"""The HTML elements that a report needs.
+
+Text is escaped unless it is marked as markup.
 """
 
 from collections.abc import Iterable
@@ -14,9 +15,9 @@ class Html(str):
 
 
 def tag(name: str, /, *content: Any, **attributes: str | None) -> Html:
-    """An element. Content is text (escaped), :class:`Html`, None (left out), or a list or generator
-    of these.
+    """Return an element.
 
+    Content is text (escaped), :class:`Html`, None (left out), or a list or generator of these.
     Attribute names lose a trailing underscore (``class_``); None leaves an attribute out.
     """
     given = "".join(
@@ -32,7 +33,7 @@ def tag(name: str, /, *content: Any, **attributes: str | None) -> Html:
 
 
 def join(content: Iterable[Any]) -> Html:
-    """Pieces of content one after the other."""
+    """Return pieces of content one after the other."""
     return Html("".join(_markup(piece) for piece in content))
 
 
@@ -54,8 +55,9 @@ def table(
     numbers: Iterable[int] = (),
     class_: str | None = None,
 ) -> Html:
-    """Return a table that scrolls sideways on a narrow screen; columns in ``numbers`` are set flush
-    right.
+    """Return a table that scrolls sideways on a narrow screen.
+
+    Columns in ``numbers`` are aligned to the right.
     """
     right = set(numbers)
 

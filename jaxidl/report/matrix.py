@@ -1,7 +1,8 @@
-"""What was found as a table of joints × kinds of effect, for the terminal and the page alike.
+"""The findings as a table of joints × kinds of effect, for terminal and page.
 
-A kind is what conventional identification fits on every joint: recognised by what an effect says of
-itself, so those that a user registered find their place, too. All else is in the last column.
+A kind is what conventional identification fits on every joint. It is recognised by an effect's own
+declarations, so effects that a user registers are sorted in as well. All others are in the last
+column.
 """
 
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from jaxidl.report.words import readable
 
 VISCOUS, DRY, ROTOR, LINK, OFFSET, OTHER = range(6)
 KINDS = ("viscous friction", "dry friction", "rotor inertia", "link errors", "offset", "other")
-# one number each; unit as the catalogue has it
+# columns of single numbers; units as in the catalogue
 ALIKE = {VISCOUS: "N s/m", DRY: "N", ROTOR: "kg", OFFSET: "N"}
 AXES = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 
@@ -22,29 +23,27 @@ AXES = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 class Entry(NamedTuple):
     """A parameter of a finding, in one cell."""
 
-    what: str  # the effect, or what of a link is wrong; empty where the column says it
+    what: str  # the effect, or the link's error; empty if it follows from the column
     label: str  # which of several parameters
     value: str  # with standard error; with the unit unless the column has it
     finding: Finding
-    own: bool = True  # False: only a pointer to another column
+    own: bool = True  # False: only a reference to another column
 
     @property
     def sure(self) -> bool:
-        """Is its effect named, rather than suspected?"""
+        """Return whether its effect is named rather than suspected."""
         return self.finding.sure
 
 
 class Matrix(NamedTuple):
     """Cells by joint and kind. J joints, K kinds."""
 
-    units: tuple[str, ...]  # (K) of columns of single numbers, where all joints have the same
+    units: tuple[str, ...]  # (K) units of columns of single numbers, where all joints have the same
     rows: tuple[tuple[tuple[Entry, ...], ...], ...]  # (J, K)
 
 
 def matrix(d: Diagnosis) -> Matrix:
-    """Return the findings on joints, sorted into cells; within a cell those that are certain come
-    first.
-    """
+    """Return the findings on joints, sorted into cells, certain ones first within a cell."""
     found = [f for f in d.findings if f.joint is not None]
     units = []
     for kind in range(len(KINDS)):
@@ -89,7 +88,7 @@ def _entries(f: Finding, units: list[str]) -> Iterator[tuple[int, Entry]]:
 
 
 def _contained(cls: type[Effect], free: tuple[str, ...]) -> Iterator[int]:
-    """Columns whose effect is a part of this one, which is in another."""
+    """Return columns whose effect is a part of this one, which is in another."""
     for part in cls.contains(free):
         name, _, parameter = part.partition(".")
         if name in CATALOGUE and name != cls.name:
@@ -101,8 +100,9 @@ def _contained(cls: type[Effect], free: tuple[str, ...]) -> Iterator[int]:
 
 
 def short_name(cls: type[Effect], parameter: str) -> str:
-    """Return what of a link is wrong, from the parameter's meaning: "the missing mass of the body"
-    is its mass.
+    """Return what is wrong about a link, from the parameter's meaning.
+
+    For example, "the missing mass of the body" is its mass.
     """
     return (
         cls.parameters[parameter]
@@ -113,7 +113,7 @@ def short_name(cls: type[Effect], parameter: str) -> str:
 
 
 def spelled(p: Estimate) -> str:
-    """Return a parameter with unit and standard error, of a vector by axes."""
+    """Return a parameter with unit and standard error; a vector by its axes."""
     axes = AXES.get(len(p.value)) if isinstance(p.value, list) else None
     if axes is None or not isinstance(p.value, list):
         return number(p)

@@ -1,5 +1,6 @@
-"""A diagnosis as one self-contained HTML page: no scripts, nothing fetched, for a screen, a phone
-or paper.
+"""A diagnosis as one self-contained HTML page for a screen, a phone or paper.
+
+It has no scripts and fetches nothing.
 """
 
 import base64
@@ -26,14 +27,13 @@ from jaxidl.report.words import badge, compared, oneline, verdict
 
 CAPTIONS = {
     "gap": (
-        "Above: root mean square torque error on the data kept aside, relative to the command;"
-        " dashed: what encoder noise alone makes of it; diamonds: conventional identification."
-        " Below: how far the simulation gets away from the measurement when it replays the logged"
-        " torque."
+        "Above: root mean square torque error on held-out data, relative to the command; dashed:"
+        " error due to encoder noise alone; diamonds: conventional identification. Below: how far"
+        " the simulation departs from the measurement when it replays the logged torque."
     ),
     "residual": (
         "The residual is the commanded torque minus the one that the model needs for the measured"
-        " motion. Its gaps are where a joint comes to rest or breaks away, which does not count."
+        " motion. Its gaps are where a joint comes to rest or breaks away, which is not counted."
     ),
     "where": (
         "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope"
@@ -41,15 +41,14 @@ CAPTIONS = {
         " Bars: one standard deviation of the samples."
     ),
     "spectrum": (
-        "What lies on the dashed line is noise of the encoders, differentiated twice; no model"
-        " removes it."
+        "The dashed line is the noise of the encoders, differentiated twice; no model removes it."
     ),
     "improvement": (
-        "How much larger the error on the data kept aside is without the effect, all others fitted"
+        "How much larger the held-out error is without the effect, all others being fitted"
         " anew. Hollow bars: suspected only. Lines: two standard errors."
     ),
     "parameters": (
-        "Bars and bands: two standard errors. Where an interval holds zero, this log does not"
+        "Bars and bands: two standard errors. Where an interval contains zero, this log does not"
         " determine the parameter."
     ),
 }
@@ -62,7 +61,7 @@ def page(
 
     Args:
         d: the diagnosis.
-        figures: PNG content by name, as :func:`jaxidl.report.draw` gives it.
+        figures: PNG content by name, as :func:`jaxidl.report.draw` returns it.
         record: the effects of ``effects.json``, those found last.
         folder: where the patched model will be, for the instructions.
     """
@@ -81,15 +80,15 @@ def page(
             pictures.get("gap"),
         ),
         _section("What is not explained", left(d)) if d.unexplained else None,
-        _section("What this log cannot tell apart", ambiguous(d)) if d.ambiguous else None,
+        _section("What this log cannot distinguish", ambiguous(d)) if d.ambiguous else None,
         (
-            _section("What each effect is worth", pictures.get("improvement"), worth(d, record))
+            _section("Improvement by each effect", pictures.get("improvement"), worth(d, record))
             if d.findings
             else None
         ),
         _section("The parameters", pictures["parameters"]) if "parameters" in pictures else None,
         _section("The parameters fitted to motion", refined(d)) if d.refinement else None,
-        _section("What was not taken, and why", rivals(d)) if d.rivals else None,
+        _section("What was rejected, and why", rivals(d)) if d.rivals else None,
         _section("Where the error is", *told, places(d, d.where, "Joint by joint, in words")),
         _section("What remains", remains(d)),
         _section("What to do next", next_steps(d, record, folder)),

@@ -1,4 +1,4 @@
-"""The parts of the page: tables and lists, each from a diagnosis to markup."""
+"""The sections of the page: tables and lists, each from a diagnosis to markup."""
 
 import re
 import shlex
@@ -33,11 +33,11 @@ from jaxidl.report.words import (
 
 ADVICE = {
     "named": (
-        "Record a new log with other motion and run the patched model on it: nothing should be"
-        " missing then."
+        "Record a new log with different motion and diagnose the patched model with it: nothing"
+        " should be missing then."
     ),
     "nothing_missing": "To look further, record faster motion, reversals, rests and a known load.",
-    "ambiguous": "Make the experiment named below and give its log together with this one.",
+    "ambiguous": "Do the experiment named below and use its log together with this one.",
     "unexplained": (
         "Record more motion where the remaining error is, and look for a cause outside the"
         " catalogue: contact, cables, temperature, a loose part."
@@ -46,12 +46,12 @@ ADVICE = {
 
 
 def found(d: Diagnosis) -> Iterator[Html]:
-    """Joints × kinds of effect, then the effects of the whole mechanism."""
+    """Return joints × kinds of effect, then the effects of the whole mechanism."""
     if not d.findings:
         yield tag(
             "p",
             (
-                "Nothing has changed that this log shows."
+                "This log shows no change."
                 if compared(d)
                 else "No effect of the catalogue was added."
             ),
@@ -89,7 +89,7 @@ def found(d: Diagnosis) -> Iterator[Html]:
 
 
 def _name(name: str) -> list[Any]:
-    """A name that may go on in the next line behind its underscores."""
+    """Return a name that may continue in the next line after its underscores."""
     first, *rest = oneline(name).split("_")
     return [first, *(["_", tag("wbr"), part] for part in rest)]
 
@@ -117,7 +117,7 @@ def _cell(entries: Sequence[Entry]) -> Any:
 
 
 def _tight(text: str) -> str:
-    """Return a text whose lines do not end within a number or behind the name of an axis."""
+    """Return a text whose lines do not end within a number or after the name of an axis."""
     return re.sub(r"\b([xyz]{1,2}) (?=-?\d)", "\\1\xa0", text.replace(" ± ", "\xa0±\xa0"))
 
 
@@ -155,8 +155,9 @@ def _whole(d: Diagnosis, f: Finding) -> list[Any]:
 
 
 def errors(d: Diagnosis) -> Html:
-    """Errors of each joint on the data kept aside, beside what conventional identification
-    reaches.
+    """Return the errors of each joint on held-out data.
+
+    They are shown beside those of conventional identification.
     """
     sides, quiet = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)], silent(d)
     horizons = [h for h in ("0.5",) if h in d.gap.before.rollout_rms] or list(
@@ -192,7 +193,7 @@ def errors(d: Diagnosis) -> Html:
         "encoder noise alone",
     ]
     head += [f"position error after {h} s" for h in horizons]
-    note = "Root mean squares on the part of the log kept aside" + (
+    note = "Root mean squares on the held-out part of the log" + (
         ", before → after." if d.findings else "."
     )
     note += (
@@ -206,15 +207,15 @@ def errors(d: Diagnosis) -> Html:
 
 
 def left(d: Diagnosis) -> Html:
-    """Joints of which much is left, and what is certain all the same."""
+    """Return joints with a large residual, and what is certain nevertheless."""
     names = [oneline(d.model.names[j]) for j in d.unexplained]
     about = (
-        f"On {listed(names)} more is left than conventional identification leaves, or what is left"
-        " can still be predicted from the motion: there is a cause outside the catalogue."
+        f"On {listed(names)} the residual is larger than with conventional identification, or can"
+        " still be predicted from the motion: there is a cause outside the catalogue."
     )
     sure = [f for f in d.findings if f.sure]
     held = (
-        f"Certain all the same: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}."
+        f"Certain nevertheless: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}."
         if sure
         else "Nothing is certain."
     )
@@ -228,7 +229,7 @@ def left(d: Diagnosis) -> Html:
 
 
 def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
-    """The sentences by joint, behind a line to open them if ``folded`` says what they are."""
+    """Return the sentences by joint, folded under the line ``folded`` if it is given."""
     out = []
     for j in dict.fromkeys(p.joint for p in where):
         lines = [p.sentence.removeprefix(f"{d.model.names[j]}: ") for p in where if p.joint == j]
@@ -237,17 +238,17 @@ def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
             tag("ul", (tag("li", f"{text[0].upper()}{text[1:]}.") for text in lines if text))
         )
     if not out:
-        return tag("p", "There is no residual to speak of.")
+        return tag("p", "There is no significant residual.")
     return tag("details", tag("summary", folded), out) if folded and len(out) > 2 else join(out)
 
 
 def ambiguous(d: Diagnosis) -> Html:
-    """Sets of effects that stand for each other."""
+    """Return sets of effects that can replace each other."""
     about = (
         ": they explain this log almost equally well, and the first of them is in the patched"
         " model. To separate them: "
     )
-    names = [" or ".join(on_joint(d, key) for key in a.candidates) for a in d.ambiguous]
+    names = [" and ".join(on_joint(d, key) for key in a.candidates) for a in d.ambiguous]
     return tag(
         "ul",
         (
@@ -258,7 +259,7 @@ def ambiguous(d: Diagnosis) -> Html:
 
 
 def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
-    """What is lost without each effect, and where it is written."""
+    """Return what is lost without each effect, and where it is written."""
     entries = (
         [*([{}] * len(d.findings)), *record][-len(d.findings) :]
         if record
@@ -275,8 +276,8 @@ def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     ]
     rows = [list(_worth(d, d.findings[k], entries[k])) for k in order]
     about = (
-        "The error is that on the data kept aside without and with the effect, all others being"
-        " there and fitted anew."
+        "The error is that on held-out data without and with the effect, all others being fitted"
+        " anew."
     )
     return join([tag("p", about), table(head, rows, (2, 3, 4, 5), class_="worth")])
 
@@ -309,10 +310,10 @@ def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:
 
 
 def refined(d: Diagnosis) -> Html:
-    """What fitting the parameters to trajectories did."""
+    """Return the result of fitting the parameters to trajectories."""
     head, rows = refined_rows(d)
     note = (
-        "Before → after, on the part of the log kept aside; what is not kept is in no file."
+        "Before → after, on the held-out part of the log; rejected values are in no file."
         if rows
         else ""
     )
@@ -326,30 +327,30 @@ def refined(d: Diagnosis) -> Html:
 
 
 def rivals(d: Diagnosis) -> Html:
-    """Effects that were considered and not taken."""
+    """Return effects that were considered and not chosen."""
     names = [oneline(d.model.names[r.joint]) if r.joint is not None else "all" for r in d.rivals]
     rows = [[readable(r.name), name, r.reason] for r, name in zip(d.rivals, names, strict=True)]
-    return table(["effect", "joint", "why it was not taken"], rows)
+    return table(["effect", "joint", "why it was rejected"], rows)
 
 
 def remains(d: Diagnosis) -> Html:
-    """Whether a network can still predict what is left, joint by joint."""
+    """Return whether a network can still predict the residual, joint by joint."""
     rows, quiet = [], silent(d)
     for j, (value, stderr) in enumerate(d.network):
         if j in quiet:
             continue
         if not value > 2.0 * stderr or value <= 0.0:
-            text = "nothing of it: nothing systematic is left"
+            text = "nothing of it: no systematic part remains"
         else:
             much = (
-                "something systematic is left"
+                "a systematic part remains"
                 if value > SYSTEMATIC
-                else "too little to speak of something missing"
+                else "too little to indicate a missing effect"
             )
             text = f"{gain(value, stderr)} of it: {much}"
         rows.append([oneline(d.model.names[j]), text])
     check = (
-        "A small neural network was trained to predict what is left from the motion, and tried on"
+        "A small neural network was trained to predict the residual from the motion, and tested on"
         " other blocks of the log."
     )
     return join(
@@ -362,14 +363,12 @@ def remains(d: Diagnosis) -> Html:
 
 
 def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Html:
-    """Advice, and how to use the patched model."""
+    """Return advice, and how to use the patched model."""
     model = str(folder / "model.xml")
     command = f"jaxidl gap LOG --model {shlex.quote(model)}"
     python = f"from jaxidl.gap import read_model\n\nplant = read_model({model!r}).plant"
-    beside = (
-        "Keep effects.json beside model.xml: MuJoCo simulates only what model.xml has, jaxidl both."
-    )
-    inside = "All of it is in model.xml, so MuJoCo simulates it too." if record else None
+    beside = "Keep effects.json beside model.xml: MuJoCo simulates only model.xml, jaxidl both."
+    inside = "All effects are in model.xml, so MuJoCo simulates them too." if record else None
     mujoco = inside if all(entry.get("in_mjcf") for entry in record) else beside
     steps = [ADVICE[d.verdict]]
     steps += [
@@ -388,7 +387,7 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
 
 
 def method(d: Diagnosis) -> Html:
-    """What was compared, and how."""
+    """Return what was compared, and how."""
     rows, aside = len(d.traces.time), int(np.sum(d.traces.kept_aside))
     step = np.diff(d.traces.time)
     length = (
@@ -398,22 +397,22 @@ def method(d: Diagnosis) -> Html:
     facts = [
         (
             f"{short(length)} s of motion, compared at {rows} instants;"
-            f" {percent(aside / max(rows, 1))} of them took no part in fitting and choosing."
+            f" {percent(aside / max(rows, 1))} of them were not used for fitting and choosing."
         ),
         (
             "Positions were smoothed and differentiated without phase shift; both sides of the"
             f" comparison end at {d.band:.3g} Hz."
         ),
         (
-            "An effect is named if the data kept aside are predicted better with it, its standard"
+            "An effect is named if held-out data are predicted better with it, its standard"
             " error excludes zero, it is not at a bound, and it removes at least"
             f" {percent(d.options.get('min_gain', 0.05))} of the remaining error. Its confidence"
-            " rests on how often it is found again when the log's blocks are drawn anew, and on"
+            " depends on how often it is found again when the log's blocks are resampled, and on"
             " how often such findings are right."
         ),
         f"Looked for: {offered or 'the whole catalogue'}.",
         *(
-            ["What both logs have in common was fitted to the reference log and is no finding."]
+            ["What both logs have in common was fitted to the reference log and is not a finding."]
             if compared(d)
             else []
         ),

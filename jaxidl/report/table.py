@@ -23,17 +23,17 @@ from jaxidl.report.words import (
     verdict,
 )
 
-COLUMNS = 100  # at most
-NAME, NARROW, WIDE = 22, 16, 18  # widths of columns at most
+COLUMNS = 100  # most characters per line
+NAME, NARROW, WIDE = 22, 16, 18  # largest widths of columns
 
 Line = Sequence[str]
 
 
 def table(d: Diagnosis) -> str:
-    """Return the first screen: verdict, joints × kinds of effect, effects of the whole mechanism,
-    errors by joint, what is left.
+    """Return the first screen of a diagnosis.
 
-    Lines have at most ``COLUMNS`` characters; the text ends without a newline.
+    It has the verdict, joints × kinds of effect, effects of the whole mechanism, errors by joint,
+    and the residual. Lines have at most ``COLUMNS`` characters; the text ends without a newline.
     """
     parts = [
         _wrapped(f"{badge(d)}. {verdict(d)}"),
@@ -50,7 +50,10 @@ def table(d: Diagnosis) -> str:
 
 
 def _found(d: Diagnosis) -> list[str]:
-    """Joints × kinds; cells of several numbers have the names only, and ``_details`` the rest."""
+    """Return joints × kinds.
+
+    Cells of several numbers have only the names; ``_details`` has the rest.
+    """
     m = matrix(d)
     columns = [k for k in range(len(KINDS)) if any(row[k] for row in m.rows)]
     if not columns:
@@ -72,7 +75,7 @@ def _found(d: Diagnosis) -> list[str]:
 
 
 def _cell(entries: Iterable[Entry], kind: int) -> str:
-    """Text of a cell, its parts on lines of their own."""
+    """Return the text of a cell, its parts on lines of their own."""
     if kind in ALIKE:
         return "\n".join(
             _doubted(f"{e.value}\n{confidence(e.finding)}" if e.own else e.value, e.sure)
@@ -89,8 +92,9 @@ def _doubted(text: str, sure: bool) -> str:
 
 
 def _details(d: Diagnosis) -> list[str]:
-    """Numbers that the table has no room for: of the whole mechanism, of links, of other
-    effects.
+    """Return numbers for which the table has no room.
+
+    They are those of the whole mechanism, of links and of other effects.
     """
     m = matrix(d)
     whole = [f for f in d.findings if f.joint is None]
@@ -126,7 +130,7 @@ def _rest(d: Diagnosis, m: Matrix) -> list[str]:
 
 
 def _errors(d: Diagnosis) -> list[str]:
-    """Torque error and position error of each joint on the data kept aside, and the yardstick."""
+    """Return torque error and position error of each joint on held-out data, and references."""
     horizon, quiet = longest(d), silent(d)
     sides = (d.gap.before, d.gap.after)[: 1 + bool(d.findings)]
     rows = [["joint", "torque error", "of the command", "conventional", "noise"]]
@@ -149,8 +153,8 @@ def _errors(d: Diagnosis) -> list[str]:
         rows.append(row)
     arrow = ", before → after" if d.findings else ""
     about = (
-        f"Error on the data kept aside{arrow}; conventional: what a fit of friction, offset and"
-        " inertias on every joint leaves; noise: what encoder noise alone makes of it"
+        f"Error on held-out data{arrow}; conventional: error after a fit of friction, offset and"
+        " inertias on every joint; noise: error due to encoder noise alone"
     )
     lines = [*_wrapped(about), *_boxes(rows, [NAME, 22, 16, 12, 11, 22])] if len(rows) > 1 else []
     return [*lines, *(line for text in quiet.values() for line in _wrapped(f"{text}."))]
@@ -161,17 +165,19 @@ def _unexplained(d: Diagnosis) -> list[str]:
         return []
     names = [d.model.names[j] for j in d.unexplained]
     lines = _wrapped(
-        f"Not explained on {listed(names)}: more is left there than the catalogue or conventional"
-        " identification can say."
+        f"Not explained on {listed(names)}: the residual there is larger than the catalogue or"
+        " conventional identification can explain."
     )
     for j in d.unexplained:
         place = next((p.sentence for p in d.remaining if p.joint == j), None)
         lines += _wrapped(f"{place}.", "  ") if place else []
     sure = sum(f.sure for f in d.findings)
     held = (
-        f"The {sure} certain effects above hold" if sure > 1 else "The certain effect above holds"
+        f"The {sure} certain effects above still hold"
+        if sure > 1
+        else "The certain effect above still holds"
     )
-    return [*lines, *(_wrapped(f"{held} all the same.") if sure else ())]
+    return [*lines, *(_wrapped(f"{held}.") if sure else ())]
 
 
 def _refined(d: Diagnosis) -> list[str]:
@@ -187,15 +193,15 @@ def _refined(d: Diagnosis) -> list[str]:
 def _doubt(
     d: Diagnosis, candidates: Sequence[tuple[str, int | None]], experiment: str
 ) -> list[str]:
-    names = " or ".join(on_joint(d, key) for key in candidates)
+    names = " and ".join(on_joint(d, key) for key in candidates)
     return [
-        *_wrapped(f"This log cannot tell between {names}."),
+        *_wrapped(f"This log cannot distinguish {names}."),
         *_wrapped(f"To separate them: {experiment}.", "  "),
     ]
 
 
 def _wrapped(text: str, indent: str = "") -> list[str]:
-    whole = text.replace(" ± ", "\xa0±\xa0")  # no line ends within a number
+    whole = text.replace(" ± ", "\xa0±\xa0")  # a line must not end within a number
     return [
         line.replace("\xa0", " ")
         for line in textwrap.wrap(
@@ -205,8 +211,9 @@ def _wrapped(text: str, indent: str = "") -> list[str]:
 
 
 def _boxes(rows: Sequence[Line], most: Sequence[int]) -> list[str]:
-    """Lines of a table whose cells may have several lines, and at most so many characters in
-    each.
+    """Return lines of a table whose cells may have several lines.
+
+    Each has at most the given number of characters.
     """
     cells = [[_broken(cell, width) for cell, width in zip(row, most, strict=False)] for row in rows]
     widths = [max(len(line) for row in cells for line in row[k]) for k in range(len(cells[0]))]

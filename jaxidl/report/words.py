@@ -1,4 +1,4 @@
-"""One vocabulary for terminal, page and figures: names, numbers and what is said of a joint."""
+"""One vocabulary for terminal, page and figures: names, numbers and statements on joints."""
 
 from collections.abc import Mapping, Sequence
 
@@ -15,7 +15,8 @@ BADGES = {
     "ambiguous": "Ambiguous",
     "unexplained": "Unexplained",
 }
-CHANGES = {"named": "Changed", "nothing_missing": "Nothing changed"}  # since a reference log
+# since a reference log
+CHANGES = {"named": "Changed", "nothing_missing": "Nothing changed"}
 
 
 def badge(d: Diagnosis) -> str:
@@ -24,7 +25,7 @@ def badge(d: Diagnosis) -> str:
 
 
 def compared(d: Diagnosis) -> bool:
-    """Was the log compared with an earlier one, so that findings are changes?"""
+    """Return whether the log was compared with an earlier one, so that findings are changes."""
     return bool(d.options.get("reference"))
 
 
@@ -36,19 +37,19 @@ def verdict(d: Diagnosis) -> str:
 
 
 def silent(d: Diagnosis) -> dict[int, str]:
-    """Return, of each joint that this log says nothing of, one sentence that says why."""
+    """Return one sentence for each joint about which this log contains no information."""
     out, what = {}, "has changed" if compared(d) else "is missing"
     for j, name in enumerate(d.model.names):
         if judged(d.gap.before.torque_relative[j]):
             continue
         if not np.any(d.traces.command[:, j]):
-            out[j] = f"{name}: no torque was commanded, so this log cannot tell what {what} there"
+            out[j] = f"{name}: no torque was commanded, so this log cannot show what {what} there"
         elif not d.traces.counted[:, j].any():
-            out[j] = f"{name}: the joint hardly moved, so this log cannot tell what {what} there"
+            out[j] = f"{name}: the joint hardly moved, so this log cannot show what {what} there"
         else:
             out[j] = (
-                f"{name}: no torque to speak of was commanded on the data kept aside, so no error"
-                " can be given"
+                f"{name}: hardly any torque was commanded in the held-out data, so no error can be"
+                " given"
             )
     return out
 
@@ -65,15 +66,17 @@ def oneline(name: str) -> str:
 
 
 def unit_of(d: Diagnosis, f: Finding) -> str:
-    """Return the unit of a finding's errors: that of the torque of the joint where they were
-    measured.
+    """Return the unit of a finding's errors.
+
+    It is that of the torque of the joint where they were measured.
     """
     return d.model.units[f.where]
 
 
 def frame(d: Diagnosis, f: Finding) -> str:
-    """Return in which frame a finding's places are, empty if it has none: those of the whole
-    mechanism with a length.
+    """Return the frame in which a finding's positions are given.
+
+    Only effects of the whole mechanism with a length have one; it is empty for others.
     """
     units = [p.unit for p in CATALOGUE[f.name].parameters.values()]
     return (
@@ -96,13 +99,14 @@ def gain(value: float, stderr: float) -> str:
 
 
 def short(value: float) -> str:
-    """Return three digits, or a dash for what is not known."""
+    """Return three digits, or a dash for an unknown number."""
     return f"{value:.3g}" if np.isfinite(value) else "-"
 
 
 def longest(d: Diagnosis, rollouts: Mapping[str, list[float]] | None = None) -> str | None:
-    """Return the longest horizon of the rollouts, as the gap has it; None if the part kept aside
-    was too short for any.
+    """Return the longest horizon of the rollouts, as the gap has it.
+
+    None if the held-out part was too short for any.
     """
     known = [
         h
@@ -113,8 +117,9 @@ def longest(d: Diagnosis, rollouts: Mapping[str, list[float]] | None = None) -> 
 
 
 def lengths(values: Sequence[float], kind: str) -> str:
-    """Return position errors [m or rad] of a joint one after the other, in thousandths if the last
-    is small.
+    """Return position errors [m or rad] of a joint one after the other.
+
+    They are in thousandths if the last is small.
     """
     unit = "m" if kind == "slide" else "rad"
     if not np.isfinite(values).any():
@@ -125,22 +130,24 @@ def lengths(values: Sequence[float], kind: str) -> str:
 
 
 def cut(name: str, most: int = 24) -> str:
-    """Return a name on one line, of a long one both ends: joints are often numbered. For figures
-    only.
+    """Return a name on one line, for figures only.
+
+    Of a long one both ends are kept: joints are often numbered.
     """
     name = oneline(name)
     return name if len(name) <= most else name[: most - 1 - most // 2] + "…" + name[-(most // 2) :]
 
 
 def refined_rows(d: Diagnosis) -> tuple[str, list[tuple[str, str]]]:
-    """Return what fitting the parameters to trajectories did: a sentence, and lines of what and
-    before → after.
+    """Return the result of fitting the parameters to trajectories.
+
+    It is a sentence, and lines of names with before → after.
     """
     r = d.refinement
     assert r is not None
     head = (
         f"fitted to motion, {r.windows[0]} windows of {r.window:g} s:"
-        f" {'kept' if r.accepted else 'not kept'}, {r.reason}"
+        f" {'accepted' if r.accepted else 'rejected'}, {r.reason}"
     )
     if r.before is None or r.after is None:
         return head, []

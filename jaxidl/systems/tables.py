@@ -38,9 +38,9 @@ class Tables(NamedTuple):
     by_qd: Float[Any, "*T J J"]  # derivative of the torque by velocity
     # derivative of the torque by the mass of each joint's body, whose inertia changes in proportion
     by_mass: Float[Any, "*T J J"]
-    # derivative of the torque by each joint's body's (second J) ten inertial parameters, in its frame
+    # derivative of the torque by the ten inertial parameters of each joint's body (second J)
     by_link: Float[Any, "*T J J 10"]
-    # derivative of the torque by those of the last body that moves, which may be welded to a joint's
+    # derivative of the torque by those of the last body that moves, maybe welded to a joint's
     by_load: Float[Any, "*T J 10"]
     by_gravity: Float[Any, "*T J 3"]  # derivative of the torque by gravity
     by_tilt: Float[Any, "*T J 2"]  # derivative of the torque by small turns of the base

@@ -337,22 +337,24 @@ def test_every_verdict_has_its_page(tmp_path, number):
     files = json.loads((tmp_path / "out" / "report.json").read_text())["files"]["figures"]
     assert ("figures/parameters.png" in files) == bool(d.findings)
     for told in (text, table(d)):
-        assert ("Coulomb friction (slide) or stiction (slide) or payload" in told) == bool(
+        assert ("Coulomb friction (slide) and stiction (slide) and payload" in told) == bool(
             d.ambiguous
         )
         assert ("move at several constant speeds" in told) == bool(d.ambiguous)
         assert "nan" not in told.lower()
     if d.verdict == "unexplained" and not d.findings:
-        assert "60.0 ± 5.0 % of it: something systematic is left" in text
-        assert "Something is left on slide that no effect of the catalogue explains." in text
+        assert "60.0 ± 5.0 % of it: a systematic part remains" in text
+        assert (
+            "Part of the residual on slide is not explained by any effect of the catalogue." in text
+        )
         assert "Nothing is certain." in text
     if d.verdict == "unexplained" and d.findings:
         assert (
-            "Something is left on hinge that no effect of the catalogue explains. The simulation"
-            " lacks 1 effect for certain" in text
+            "Part of the residual on hinge is not explained by any effect of the catalogue. The"
+            " simulation lacks 1 effect for certain" in text
         )
-        assert "Certain all the same: Coulomb friction (slide)." in text
-        assert "The certain effect above holds all the same." in table(d)
+        assert "Certain nevertheless: Coulomb friction (slide)." in text
+        assert "The certain effect above still holds." in table(d)
     if not d.findings:
         assert "lacks" not in text
         assert read_model(tmp_path / "out" / "model.xml").plant.effects == ()
@@ -470,7 +472,7 @@ def test_thirty_findings_on_seven_joints(tmp_path):
 def test_a_joint_that_the_log_says_nothing_of_gets_one_sentence(tmp_path, group, sentence):
     d = made_up(tmp_path, names=("slide", "idle"), **{group: (1,)})
     for text in (table(d), Elements(page(d, draw(d), (), tmp_path)).text):
-        assert text.count(f"idle: {sentence}, so this log cannot tell what is missing there.") == 1
+        assert text.count(f"idle: {sentence}, so this log cannot show what is missing there.") == 1
         assert "nan" not in text.lower()
     rows = [line for line in table(d).splitlines() if line.startswith("idle") and "%" in line]
     assert not rows
@@ -583,7 +585,7 @@ def test_the_model_itself_is_not_written_over(tmp_path):
     d = made_up(tmp_path)
     save(d, tmp_path / "out")
     again = replace(d, model=read_model(tmp_path / "out" / "model.xml"), findings=())
-    with pytest.raises(StoreError, match="another folder than the model's own"):
+    with pytest.raises(StoreError, match="a folder other than the model's own"):
         save(again, tmp_path / "out")
     save(again, tmp_path / "second")
     assert len(read_model(tmp_path / "second" / "model.xml").plant.effects) == 1
