@@ -2,7 +2,6 @@
 ``{generated} claims``.
 """
 
-import argparse
 import importlib.util
 import json
 import re
@@ -229,9 +228,17 @@ def peers() -> str:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return re.sub(r"^### ", "**", module.table(load("peers")), flags=re.M).replace(
-        " Hz)\n", " Hz)**\n"
-    )
+    text = module.table(load("peers"))
+    return re.sub(r"^### (\w+)", lambda case: f"**{LOGS.get(case[1], case[1])}**", text, flags=re.M)
+
+
+LOGS = {
+    "emps": "EMPS, a drive",
+    "ur10e": "UR10e without load, a model without friction",
+    "ur10e_load": "UR10e with 2.8 kg at the flange, a model without friction",
+    "ur10e_change": "UR10e with 2.8 kg, the log without load as reference",
+    "xl330": "XL330, a servo with a pendulum",
+}
 
 
 # the code
@@ -293,7 +300,7 @@ def command(name: str) -> str:
         parser = tyro.extras.get_parser(COMMANDS[name], prog=f"jaxidl {name}")
     parts = [_plain(parser.description or ""), "", "{.options}"]
     for action in parser._actions:
-        if isinstance(action, argparse._HelpAction):
+        if "--help" in action.option_strings:
             continue
         flags = [f for f in action.option_strings if not f.startswith("--no-")]
         taken = action.nargs != 0 and action.metavar is not None
@@ -328,15 +335,17 @@ def public_names() -> str:
     for name in jaxidl.__all__:
         thing = getattr(jaxidl, name)
         home = getattr(thing, "__module__", "")
-        doc = (getattr(thing, "__doc__", "") or "").strip().split("\n\n")[0]
-        first = re.split(r"(?<=[.:])\s", " ".join(doc.split()))[0]
-        if not isinstance(thing, type) and not callable(thing):
-            first = "" if isinstance(thing, dict) else first
+        doc = " ".join((getattr(thing, "__doc__", "") or "").strip().split("\n\n")[0].split())
+        first = re.split(r"(?<=[^q]\.)\s", doc)[0]  # not after "eq."
+        if isinstance(thing, dict):
+            first = f"{len(thing)} by name: `{', '.join(list(thing)[:3])}`, …".replace(
+                ", ", "`, `", 2
+            )
         role = "class" if isinstance(thing, type) else "func"
         where = f"`{home}`" if home else ""
         rows.append((f"{{py:{role}}}`{name} <{_documented(thing, name)}>`" if home else f"`{name}`",
-                     first.replace("*", "\\*"), where))  # fmt: skip
-    return table(("name", "", "from"), rows)
+                     first, where))  # fmt: skip
+    return table(("name", "meaning", "from"), rows)
 
 
 def _documented(thing: Any, name: str) -> str:

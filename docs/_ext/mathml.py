@@ -7,12 +7,17 @@ from latex2mathml.converter import convert
 from sphinx.application import Sphinx
 from sphinx.writers.html5 import HTML5Translator
 
+# accents as part of the letter: where there is no font for mathematics they are lost otherwise
+ACCENTS = {"&#x002D9;": "\u0307", "&#x000A8;": "\u0308", "&#x0005E;": "\u0302"}
+OVER = re.compile(
+    r"<mover[^>]*><mi>([^<]*)</mi><mo[^>]*>(&#x002D9;|&#x000A8;|&#x0005E;)</mo></mover>"
+)
+
 
 def formula(latex: str, display: str = "inline") -> str:
-    """MathML with its dots and hats close above their letters."""
-    accents = r"<mover>(<mi>[^<]*</mi>)<mo>(&#x002D9;|&#x000A8;|&#x0005E;)</mo></mover>"
-    close = r'<mover accent="true">\1<mo stretchy="false">\2</mo></mover>'
-    return re.sub(accents, close, convert(latex, display=display))
+    """MathML of a formula in LaTeX."""
+    text = convert(latex, display=display)
+    return OVER.sub(lambda m: f"<mi>{m[1]}{ACCENTS[m[2]]}</mi>", text)
 
 
 def inline(self: HTML5Translator, node: nodes.math) -> None:
