@@ -112,7 +112,7 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
         if length != lengths["time"]:
             got = f"{length} in {key} and {lengths['time']} in time"
             raise LogError(
-                f"as many rows in every column of {table.name}",
+                f"equally many rows in every column of {table.name}",
                 got,
                 "store all columns at the same instants",
             )
@@ -120,7 +120,7 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
         raise LogError(
             f"rows of data in {table.name}",
             "none below the header",
-            "record the motion again, or export it whole",
+            "record the motion again, or export it completely",
         )
     notes = list(table.notes)
     time = instants(table, notes)
@@ -310,7 +310,7 @@ def motion(
         remedy = "check that the tau columns are the measured or commanded torques"
         raise LogError(
             "a torque",
-            f"nothing drove it: {listed([f'tau{j}' for j in idle])} zero throughout",
+            f"no torque acted: {listed([f'tau{j}' for j in idle])} zero throughout",
             remedy,
         )
     notes = [f"q{j} is constant: nothing can be found out about that joint" for j in still]

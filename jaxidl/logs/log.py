@@ -149,7 +149,7 @@ def from_arrays(
                 arrays[key] = np.asarray(value)
         except Exception as error:  # foreign array types may raise anything
             raise LogError(
-                f"an array for {key}", reason(error), "give lists of numbers of one length"
+                f"an array for {key}", reason(error), "give lists of numbers of equal length"
             ) from None
     return _assemble([expanded("the arrays", arrays, Wanted(joints))], joints)
 
@@ -163,7 +163,9 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         counts = [samples.signals["q"].shape[1] for samples in found]
         if counts[-1] != counts[0]:
             got = f"{counts[0]} in {tables[0].name} and {counts[-1]} in {table.name}"
-            raise LogError("as many joints in every log", got, "give logs of one mechanism")
+            raise LogError(
+                "the same number of joints in every log", got, "use logs of one mechanism"
+            )
         notes += found[-1].notes
         if table.ignored:
             notes.append(

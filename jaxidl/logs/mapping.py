@@ -49,7 +49,7 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
                 raise LogError(
                     f"one column for {key} in {name}",
                     f"{len(places)} that fit {shortened(title)}",
-                    "write its whole title",
+                    "write its full title",
                 )
             entries = {label: places[0]}
         elif several:
@@ -146,6 +146,6 @@ def _label(text: str, part: str, wanted: Wanted) -> int | str:
         raise LogError(
             f"numbers or joints of the model for * in --columns {shortened(text)}",
             shortened(part),
-            f"expected {listed}",
+            f"use {listed}",
         )
     return part

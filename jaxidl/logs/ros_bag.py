@@ -69,7 +69,7 @@ def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
         raise
     except PermissionError:
         raise LogError(
-            f"to read {name}", "no permission", "change its mode or owner, or copy it"
+            f"to read {name}", "no permission", "change its permissions or owner, or copy it"
         ) from None
     except Exception as error:  # parsers raise nearly anything on a damaged file
         remedy = "give the folder that ros2 bag wrote, with its metadata.yaml, or record it again"
@@ -109,7 +109,7 @@ def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
         stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
         rows.append((stamp, int(received), message))
         if len(rows) > MOST:
-            raise LogError(f"at most {MOST} messages in {name}", "more", "cut the bag")
+            raise LogError(f"at most {MOST} messages in {name}", "more", "shorten the bag")
     if not rows:
         raise LogError(f"messages in {name}", "none", "record again")
     return _columns(name, rows, wanted)

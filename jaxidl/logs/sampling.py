@@ -152,7 +152,7 @@ def interval(cut: Iterable[Piece]) -> float:
             raise LogError(
                 f"sampling rates within a factor of {MOST_APART:g}",
                 got,
-                "give the logs one at a time",
+                "use the logs one at a time",
             )
     return dt
 
@@ -192,10 +192,11 @@ def resample(piece: Piece, dt: float) -> Even:
 
 
 def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> dict[str, np.ndarray]:
-    """Signals (n, J) at ``grid`` (n,), whose samples are ``step`` < 1 apart, at 0, 1, 2, ...
+    """Return signals resampled at 0, 1, 2, ...
 
-    Much slower, each sample is the mean over one new interval around it, torques as well as
-    positions: a filter without phase.
+    They are given as (n, J) at ``grid`` (n,), ``step`` < 1 apart. If that is much finer, each
+    sample is the mean over one new interval around it, torques as well as positions: a filter
+    without phase.
     """
     places = np.arange(int(grid[-1] + 1e-6) + 1)
     if step * AVERAGED > 1.0:

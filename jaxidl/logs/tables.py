@@ -85,7 +85,7 @@ def load(path: Path, wanted: Wanted) -> Table:
                 if path.exists()
                 else "no such file"
             )
-            raise LogError(f"a log at {name}", got, "name a CSV, NPZ or Parquet file that is there")
+            raise LogError(f"a log at {name}", got, "name a CSV, NPZ or Parquet file that exists")
         if reader is None:
             got = f"a name that ends in {shown(path.suffix)}"
             raise LogError(
@@ -97,7 +97,9 @@ def load(path: Path, wanted: Wanted) -> Table:
         if size > (LARGEST_TEXT if reader is _csv else LARGEST_FILE):
             got = f"{size / 2**20:.0f} MiB"
             raise LogError(
-                f"a log of a size that fits memory in {name}", got, "cut it, or save it as Parquet"
+                f"a log of a size that fits memory in {name}",
+                got,
+                "shorten it, or save it as Parquet",
             )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # ignore a parser's guesses about a damaged file
@@ -106,7 +108,7 @@ def load(path: Path, wanted: Wanted) -> Table:
         raise
     except PermissionError:
         raise LogError(
-            f"to read {name}", "no permission", "change its mode or owner, or copy it"
+            f"to read {name}", "no permission", "change its permissions or owner, or copy it"
         ) from None
     except Exception as error:  # parsers raise nearly anything on a damaged file
         kind, remedy = (

@@ -323,7 +323,7 @@ COMPLAINTS = {
     "still": (good(q0=np.ones(SAMPLES), q1=np.zeros(SAMPLES)), ["nothing moved", "q0, q1"]),
     "no torque": (
         good(tau0=np.zeros(SAMPLES), tau1=np.zeros(SAMPLES)),
-        ["nothing drove it", "tau0, tau1"],
+        ["no torque acted", "tau0, tau1"],
     ),
     "wraps": (good(q0=(np.arange(SAMPLES) * 0.05) % (2 * np.pi)), ["q0", "row 127", "unwrap"]),
 }
