@@ -23,7 +23,7 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_design",
     "generated",
-    "field_comments",
+    "api",
     "mathml",
 ]
 exclude_patterns = ["_build", "_ext", "conf.py", "**/out/**", "**.ipynb_checkpoints"]
@@ -37,6 +37,7 @@ suppress_warnings = ["config.cache", "mystnb.unknown_mime_type"]
 highlight_language = "text"
 html_theme = "furo"
 html_title = "jaxidl"
+html_favicon = "_static/favicon.svg"
 html_static_path = ["_static"]
 html_math_renderer = "mathml"
 html_css_files = ["jaxidl.css"]

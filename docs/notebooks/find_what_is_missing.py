@@ -58,7 +58,8 @@ print(report.table(found))
 #
 # ## See where model and log disagree
 #
-# Grey: what the model lacks. The step at zero velocity is the dry friction.
+# Orange: what the model lacks. Blue: what is left with the effects that were found. The step at
+# zero velocity is the dry friction.
 
 # %%
 report.plot_where(found)

@@ -82,7 +82,7 @@ plt.ylabel("position of axis 0 [m]")
 plt.legend()
 plt.show()
 # %% [markdown]
-# The mass hardly gets on its way.
+# The mass lags far behind.
 #
 # ## Learn
 #

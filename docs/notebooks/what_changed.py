@@ -17,8 +17,9 @@ from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
 
 folder = Path("out/what_changed")
+model = folder / "model.xml"
 folder.mkdir(parents=True, exist_ok=True)
-(folder / "model.xml").write_text(TWO_LINK)
+written = model.write_text(TWO_LINK)
 
 # %% [markdown]
 # ## Two logs of one robot
@@ -51,7 +52,7 @@ old, new = measured(always, seed=3), measured([*always, tool], seed=4)
 # ## Only what has changed
 
 # %%
-found = gap.diagnose(new, folder / "model.xml", reference=old, rollouts=False)
+found = gap.diagnose(new, model, reference=old, rollouts=False)
 print(report.table(found))
 
 # %% [markdown]
@@ -69,7 +70,7 @@ print(report.table(found))
 # With the logs exchanged the tool is gone: the same mass with a minus sign.
 
 # %%
-gone = gap.diagnose(old, folder / "model.xml", reference=new, rollouts=False)
+gone = gap.diagnose(old, model, reference=new, rollouts=False)
 print(report.table(gone))
 
 # %% [markdown]

@@ -126,7 +126,12 @@ def browser(tmp_path_factory):
 def page(browser):
     """A page of the browser; whatever it complains about fails the test."""
     said, page = [], browser.new_page()
-    page.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else None)
+    page.on(
+        "console",
+        lambda m: (
+            said.append(f"{m.text} ({m.location})") if m.type in ("error", "warning") else None
+        ),
+    )
     page.on("pageerror", lambda error: said.append(str(error)))
     page.on("requestfailed", lambda r: said.append(f"not fetched: {r.url}"))
     page.on("response", lambda r: said.append(f"{r.status}: {r.url}") if r.status >= 400 else None)

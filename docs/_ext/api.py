@@ -1,10 +1,11 @@
-"""Fields of records are documented by comments, ``q: Joints  # (J,) [rad]``: this hands them to
-autodoc, and makes signatures shorter.
+"""The Python reference. Fields of records are documented by comments, ``q: Joints  # (J,) [rad]``:
+this hands them to autodoc; signatures become shorter, and pages of source have no dead links.
 """
 
 import ast
 import re
 from collections.abc import Iterator
+from typing import Any
 
 from docutils import nodes
 from sphinx import addnodes
@@ -96,10 +97,20 @@ def whole(self: GoogleDocstring) -> tuple[str, list[str]]:
     return "", self._consume_to_end()
 
 
+def one_way(
+    app: Sphinx, page: str, template: str, context: dict[str, Any], doctree: nodes.document
+) -> None:
+    """Drop the links from source back to the reference: what is not documented has some, too."""
+    if page.startswith("_modules/") and "body" in context:
+        back = re.compile(r'<a class="viewcode-back".*?</a>')
+        context["body"] = back.sub("", context["body"])
+
+
 def setup(app: Sphinx) -> dict[str, bool]:
     ModuleAnalyzer.analyze = teach(ModuleAnalyzer.analyze)
     GoogleDocstring._consume_inline_attribute = whole
     app.connect("autodoc-process-docstring", escape)
     app.connect("autodoc-process-signature", shorten)
     app.connect("doctree-read", rename)
+    app.connect("html-page-context", one_way)
     return {"parallel_read_safe": True}
