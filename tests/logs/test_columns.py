@@ -228,8 +228,8 @@ def test_units_in_titles_are_converted(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "words"),
     [
-        ({"stamp": (1.7e18 + 1e9 * THREE["time"]).astype(np.int64)}, "a clock's in ns"),
-        ({"timestamp": (1.7e12 + 1e3 * THREE["time"]).astype(np.int64)}, "a clock's in ms"),
+        ({"stamp": (1.7e18 + 1e9 * THREE["time"]).astype(np.int64)}, "a clock time in ns"),
+        ({"timestamp": (1.7e12 + 1e3 * THREE["time"]).astype(np.int64)}, "a clock time in ms"),
         (
             {
                 "secs": np.floor(1.7e9 + 0.3 + THREE["time"]),

@@ -352,7 +352,7 @@ def test_joints_are_the_models(tmp_path):
         lambda: read(path, joints=1), "column q0 for the model's 1 joint ", "remove q1 and above"
     )
     one = write(tmp_path / "one.csv", {k: v for k, v in good().items() if not k.endswith("1")})
-    refuse(lambda: read([path, one]), "as many joints", "2 in", "1 in")
+    refuse(lambda: read([path, one]), "same number of joints", "2 in", "1 in")
 
 
 def test_files_are_given_once(tmp_path):

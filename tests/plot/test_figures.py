@@ -50,7 +50,7 @@ def test_quick_figures_say_so_and_whole_ones_do_not(quick):
     other = quick.assign_attrs(
         identity=json.dumps({"study": settings_of(PaperStudy(train_on="sensed_state"))})
     )
-    assert caption(other).startswith("other settings")
+    assert caption(other).startswith("settings other")
 
 
 def test_what_is_drawn_is_what_is_stored(quick):
