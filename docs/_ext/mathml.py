@@ -17,7 +17,7 @@ OVER = re.compile(
 def formula(latex: str, display: str = "inline") -> str:
     """MathML of a formula in LaTeX."""
     text = convert(latex, display=display)
-    return OVER.sub(lambda m: f"<mi>{m[1]}{ACCENTS[m[2]]}</mi>", text)
+    return OVER.sub(lambda m: f'<mi style="font-style: italic">{m[1]}{ACCENTS[m[2]]}</mi>', text)
 
 
 def inline(self: HTML5Translator, node: nodes.math) -> None:
