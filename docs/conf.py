@@ -2,7 +2,6 @@
 
 import hashlib
 import os
-import shutil
 import sys
 from pathlib import Path
 
@@ -70,13 +69,6 @@ def code() -> str:
 nb_execution_cache_path = os.environ.get("JAXIDL_DOCS_CACHE") or str(
     HERE / "_build" / "notebooks" / code()
 )
-# one notebook is a script of experiments/ and is written once, there
-OWN_EFFECT = HERE / "notebooks" / "your_own_effect.py"
-if (script := (ROOT / "experiments" / "own_effect.py").read_bytes()) != (
-    OWN_EFFECT.read_bytes() if OWN_EFFECT.exists() else b""
-):
-    shutil.copyfile(ROOT / "experiments" / "own_effect.py", OWN_EFFECT)
-
 # reference
 autodoc_default_options = {
     "members": True,

@@ -265,4 +265,4 @@ with house_style():
     over_speed.legend(loc="upper left", markerscale=5)
     save(figure, folder, "own_effect")
 
-figure  # noqa: B018 (what the cell shows)
+figure
