@@ -70,7 +70,6 @@ def reproduce(
     choose_devices(devices)
     folder = out / ("quick" if quick else "study")
     grid, results = Grid.quick() if quick else Grid(), folder / "study.nc"
-    print(f"{len(grid)} learning runs; {'minutes' if quick else 'hours'}, see the time left below")
     if overwrite or not results.exists():
         first_figure(grid, results, devices=devices, overwrite=overwrite)
     run_sweep(grid, results, devices=devices)
@@ -93,7 +92,7 @@ def first_figure(grid: Grid, results: Path, **running: Any) -> None:
     )
     data = run_sweep(few, results, **running)
     for path in draw_all(data, results.parent, ("fig1_illustration",)):
-        print(f"wrote {path}, of the first {len(few)} runs; the others follow")
+        print(f"wrote {path}, of the first {len(few)} of {len(grid)} learning runs", flush=True)
 
 
 def report(results: Path, out: Path) -> None:
