@@ -11,14 +11,18 @@ from pathlib import Path
 
 import jax
 
-# one device a core, before the first computation
-jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+from jaxidl import Grid, PaperStudy, check_claims, run_sweep
+from jaxidl.paper.verdicts import as_table
+from jaxidl.plot.figures import draw_all
 
-from jaxidl import QUICK, PaperStudy, check_claims, run_sweep  # noqa: E402
-from jaxidl.paper.verdicts import as_table  # noqa: E402
-from jaxidl.plot.figures import draw_all  # noqa: E402
 
-folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
-results = run_sweep(QUICK, folder / "quick.nc", PaperStudy())
-draw_all(results, folder)
-print(as_table(check_claims(results)))
+def main(folder: Path) -> None:
+    results = run_sweep(Grid.quick(), folder / "quick.nc", PaperStudy())
+    draw_all(results, folder)
+    print(as_table(check_claims(results)))
+
+
+if __name__ == "__main__":
+    # one device a core, before the first computation
+    jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else "out"))
