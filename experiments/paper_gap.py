@@ -24,6 +24,7 @@ from jaxidl import gap, report  # noqa: E402
 from jaxidl.control import Pid, PidGains  # noqa: E402
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction  # noqa: E402
 from jaxidl.learning.execute import Task, execute  # noqa: E402
+from jaxidl.jobs.provenance import revision  # noqa: E402
 from jaxidl.learning.iterate import learn  # noqa: E402
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise  # noqa: E402
 from jaxidl.plot.style import SOURCE_STYLE, house_style, save  # noqa: E402
@@ -163,7 +164,9 @@ def main(folder: Path) -> None:
     report.save(found, folder / "report")
     print(found.summary)
     curves = learning(found.plant, PaperStudy(), (1, 2, 3))
-    (folder / "learning.json").write_text(json.dumps(curves, indent=1))
+    (folder / "learning.json").write_text(
+        json.dumps({"git_revision": revision(), "q_error": curves}, indent=1)
+    )
     draw(curves, folder)
     for name, sources in curves.items():
         for source, errors in sources.items():

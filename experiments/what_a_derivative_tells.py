@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 
 from jaxidl import Condition, ErrorModel, PaperStudy, Training, draw_noise, learn
 from jaxidl.files import write_bytes
+from jaxidl.jobs.provenance import revision
 from jaxidl.models import start
 from jaxidl.paper.vary import varied
 from jaxidl.plot.style import house_style, save
@@ -119,7 +120,8 @@ if __name__ == "__main__":
             f"{name}: derivative {one['derivative']:.4g}, differences",
             {k: float(f"{v:.4g}") for k, v in one["differences"].items()},
         )
-    write_bytes(folder / "derivative_tells.json", (json.dumps(found) + "\n").encode())
+    kept = {"git_revision": revision(), "networks": found}
+    write_bytes(folder / "derivative_tells.json", (json.dumps(kept) + "\n").encode())
     with house_style():
         for path in save(draw(found), folder, "derivative_tells"):
             print(f"wrote {path}")

@@ -150,7 +150,7 @@ def tuning() -> str:
 
 def derivative_tells() -> str:
     """Derivative and differences, sharp and rounded."""
-    found = load("derivative_tells")
+    found = load("derivative_tells")["networks"]
 
     def number(x: float) -> str:
         return f"{x:,.0f}".replace(",", " ") if abs(x) >= 1e3 else f"{x:.3g}"
