@@ -17,8 +17,8 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.figure import Figure
 
 from jaxidl import gap
 from jaxidl.effects import CoulombFriction, Effect, Parameter, SensingNoise, register, searched
@@ -191,7 +191,7 @@ log = gap.from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:
 before = gap.diagnose(
     log, folder / "model.xml", effects=[n for n in searched() if n != "eddy_brake"], rollouts=False
 )
-print(f"without the new effect: {before.summary}")
+print(f"without the new effect: {before.summary}\n")
 found = gap.diagnose(log, folder / "model.xml")
 print(f"with it: {found.summary}")
 
@@ -219,7 +219,7 @@ real = (
     CoulombFriction(jnp.array([RUB])),
 )
 with house_style():
-    figure = Figure(figsize=(8.6, 2.9), layout="constrained")
+    figure = plt.figure(figsize=(8.6, 2.9), layout="constrained")
     over_time, over_strength, over_speed = figure.subplots(1, 3)
     time = np.arange(study.steps) * study.dt
     for label, run, style in (("without brake", free, "--"), ("with brake", slowed, "-")):
@@ -264,5 +264,3 @@ with house_style():
     )
     over_speed.legend(loc="upper left", markerscale=5)
     save(figure, folder, "own_effect")
-
-figure
