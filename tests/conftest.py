@@ -4,14 +4,14 @@ signatures are checked.
 
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
 
-# Programs are small and run once: compiled without optimisations, and kept for all workers and
-# child processes of this session
-os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+# Compiled programs are kept for all workers and child processes of this session
 OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ and tempfile.mkdtemp(
     prefix="jaxidl-tests-"
 )
@@ -20,9 +20,23 @@ if OWN_CACHE:
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
+# Most programs are small and run once: they are compiled in a hurry, without optimisations and by
+# XLA's older and faster emitters, each as one piece of code
+HASTY = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
+if "XLA_FLAGS" not in os.environ:  # nor in those of this session's workers
+    # an XLA that does not know a flag ends its process
+    probe = [sys.executable, "-c", "import jax; jax.devices()"]
+    known = subprocess.run(probe, env=os.environ | {"XLA_FLAGS": HASTY}, capture_output=True)
+    os.environ["XLA_FLAGS"] = "" if known.returncode else HASTY
+
 import jax
 import pytest
 from jaxtyping import install_import_hook
+
+pytest.register_assert_rewrite("tests.helpers")
+
+from tests.helpers.paths import EMPS, REFERENCE, ROOT
 
 jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_rank_promotion", "raise")
@@ -30,20 +44,17 @@ jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as th
 
 # Signatures are checked for as long as the suite runs, but for the benchmark's engine, a plain
 # Python loop of 10⁵ small steps
-CHECKED = [
-    f"jaxidl.{path.stem}"
-    for path in Path(__file__).parents[1].glob("jaxidl/[a-z]*")
-    if path.stem != "gap"
-]
-CHECKED += [
-    f"jaxidl.gap.{path.stem}" for path in Path(__file__).parents[1].glob("jaxidl/gap/[a-z]*.py")
-]
+CHECKED = [f"jaxidl.{path.stem}" for path in (ROOT / "jaxidl").glob("[a-z]*") if path.stem != "gap"]
+CHECKED += [f"jaxidl.gap.{path.stem}" for path in (ROOT / "jaxidl" / "gap").glob("[a-z]*.py")]
 install_import_hook(CHECKED, "beartype.beartype")
 
-REFERENCE = Path(
-    os.environ.get("JAXIDL_REFERENCE", Path(__file__).parents[2] / "shared" / "reference")
-)
-
+from jaxidl.backend import CPU_OPTIONS, compiler_options
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.jobs.programs import Job, program
+from jaxidl.systems.mjcf import read_model
+from tests.helpers.model_files import stored
+from tests.helpers.registry import restored
+from tests.helpers.studies import SMALL_STUDY
 
 SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_no_derivative_is_nan_where_effects_have_kinks[pid",
@@ -111,12 +122,56 @@ def reference() -> Path:
     return REFERENCE
 
 
+@pytest.fixture(scope="session")
+def emps() -> Path:
+    """The log of a measured drive."""
+    if not EMPS.is_file():
+        pytest.skip(f"no measured drive at {EMPS}; set JAXIDL_EMPS")
+    return EMPS
+
+
 @pytest.fixture
 def small_study():
     """The paper's study with short executions and small networks: the same code in milliseconds."""
-    from jaxidl.models import ErrorModel, Training
-    from jaxidl.paper.study import PaperStudy
+    return SMALL_STUDY
 
-    return PaperStudy(
-        steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16)
+
+def _mechanism(name):
+    @pytest.fixture(scope="session", name=name)
+    def model(tmp_path_factory):
+        return read_model(stored(tmp_path_factory.mktemp(name), MECHANISMS[name]))
+
+    return model
+
+
+# the benchmark's mechanisms, as their files say they are
+pendulum, two_link = map(_mechanism, ("pendulum", "two_link"))
+
+
+clean_catalogue = pytest.fixture(restored)
+clean_catalogue_of_file = pytest.fixture(restored, scope="module")
+
+
+@pytest.fixture(scope="module")
+def emitters_of_users():
+    """Equal bits are promised of sweeps as users compile them, not with the flags above."""
+
+    def forget():
+        compiler_options.cache_clear()
+        program.cache_clear()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(CPU_OPTIONS, "xla_cpu_use_fusion_emitters", True)
+        forget()
+        yield
+    forget()
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """The points that sweeps compute from now on."""
+    found, original = [], Job.traced
+    monkeypatch.setattr(
+        Job, "traced", lambda job, points: found.extend(points) or original(job, points)
     )
+    return found

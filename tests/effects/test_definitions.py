@@ -14,39 +14,7 @@ from jaxidl.errors import EffectError
 from jaxidl.systems import Plant, point_mass
 from jaxidl.systems.plant import friction_torque
 from jaxidl.types import State
-
-DT = 1e-3
-one = lambda x: jnp.array([float(x)])
-
-
-def run(effects, tau, q=0.0, qd=0.0, mass=2.0, dt=DT):
-    """Positions, speeds and encoder readings (T + 1,), and hidden states, of a mass on one axis
-    under commands ``tau`` (T,).
-    """
-    plant, start = Plant(point_mass(mass, 1), tuple(effects)), State(one(q), one(qd))
-
-    @jax.jit
-    def along(plant, tau):
-        def step(carry, push):
-            (state, hidden), before = plant.step(*carry, push, dt), carry
-            return (state, hidden), (before, plant.sense(before[1], before[0].q, jnp.zeros(1)))
-
-        last, (before, reading) = jax.lax.scan(step, (start, plant.start(start.q)), tau[:, None])
-        every = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), before, last)
-        return every, jnp.concatenate(
-            [reading, plant.sense(last[1], last[0].q, jnp.zeros(1))[None]]
-        )
-
-    ((q, qd), hidden), reading = along(plant, jnp.asarray(tau, float))
-    return np.asarray(q[:, 0]), np.asarray(qd[:, 0]), np.asarray(reading[:, 0]), hidden
-
-
-def acceleration(effect, tau, q=0.0, qd=0.0, mass=2.0):
-    """Of a mass on one axis over one step."""
-    return float(
-        Plant(point_mass(mass, 1), (effect,)).acceleration(State(one(q), one(qd)), one(tau), DT)[0]
-    )
-
+from tests.helpers.effects import DT, acceleration, one, run
 
 # --- the paper's effects
 # --------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxidl.effects as fx
-from tests.effects.test_definitions import DT, one, run
+from tests.helpers.effects import DT, one, run
 
 
 def delivered(effect, tau):

@@ -10,10 +10,8 @@ import jaxidl.effects as fx
 from jaxidl.effects import OnJoint, Scale, placed
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
+from tests.helpers.effects import DT, one, pair
 
-DT = 1e-3
-one = lambda x: jnp.array([float(x)])
-pair = lambda a, b: jnp.array([a, b])
 ZERO, AT = jnp.zeros(1), jnp.zeros(2)
 
 

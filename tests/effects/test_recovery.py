@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from jaxidl.effects import Parameter, Scale
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
-from tests.effects.test_catalogue import EXAMPLES, MASS, SINGLE, TURNING
+from tests.helpers.effects import EXAMPLES, MASS, SINGLE, TURNING
 from tests.helpers.numeric import quick
 
 DT, STEPS = 2e-3, 2000

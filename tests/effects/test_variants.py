@@ -16,10 +16,8 @@ from jaxidl.effects.spec import Variant
 from jaxidl.errors import EffectError
 from jaxidl.systems import PointMass
 from jaxidl.systems.record import check_fits
-from tests.helpers.registry import restored
+from tests.helpers.effects import TURNING, Worm
 
-clean = pytest.fixture(restored)
-TURNING = ("com_error", "inertia_tensor_error", "base_tilt")  # what a point mass cannot show
 JOINTS = 3
 SCALE = Scale(
     30.0, 2.0, -0.5, 0.4, 2.0, 1.5, 40.0, 2e-3, 0, JOINTS, (-0.5, -0.3, 0.0), (0.4, 0.9, 0.0), 0.01
@@ -159,28 +157,16 @@ def test_who_reads_the_torque_is_found_out():
     assert fx.paper_stiction(jnp.array(1.0)).reads_torque(2)  # holds
 
 
-def test_a_linear_effect_of_a_user_that_reads_the_torque_is_recognised(clean):
-    @register
-    class Worm(Effect):
-        """Loses a share of what the motor delivers; at zero nothing shows that it reads it."""
-
-        loss: jax.Array
-
-        name: ClassVar[str] = "worm_gear"
-        sentence: ClassVar[str] = "a worm gear loses a share of the torque"
-        parameters: ClassVar = {"loss": Parameter("1", 0.0, 1.0, "the share that is lost")}
-        linear: ClassVar[bool] = True
-
-        def torque(self, q, qd, tau):
-            return jnp.where(jnp.abs(tau) > 1.0, -self.loss * tau, 0.0)
-
+def test_a_linear_effect_of_a_user_that_reads_the_torque_is_recognised(clean_catalogue):
+    """At zero nothing shows that it does."""
+    register(Worm)
     (variant,) = Worm.variants(SCALE)
-    assert variant == Variant({"loss": 0.0}, ("loss",))
+    assert variant == Variant({"share": 0.0}, ("share",))
     assert placed(Worm, variant, 1, JOINTS).reads_torque(JOINTS)
     assert not fx.ViscousFriction(jnp.zeros(1)).reads_torque()
 
 
-def test_effects_of_the_whole_mechanism_can_be_searched_for(clean):
+def test_effects_of_the_whole_mechanism_can_be_searched_for(clean_catalogue):
     class Wind(Effect):
         """Pushes all joints."""
 
@@ -203,7 +189,7 @@ def test_effects_of_the_whole_mechanism_can_be_searched_for(clean):
     assert effect.torque(Q, QD, TAU).shape == (JOINTS,)
 
 
-def test_variants_with_names_that_are_not_there_are_refused(clean):
+def test_variants_with_names_that_are_not_there_are_refused(clean_catalogue):
     class Odd(Effect):
         pull: jax.Array
 

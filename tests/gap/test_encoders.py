@@ -4,15 +4,12 @@ being found in their terms.
 
 from dataclasses import replace
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl import gap
 from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
 from jaxidl.gap.balance import balance
-from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.refine import _starts
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import derivative, prepare
@@ -29,17 +26,9 @@ ENCODERS = (on_joint(PositionBias(jnp.array([BIAS]))), on_joint(SensorDelay(jnp.
 FRICTION = on_joint(ViscousFriction(jnp.array([0.3])), 0)
 
 
-@pytest.fixture(scope="module", autouse=True)
-def x64():
-    with jax.enable_x64(True):
-        yield
-
-
 @pytest.fixture(scope="module")
-def body(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "model.xml"
-    path.write_text(MECHANISMS["two_link"])
-    return gap.read_model(path).plant.body
+def body(two_link):
+    return two_link.plant.body
 
 
 def motion(t):

@@ -5,7 +5,6 @@ differentiates and finds one.
 import json
 import runpy
 import sys
-from pathlib import Path
 from typing import ClassVar
 
 import jax
@@ -33,15 +32,13 @@ from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
-from tests.helpers.registry import restored
+from tests.helpers.paths import ROOT
 
-SCRIPT = Path(__file__).parents[2] / "experiments" / "own_effect.py"
-clean = pytest.fixture(restored)
-clean_module = pytest.fixture(restored, scope="module")
+SCRIPT = ROOT / "experiments" / "own_effect.py"
 
 
 @pytest.fixture(scope="module")
-def script(tmp_path_factory, clean_module):
+def script(tmp_path_factory, clean_catalogue_of_file):
     """What the example's cells leave behind; its effect is known for the rest of this file."""
     folder, arguments = tmp_path_factory.mktemp("own"), sys.argv
     sys.argv = [str(SCRIPT), str(folder)]
@@ -146,7 +143,7 @@ def magnet(strength=1.0, **members):
     return Magnet
 
 
-def test_a_registered_class_is_known_everywhere(clean):
+def test_a_registered_class_is_known_everywhere(clean_catalogue):
     built_in = list(CATALOGUE), searched()
     cls = magnet()
     assert register(cls) is cls
@@ -158,7 +155,7 @@ def test_a_registered_class_is_known_everywhere(clean):
         assert jax.tree.structure(again) == jax.tree.structure(effect)
 
 
-def test_a_cell_may_run_again(clean):
+def test_a_cell_may_run_again(clean_catalogue):
     """The new class takes the old one's place, and no compiled program of the old one its."""
     old, new = register(magnet(1.0)), register(magnet(2.0))
     assert CATALOGUE["magnet"] is new
@@ -171,7 +168,7 @@ def test_a_cell_may_run_again(clean):
     assert [name for name in CATALOGUE if "magnet" in name] == ["electromagnet"]
 
 
-def test_what_shall_not_be_searched_is_searched_only_where_named(clean, tmp_path):
+def test_what_shall_not_be_searched_is_searched_only_where_named(clean_catalogue, tmp_path):
     register(searched=False)(magnet())
     assert "magnet" not in searched()
     assert "magnet" in searchable()
@@ -229,7 +226,7 @@ class Rail(Effect):
 
 
 @pytest.mark.slow
-def test_effects_of_a_users_own_go_into_mjcf_as_those_of_the_package_do(clean, tmp_path):
+def test_effects_of_a_users_own_go_into_mjcf_as_those_of_the_package_do(clean_catalogue, tmp_path):
     for cls in (Shell, Rail):
         register(cls)
     (tmp_path / "model.xml").write_text(PENDULUM)
@@ -310,7 +307,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("make_class", "message"), REFUSED.values(), ids=REFUSED.keys())
-def test_refusals_are_one_clear_line_and_change_nothing(clean, make_class, message):
+def test_refusals_are_one_clear_line_and_change_nothing(clean_catalogue, make_class, message):
     before = dict(CATALOGUE)
     with pytest.raises(EffectError, match=message) as caught:
         register(make_class())
@@ -319,7 +316,7 @@ def test_refusals_are_one_clear_line_and_change_nothing(clean, make_class, messa
     assert before == CATALOGUE
 
 
-def test_effects_of_the_package_stay_as_they_are(clean):
+def test_effects_of_the_package_stay_as_they_are(clean_catalogue):
     names = list(CATALOGUE), searched()
     for cls in list(CATALOGUE.values()):
         assert register(cls) is cls

@@ -2,9 +2,6 @@
 beside its own parts.
 """
 
-from typing import ClassVar
-
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,14 +10,11 @@ from jaxidl.effects import (
     CATALOGUE,
     AsymmetricFriction,
     CoulombFriction,
-    Effect,
-    Parameter,
     Payload,
     Scale,
     register,
 )
 from jaxidl.gap import from_arrays
-from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, seen_anew
 from jaxidl.gap.library import beside, items_of, library, pushed, residual, rms, scales
@@ -29,11 +23,9 @@ from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
 from jaxidl.gap.values import values
 from jaxidl.logs.signals import prepare
-from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics
-from tests.helpers.registry import restored
+from tests.helpers.effects import Worm
 
-clean = pytest.fixture(restored)
 DT, STEPS = 2e-3, 6000
 SCALE = Scale(
     torque=30.0, speed=2.0, lower=-0.3, upper=0.9, inertia=2.0, residual=1.5, band=40.0, dt=2e-3
@@ -92,15 +84,8 @@ def test_conditions_that_nothing_fulfils_are_reported():
 # links
 
 
-@pytest.fixture(scope="module")
-def arm(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "model.xml"
-    path.write_text(MECHANISMS["two_link"])
-    return read_model(path)
-
-
-def test_a_load_changes_the_last_link_and_nothing_else(arm):
-    links = links_of(arm.plant.body)
+def test_a_load_changes_the_last_link_and_nothing_else(two_link):
+    links = links_of(two_link.plant.body)
     change = change_of(Payload(jnp.array(0.5), jnp.array([0.1, 0.0, -0.2])), links)
     np.testing.assert_array_equal(change[:-1], 0.0)
     np.testing.assert_allclose(change[-1, :4], [0.5, 0.05, 0.0, -0.1])
@@ -169,34 +154,35 @@ def swung(tau_of, shift=0.0, noise=1e-6):
     return t, q + noise, tau_of(*state)
 
 
-def found_in(arm, log, names):
-    rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
+def found_in(two_link, log, names):
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
     return rows, find(library(rows, names, {}), 0.05)
 
 
-def needed(arm, q, qd, qdd):
-    return inverse_dynamics(arm.plant.body, q, qd, qdd)
+def needed(two_link, q, qd, qdd):
+    return inverse_dynamics(two_link.plant.body, q, qd, qdd)
 
 
-def test_where_within_a_sample_a_torque_acts_is_no_finding(arm):
+def test_where_within_a_sample_a_torque_acts_is_no_finding(two_link):
     """Torques logged half a sampling interval late: a convention of the logger's, fitted beside
     everything and never named.
     """
-    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)), 0.5 * DT, 1e-8)
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)), 0.5 * DT, 1e-8)
     rows, found = found_in(
-        arm, log, ("viscous_friction", "coulomb_friction", "actuator_delay", "sensor_delay")
+        two_link, log, ("viscous_friction", "coulomb_friction", "actuator_delay", "sensor_delay")
     )
     assert found.named == ()
     left = residual(found.library.rows, found.solution)
     assert rms(left, rows.used)[1] < 0.05 * rms(rows.gap, rows.used)[1]
 
 
-def test_columns_of_shapes_side_by_side_are_those_of_each_alone(arm):
+def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
     """A rotor is felt on its own joint, a heavier link below it, too: one program for both must not
     cut the one to the other.
     """
     signals = prepare(
-        from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))), arm.plant.body
+        from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))),
+        two_link.plant.body,
     )
     rows = rows_of(signals)
     for name in ("inertia_error", "com_error", "position_bias", "stribeck_friction"):
@@ -213,11 +199,11 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(arm):
 
 
 def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_ties_are_sought(
-    arm,
+    two_link,
 ):
     """Not where it competes: there a command that is predicted well would explain itself."""
-    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
-    rows = rows_of(prepare(from_arrays(*log), arm.plant.body))
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
     lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
     before = lib.score
     assert seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted) is before
@@ -232,12 +218,12 @@ def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_
         )
 
 
-def test_deaf_is_where_more_command_held_delivers_no_more(arm):
+def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
     """At a limit; not where a share of it arrives, where it comes late, or through play, of which a
     sample alone would say so.
     """
-    log = swung(lambda q, qd, qdd: np.asarray(needed(arm, q, qd, qdd)))
-    signals = prepare(from_arrays(*log), arm.plant.body)
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    signals = prepare(from_arrays(*log), two_link.plant.body)
     rows = rows_of(signals)
     (limit,) = np.quantile(np.abs(rows.command[rows.used[:, 0], 0]), [0.7])
     for name, given, most, least in (
@@ -254,23 +240,9 @@ def test_deaf_is_where_more_command_held_delivers_no_more(arm):
         assert least <= found.deaf[0, 0] <= most, name
 
 
-class Worm(Effect):
-    """Friction by a share of the torque that arrives: linear in its parameter, and reads the
-    torque.
-    """
-
-    share: jax.Array
-
-    name: ClassVar[str] = "worm"
-    sentence: ClassVar[str] = "a worm gear rubs under load"
-    parameters: ClassVar = {"share": Parameter("1", 0.0, 0.9, "share of the torque that is lost")}
-    linear: ClassVar[bool] = True
-
-    def torque(self, q, qd, tau):
-        return -self.share * tau * jnp.tanh(qd / 1e-3) * jnp.sign(tau)
-
-
-def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(arm, clean):
+def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(
+    two_link, clean_catalogue
+):
     """It reads the torque that the model predicts with it, not the one without it: else its share
     comes out wrong.
     """
@@ -278,11 +250,13 @@ def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(arm, 
     share = np.array([0.3, 0.0])
 
     def tau_of(q, qd, qdd):
-        net = np.asarray(needed(arm, q, qd, qdd))
+        net = np.asarray(needed(two_link, q, qd, qdd))
         drive = np.tanh(qd / 1e-3)  # tau - share |tau| drive = net
         return net / (1.0 - share * drive * np.sign(net))
 
-    rows, found = found_in(arm, swung(tau_of), ("viscous_friction", "coulomb_friction", "worm"))
+    rows, found = found_in(
+        two_link, swung(tau_of), ("viscous_friction", "coulomb_friction", "worm")
+    )
     (m,) = found.named
     assert m.key == ("worm", 0)
     (value,) = values(
@@ -292,13 +266,13 @@ def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(arm, 
     assert isinstance(value.effect.effect, Worm)
 
 
-def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(arm):
+def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(two_link):
     log = swung(
         lambda q, qd, qdd: (
-            np.asarray(needed(arm, q, qd, qdd)) + np.array([0.4, 0.2]) * np.tanh(qd / 1e-3)
+            np.asarray(needed(two_link, q, qd, qdd)) + np.array([0.4, 0.2]) * np.tanh(qd / 1e-3)
         )
     )
-    rows, found = found_in(arm, log, ("viscous_friction", "coulomb_friction", "spring"))
+    rows, found = found_in(two_link, log, ("viscous_friction", "coulomb_friction", "spring"))
     assert {m.key for m in found.named} == {("coulomb_friction", 0), ("coulomb_friction", 1)}
     coefficients = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
     fitted = {

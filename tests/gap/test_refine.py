@@ -77,14 +77,6 @@ def moved(plant, start=0.3):
 
 
 @pytest.fixture(scope="module")
-def pendulum(tmp_path_factory):
-    """The modelled pendulum, without effects."""
-    path = tmp_path_factory.mktemp("pendulum") / "model.xml"
-    path.write_text(MECHANISMS["pendulum"])
-    return gap.read_model(path)
-
-
-@pytest.fixture(scope="module")
 def signals(pendulum):
     log = moved(Plant(pendulum.plant.body, effects()))
     return prepare(log, pendulum.plant.body)

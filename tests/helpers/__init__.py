@@ -1,0 +1,1 @@
+"""What several test files share: data, models, logs, comparisons. Fixtures: ``conftest.py``."""

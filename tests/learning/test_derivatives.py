@@ -35,9 +35,9 @@ from jaxidl.paper.vary import varied
 from jaxidl.scan import scan
 from jaxidl.systems import Plant, PointMass
 from jaxidl.types import State
+from tests.helpers.effects import pair
 from tests.helpers.numeric import compare, quick
 
-pair = lambda a, b: jnp.array([a, b])
 STEPS, DT = 60, 2e-3
 NOISE = jnp.asarray(draw_noise(1, 1, STEPS)[0])
 MODEL = ErrorModel(layers=(6, 4, 1), velocity_scale=2.0, acceleration_scale=50.0, torque_scale=20.0)

@@ -11,44 +11,21 @@ from jaxidl.errors import JaxidlError, LogError
 from jaxidl.gap.inputs import read_inputs
 from jaxidl.logs.log import read
 from jaxidl.logs.motor_side import motor_side
-from tests.logs.test_log import DT, SAMPLES, check, good, refuse, text, write
-
-ARM = ("shoulder_pan_joint", "elbow_joint", "wrist_1_joint")
-THREE = good(joints=3)
-
-
-def titled(rename, columns=THREE):
-    """The columns of a log under other titles."""
-    return {rename(key): column for key, column in columns.items()}
-
-
-def as_robots_do(time="time", **titles):
-    """A log of three joints whose titles are formats of the joint's number or name."""
-
-    def rename(key):
-        kind, number = key.rstrip("0123456789"), key.lstrip("timeqaud")
-        if key == "time":
-            return time
-        pattern = titles[kind]
-        return pattern.format(
-            int(number),
-            n=int(number) + 1,
-            name=ARM[int(number)],
-            short=ARM[int(number)].removesuffix("_joint"),
-        )
-
-    return titled(rename)
-
-
-def same(log, columns=THREE, joints=(0, 1, 2)):
-    check(log)
-    for kind in ("q", "tau"):
-        np.testing.assert_allclose(
-            getattr(log, kind),
-            np.stack([columns[f"{kind}{j}"] for j in joints], axis=1),
-            rtol=1e-12,
-        )
-
+from tests.helpers.logs import (
+    ARM,
+    CURRENTS,
+    DT,
+    SAMPLES,
+    THREE,
+    as_robots_do,
+    check,
+    each_joint,
+    refuse,
+    robot,
+    same,
+    text,
+    write,
+)
 
 UNDERSTOOD = {
     "actual": as_robots_do("t", q="actual_q_{}", tau="actual_torque_{}"),
@@ -188,7 +165,7 @@ def test_columns_that_the_user_names_wrongly(tmp_path, columns, words):
 
 
 def test_arrays_of_all_joints_by_other_names(tmp_path):
-    q, tau = (np.stack([THREE[f"{kind}{j}"] for j in range(3)], axis=1) for kind in ("q", "tau"))
+    q, tau = (each_joint(THREE, kind, range(3)) for kind in ("q", "tau"))
     for titles, columns in (
         (("t", "positions", "joint torques"), []),
         (("t", "state", "cmd"), ["q=state", "tau=cmd"]),
@@ -311,20 +288,6 @@ def test_a_clock_that_jitters_is_resampled(tmp_path):
 
 # A part of the robot.
 
-LINK = (
-    '<body name="{0}" pos="0 0 -0.3"><joint name="{0}_joint" axis="{1}"/><geom size="0.05" pos="0.1'
-    ' 0 -0.2"/>{2}</body>'
-)
-
-
-def robot(folder):
-    inside = ""
-    for name, axis in (("wrist_1", "1 0 0"), ("elbow", "0 1 0"), ("shoulder_pan", "0 0 1")):
-        inside = LINK.format(name, axis, inside)
-    path = folder / "robot.xml"
-    path.write_text(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
-    return path
-
 
 @pytest.mark.parametrize("titles", ["names", "numbers", "array", "part"])
 def test_a_part_of_the_robot(tmp_path, titles):
@@ -335,7 +298,7 @@ def test_a_part_of_the_robot(tmp_path, titles):
             {(f"{ARM[int(k[-1])]}.{k[:-1]}" if k != "time" else k): v for k, v in still.items()},
         )
     elif titles == "array":
-        both = {k: np.stack([still[f"{k}{j}"] for j in range(3)], axis=1) for k in ("q", "tau")}
+        both = {kind: each_joint(still, kind, range(3)) for kind in ("q", "tau")}
         path = write(tmp_path / "a.npz", {"time": still["time"]} | both)
     elif titles == "part":
         path = write(
@@ -362,8 +325,6 @@ def test_a_part_of_the_robot(tmp_path, titles):
 
 # Motors' data.
 
-CURRENTS = {key.replace("tau", "motor_current_"): column for key, column in THREE.items()}
-
 
 def test_currents_become_torques(tmp_path):
     path = write(tmp_path / "a.csv", CURRENTS)
@@ -375,14 +336,10 @@ def test_currents_become_torques(tmp_path):
     )
     motor = motor_side(ARM, None, [0.1, 0.2, -0.3], [100.0])
     log = read(path, ARM, motor=motor)
-    np.testing.assert_allclose(
-        log.tau, np.stack([THREE[f"tau{j}"] for j in range(3)], axis=1) * [10, 20, -30]
-    )
+    np.testing.assert_allclose(log.tau, each_joint(THREE, "tau", range(3)) * [10, 20, -30])
     assert "joint torque computed as current * torque constant * gear ratio" in log.notes
     torques = read(write(tmp_path / "b.csv", THREE), ARM, motor=motor_side(ARM, None, [], [2.0]))
-    np.testing.assert_allclose(
-        torques.tau, np.stack([2 * THREE[f"tau{j}"] for j in range(3)], axis=1)
-    )
+    np.testing.assert_allclose(torques.tau, 2 * each_joint(THREE, "tau", range(3)))
     refuse(
         lambda: read(tmp_path / "b.csv", ARM, motor=motor), "currents i0..i2", "the log has torques"
     )
@@ -403,8 +360,8 @@ def test_coupled_motors_keep_power(tmp_path):
     motor = motor_side(ARM, tmp_path / "m.yaml")
     speeds = {f"qd{j}": np.gradient(THREE[f"q{j}"], DT) for j in range(3)}
     log = read(write(tmp_path / "a.csv", CURRENTS | speeds), ARM, motor=motor)
-    turn = np.stack([speeds[f"qd{j}"] for j in range(3)], axis=1)
-    push = np.stack([THREE[f"tau{j}"] for j in range(3)], axis=1) * [0.1, 0.2, 0.3]
+    turn = each_joint(speeds, "qd", range(3))
+    push = each_joint(THREE, "tau", range(3)) * [0.1, 0.2, 0.3]
     np.testing.assert_allclose(
         np.sum(log.qd * log.tau, axis=1), np.sum(turn * push, axis=1), rtol=1e-9, atol=1e-12
     )

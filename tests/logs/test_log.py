@@ -3,7 +3,6 @@ at random.
 """
 
 import dataclasses
-import importlib.util
 import io
 import zipfile
 from pathlib import Path
@@ -12,46 +11,10 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import LogError
-from jaxidl.logs.log import Log, from_arrays, read
+from jaxidl.logs.log import from_arrays, read
+from tests.helpers.logs import DT, SAMPLES, arrays, check, each_joint, good, refuse, text, write
 
-SAMPLES, DT = 300, 0.005
-HAS_PYARROW = importlib.util.find_spec("pyarrow") is not None
-FORMATS = [
-    "csv",
-    "npz",
-    pytest.param("parquet", marks=pytest.mark.skipif(not HAS_PYARROW, reason="needs pyarrow")),
-]
-
-
-def good(samples=SAMPLES, joints=2, dt=DT, **more):
-    """Columns of a log in which nothing is wrong."""
-    time = np.arange(samples) * dt
-    columns = {"time": time}
-    columns |= {f"q{j}": np.sin((2 + j) * time) for j in range(joints)}
-    columns |= {f"tau{j}": 3 * np.cos((2 + j) * time + 0.1) for j in range(joints)}
-    return columns | more
-
-
-def text(columns, delimiter=","):
-    lines = [delimiter.join(columns)]
-    cells = [
-        [c if isinstance(c, str) else repr(float(c)) for c in column] for column in columns.values()
-    ]
-    return "\n".join(lines + [delimiter.join(row) for row in zip(*cells, strict=True)]) + "\n"
-
-
-def write(path: Path, columns) -> Path:
-    """A log in the format that its name says."""
-    if path.suffix == ".npz":
-        np.savez(path, **columns)
-    elif path.suffix == ".parquet":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        pq.write_table(pa.table({key: pa.array(column) for key, column in columns.items()}), path)
-    else:
-        path.write_text(text(columns))
-    return path
+FORMATS = ["csv", "npz", "parquet"]
 
 
 def changed(key, row, value, **options):
@@ -70,52 +33,6 @@ def renamed(**names):
     return {names.get(key, key): column for key, column in good().items()}
 
 
-def arrays(columns) -> Log:
-    """The same through memory."""
-    time, run = columns["time"], columns.get("run")
-    joints = sum(key.startswith("tau") for key in columns)
-    return from_arrays(
-        time,
-        *(np.stack([columns[f"{k}{j}"] for j in range(joints)], axis=1) for k in ("q", "tau")),
-        run=run,
-    )
-
-
-def check(log: Log):
-    """What holds for whatever was read."""
-    T, J = log.q.shape
-    assert log.samples == T >= 200 - 5
-    assert log.joints == J >= 1
-    for array, shape in (
-        (log.time, (T,)),
-        (log.q, (T, J)),
-        (log.tau, (T, J)),
-        (log.qd, (T, J)),
-        (log.qdd, (T, J)),
-    ):
-        assert array is None or (
-            array.shape == shape and array.dtype == np.float64 and np.isfinite(array).all()
-        )
-    segments = log.segments()
-    assert len(segments) == log.runs
-    assert [s.start for s in segments] + [T] == [0] + [s.stop for s in segments]
-    for i, s in enumerate(segments):
-        assert (log.run[s] == i).all()
-        # uniform up to digits that time was written with
-        np.testing.assert_allclose(np.diff(log.time[s]), log.dt, rtol=0.3)
-    assert all(isinstance(note, str) and "\n" not in note for note in log.notes)
-
-
-def refuse(call, *words):
-    with pytest.raises(LogError) as caught:
-        call()
-    line = str(caught.value)
-    assert line.isprintable(), line  # no line break either
-    assert len(line) < 600
-    for word in words:
-        assert word in line, line
-
-
 # What is right.
 
 
@@ -126,9 +43,7 @@ def test_a_log_comes_back_from_every_format(tmp_path, ending):
     check(log)
     np.testing.assert_array_equal(log.time, columns["time"])
     for kind in ("q", "tau", "qd"):
-        np.testing.assert_array_equal(
-            getattr(log, kind), np.stack([columns[f"{kind}0"], columns[f"{kind}1"]], axis=1)
-        )
+        np.testing.assert_array_equal(getattr(log, kind), each_joint(columns, kind, (0, 1)))
     assert log.qdd is None
     assert log.dt == pytest.approx(DT, rel=1e-12)
     assert log.runs == 1
@@ -137,7 +52,7 @@ def test_a_log_comes_back_from_every_format(tmp_path, ending):
 
 def test_arrays_of_all_joints_and_of_one(tmp_path):
     columns = good()
-    q, tau = (np.stack([columns[f"{k}{j}"] for j in range(2)], axis=1) for k in ("q", "tau"))
+    q, tau = (each_joint(columns, kind, (0, 1)) for kind in ("q", "tau"))
     np.savez(tmp_path / "a.npz", time=columns["time"][:, None], q=q, tau=tau)
     for log in (
         read(tmp_path / "a.npz"),
@@ -181,7 +96,6 @@ def test_runs_by_label_by_file_and_both(tmp_path):
     assert log.notes == ("qd ignored: not every log has it",)
 
 
-@pytest.mark.skipif(not HAS_PYARROW, reason="needs pyarrow")
 def test_parquet_with_integers_and_labels(tmp_path):
     columns = good(run=np.repeat(["a", "b"], 150).tolist())
     columns["tau1"] = np.arange(SAMPLES)
@@ -475,7 +389,7 @@ def npy(header: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
 
 
-BOTH = {k: np.stack([good()[f"{k}0"], good()[f"{k}1"]], axis=1) for k in ("q", "tau")}
+BOTH = {kind: each_joint(good(), kind, (0, 1)) for kind in ("q", "tau")}
 ENORMOUS = "{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000, 100), }\n"
 
 
@@ -513,7 +427,6 @@ def test_damaged_npz(tmp_path, content, words):
     refuse(lambda: read(tmp_path / "a.npz"), *words)
 
 
-@pytest.mark.skipif(not HAS_PYARROW, reason="needs pyarrow")
 def test_damaged_parquet(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from jaxidl.logs.log import read
-from tests.logs.test_columns import ARM, THREE, same
-from tests.logs.test_log import SAMPLES, refuse
+from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, refuse, same
 
 pytest.importorskip("rosbags")
 
@@ -39,7 +38,7 @@ def bag(
     gripper.
     """
     order = [ARM.index(name) for name in names]
-    q, tau = (np.stack([THREE[f"{kind}{j}"] for j in order], axis=1) for kind in ("q", "tau"))
+    q, tau = (each_joint(THREE, kind, order) for kind in ("q", "tau"))
     with Writer(folder, version=9, storage_plugin=plugin) as writer:
         channels = [
             writer.add_connection(topic, STATE.__msgtype__, typestore=STORE) for topic in topics

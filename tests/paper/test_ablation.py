@@ -23,6 +23,7 @@ from jaxidl.types import Dataset
 
 SMALL = Grid(("pid",), ("high",), (1e-4,), (5.0,), (5.0,), (1,), (1, 2), ("joint",), 3)
 ONE = replace(SMALL, seeds=(1,))
+pytestmark = pytest.mark.usefixtures("emitters_of_users")
 
 
 def run(path, study, grid, **options):
@@ -173,7 +174,7 @@ def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
     more = run(path, small_study, wider)
     np.testing.assert_array_equal(more.q_error.sel(alpha=[0.1, 0.2]), data.q_error)
     assert (read_results(path).q_error == more.q_error).all()
-    whole = run(tmp_path / "b.nc", small_study, wider)
+    whole = run(tmp_path / "b.nc", small_study, wider, per_device=1)
     np.testing.assert_array_equal(whole.q_error, more.q_error)
     with pytest.raises(StoreError, match="leave out"):
         run(path, small_study, SMALL)

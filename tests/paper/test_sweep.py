@@ -4,8 +4,6 @@ import errno
 import io
 import json
 import os
-import subprocess
-import sys
 import textwrap
 from dataclasses import replace
 
@@ -17,10 +15,14 @@ from filelock import FileLock
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.jobs import store, sweeping
 from jaxidl.jobs.points import points
-from jaxidl.jobs.programs import Job, chunks, program
+from jaxidl.jobs.programs import chunks, program
+from jaxidl.learning.iterate import Metrics
+from jaxidl.paper.example import example, example_point
 from jaxidl.paper.grid import NOISE_LEVELS, Grid
 from jaxidl.paper.runs import LearningRun, read_results, run_sweep
 from jaxidl.paper.study import PaperStudy
+from tests.helpers.process import python
+from tests.helpers.studies import SMALL_STUDY
 
 SMALL = Grid(
     controllers=("pid",),
@@ -34,12 +36,33 @@ SMALL = Grid(
 )  # 8 runs
 
 
+pytestmark = pytest.mark.usefixtures("emitters_of_users")
+
+
+@pytest.fixture(autouse=True)
+def one_example(monkeypatch, examples):
+    """The example run in each results file is computed once for all tests."""
+
+    def kept(run, grid):
+        key = run, grid.executions, *example_point(grid).values()
+        if key not in examples:
+            examples[key] = example(run, grid)
+        return examples[key].copy(deep=True)
+
+    monkeypatch.setattr("jaxidl.paper.runs.example", kept)
+
+
+@pytest.fixture(scope="module")
+def examples():
+    return {}
+
+
 def run(path, study, grid=SMALL, **options):
     return run_sweep(grid, path, study, quiet=True, **options)
 
 
 def assert_same(a, b, rtol=0.0):
-    for name in ("q_error", "feedback_applied", "qdd_error", "torque", "finite"):
+    for name in Metrics._fields:
         np.testing.assert_allclose(a[name].values, b[name].values, rtol=rtol, err_msg=name)
 
 
@@ -90,13 +113,8 @@ def test_chunks_hold_one_kind_cover_every_run_once_and_keep_one_size_per_kind():
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     """The uninterrupted sweep, and where it lies."""
-    from jaxidl.models import ErrorModel, Training
-
-    study = PaperStudy(
-        steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16)
-    )
     path = tmp_path_factory.mktemp("sweep") / "whole.nc"
-    return run(path, study), path, study
+    return run(path, SMALL_STUDY), path, SMALL_STUDY
 
 
 @pytest.mark.parametrize("per_device", [1, 3])
@@ -168,10 +186,6 @@ def test_a_grid_compiles_once_per_kind(tmp_path, small_study):
         jax.monitoring.clear_event_listeners()
     assert program.cache_info().misses - before == 2
     assert sum("share" in str(name) for name in compiled) == 2
-
-
-class Stop(Exception):
-    """An interruption at a chosen chunk."""
 
 
 def interrupted_after(monkeypatch, count):
@@ -277,7 +291,9 @@ def test_time_and_origin_add_up_over_interruptions(whole, tmp_path, monkeypatch)
     assert json.loads(again.attrs["origins"])[0][2] > json.loads(data.attrs["origins"])[0][2]
 
 
-def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_path, monkeypatch):
+def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(
+    whole, tmp_path, monkeypatch, computed
+):
     data, path, study = whole
     own = tmp_path / "own.nc"
     own.write_bytes(path.read_bytes())
@@ -285,13 +301,8 @@ def test_a_finished_file_is_returned_as_it_is_and_can_be_extended(whole, tmp_pat
         patch.setattr(sweeping._Task, "here", lambda *a: pytest.fail("nothing was missing"))
         assert_same(data, run(own, study))
     assert own.read_bytes() == path.read_bytes()
-    done = []
-    original = Job.traced
-    monkeypatch.setattr(
-        Job, "traced", lambda job, points: done.extend(points) or original(job, points)
-    )
     more = run(own, study, replace(SMALL, seeds=(1, 2, 3)))
-    assert {dict(at)["seed"] for at in done} == {3}
+    assert {dict(at)["seed"] for at in computed} == {3}
     assert_same(data, more.sel(seed=[1, 2]))
 
 
@@ -396,23 +407,14 @@ def test_a_divergent_configuration_is_flagged_and_stops_nobody(tmp_path, small_s
     notice.
     """
     monkeypatch.setattr("jaxidl.paper.grid.check_levels", lambda *levels: None)
-    alone = run(
-        tmp_path / "alone.nc",
-        small_study,
-        replace(SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",)),
-        per_device=4,
-    )
+    moving = replace(SMALL, stiction=(0.0,))  # where nothing sticks, all friction is felt
+    alone = run(tmp_path / "alone.nc", small_study, moving)
     both = run(
-        tmp_path / "both.nc",
-        small_study,
-        replace(
-            SMALL, controllers=("doomed",), stiction=(0.0,), gains=("low",), friction=(5.0, 800.0)
-        ),
-        per_device=4,
+        tmp_path / "both.nc", small_study, replace(moving, gains=("high",), friction=(5.0, 800.0))
     )
     assert not both.finite.sel(friction=800.0).any()
     assert bool(both.finite.sel(friction=5.0)[..., 0].all())
-    assert_same(alone, both.sel(friction=[5.0]))
+    assert_same(alone.sel(gain=["high"]), both.sel(friction=[5.0]))
 
 
 def test_results_carry_units_and_where_they_came_from(whole):
@@ -470,14 +472,7 @@ FULL_DISK = """
 def test_a_full_disk_ends_in_one_line_and_leaves_the_old_file(tmp_path):
     out = tmp_path / "t.npz"
     out.write_bytes(b"old")
-    code = [sys.executable, "-c", textwrap.dedent(FULL_DISK), str(out)]
-    done = subprocess.run(
-        code,
-        capture_output=True,
-        text=True,
-        env={**os.environ, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": ""},
-        check=False,
-    )
+    done = python("-c", textwrap.dedent(FULL_DISK), out, JAX_COMPILATION_CACHE_DIR="")
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert "file too large" in done.stderr

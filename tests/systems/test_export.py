@@ -15,15 +15,14 @@ import pytest
 import jaxidl.effects as fx
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.errors import EffectError, ModelError, StoreError
-from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM
 from jaxidl.systems import Plant
 from jaxidl.systems.export import patched, write_patched
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import State
-from tests.effects.test_catalogue import EXAMPLES
-from tests.systems.test_mjcf import RICH, URDF, stored
+from tests.helpers.effects import EXAMPLES, one, pair
+from tests.helpers.model_files import CHAIN, RICH, stored
 
-ONE, PAIR = lambda x: jnp.array([x]), lambda a, b: jnp.array([a, b])
 ON = lambda effect, joint: OnJoint(effect, joint, 2)
 LOAD = fx.Payload(jnp.array(0.4), jnp.array([0.1, 0.05, -0.3]))
 # a rod allows of no shift
@@ -32,29 +31,29 @@ FAR = LOAD.replace(com=jnp.array([-0.3, 0.0, 0.1]))
 
 WRITTEN: dict[str, tuple[list[Effect], str]] = {
     "viscous": (
-        [fx.ViscousFriction(PAIR(0.3, 1 / 3)), ON(fx.ViscousFriction(ONE(0.2)), 1)],
+        [fx.ViscousFriction(pair(0.3, 1 / 3)), ON(fx.ViscousFriction(one(0.2)), 1)],
         "joint/damping",
     ),
     "coulomb": (
-        [ON(fx.CoulombFriction(ONE(0.3)), 0), fx.CoulombFriction(PAIR(0.1, 0.7))],
+        [ON(fx.CoulombFriction(one(0.3)), 0), fx.CoulombFriction(pair(0.1, 0.7))],
         "joint/frictionloss",
     ),
     "spring": (
-        [ON(fx.Spring(ONE(2.0), ONE(0.7)), j) for j in (0, 1)],
+        [ON(fx.Spring(one(2.0), one(0.7)), j) for j in (0, 1)],
         "joint/stiffness, joint/springref",
     ),
     "rotor": (
-        [ON(fx.InertiaError(ONE(0.1)), 0), fx.InertiaError(PAIR(0.1, -0.02))],
+        [ON(fx.InertiaError(one(0.1)), 0), fx.InertiaError(pair(0.1, -0.02))],
         "joint/armature",
     ),
     "body": (
         [
-            ON(fx.InertiaError(ONE(0.0), jnp.array(-0.3)), 1),
-            fx.InertiaError(PAIR(0.0, 0.0), PAIR(0.2, 0.1)),
+            ON(fx.InertiaError(one(0.0), jnp.array(-0.3)), 1),
+            fx.InertiaError(pair(0.0, 0.0), pair(0.2, 0.1)),
         ],
         "body/inertial",
     ),
-    "both": ([fx.InertiaError(PAIR(0.1, 0.2), PAIR(0.2, -0.1))], "joint/armature, body/inertial"),
+    "both": ([fx.InertiaError(pair(0.1, 0.2), pair(0.2, -0.1))], "joint/armature, body/inertial"),
     "centre": ([THICK, ON(fx.ComError(jnp.array([[0.02, -0.01, 0.03]])), 1)], "body/inertial"),
     "tensor": (
         [
@@ -68,8 +67,8 @@ WRITTEN: dict[str, tuple[list[Effect], str]] = {
         [
             ON(fx.ComError(jnp.array([[0.02, 0.01, 0.0]])), 1),  # alone not possible
             THICK,
-            ON(fx.InertiaError(ONE(0.1), ONE(0.2)), 1),
-            fx.BaseTilt(PAIR(0.03, -0.05)),
+            ON(fx.InertiaError(one(0.1), one(0.2)), 1),
+            fx.BaseTilt(pair(0.03, -0.05)),
         ],
         "joint/armature, body/inertial, option/gravity",
     ),
@@ -84,8 +83,8 @@ WRITTEN: dict[str, tuple[list[Effect], str]] = {
         "body/inertial",
     ),
     "payload gone": ([fx.Payload(jnp.array(-0.2), jnp.array([0.0, 0.0, -0.175]))], "body/inertial"),
-    "tilt": ([fx.BaseTilt(PAIR(0.05, -0.03))], "option/gravity"),
-    "payloads": ([LOAD, FAR, ON(fx.InertiaError(ONE(0.0), ONE(0.5)), 1)], "body/inertial"),
+    "tilt": ([fx.BaseTilt(pair(0.05, -0.03))], "option/gravity"),
+    "payloads": ([LOAD, FAR, ON(fx.InertiaError(one(0.0), one(0.5)), 1)], "body/inertial"),
 }
 equation = jax.jit(lambda body, q, qd: body.equation_of_motion(q, qd))
 
@@ -118,11 +117,6 @@ def compare(plant, again, in_c=True, rtol=1e-9):
         ]
         for ours, theirs in zip(*arrays, strict=True):
             np.testing.assert_allclose(theirs, ours, rtol=rtol, atol=1e-10)
-
-
-@pytest.fixture(scope="module")
-def two_link(tmp_path_factory):
-    return read_model(stored(tmp_path_factory.mktemp("two_link"), TWO_LINK))
 
 
 def record_of(path):
@@ -160,7 +154,7 @@ def test_what_mujoco_has_not_is_in_the_record_alone(two_link, tmp_path):
         for name, effect in EXAMPLES.items()
         if name not in ("inertia_error", "payload") and not effect.mjcf
     ]
-    added += [ON(fx.Stiction(ONE(1.0), jnp.array(1e-3), jnp.array(jnp.inf)), 1)]
+    added += [ON(fx.Stiction(one(1.0), jnp.array(1e-3), jnp.array(jnp.inf)), 1)]
     model, record = write_patched(two_link, added, tmp_path)
     assert all(
         entry["in_mjcf"] is False and entry["mjcf"] is None
@@ -171,12 +165,12 @@ def test_what_mujoco_has_not_is_in_the_record_alone(two_link, tmp_path):
 
 
 def test_what_does_not_go_into_mjcf_stays_in_the_record(two_link, tmp_path):
-    spring = fx.Spring(PAIR(1.0, 2.0), PAIR(0.1, 0.2))
-    light = ON(fx.InertiaError(ONE(-0.04)), 1)  # of 0.03 of armature
+    spring = fx.Spring(pair(1.0, 2.0), pair(0.1, 0.2))
+    light = ON(fx.InertiaError(one(-0.04)), 1)  # of 0.03 of armature
     # its inertia about that centre would be negative
     outside = ON(fx.ComError(jnp.array([[3.0, 0.0, 0.0]])), 1)
-    void = ON(fx.InertiaError(ONE(0.0), ONE(-1.0)), 1)  # all that the body weighs
-    added = [spring, ON(fx.Spring(ONE(3.0), ONE(0.4)), 1), light, void, outside]
+    void = ON(fx.InertiaError(one(0.0), one(-1.0)), 1)  # all that the body weighs
+    added = [spring, ON(fx.Spring(one(3.0), one(0.4)), 1), light, void, outside]
     model, record = write_patched(two_link, added, tmp_path)
     assert [entry["in_mjcf"] for entry in record_of(record)["effects"]] == [
         True,
@@ -190,15 +184,15 @@ def test_what_does_not_go_into_mjcf_stays_in_the_record(two_link, tmp_path):
 
 def test_a_patch_of_a_patch_carries_over_what_was_found_before(two_link, tmp_path):
     first = [
-        ON(fx.ViscousFriction(ONE(0.2)), 0),
+        ON(fx.ViscousFriction(one(0.2)), 0),
         EXAMPLES["stribeck_friction"],
         LOAD,
-        ON(fx.TorqueScale(ONE(2.0)), 0),
+        ON(fx.TorqueScale(one(2.0)), 0),
     ]
     second = [
-        fx.ViscousFriction(PAIR(0.1, 0.4)),
+        fx.ViscousFriction(pair(0.1, 0.4)),
         LOAD.replace(com=jnp.ones(3)),
-        ON(fx.TorqueSaturation(ONE(3.0)), 0),
+        ON(fx.TorqueSaturation(one(3.0)), 0),
     ]
     once = read_model(write_patched(two_link, first, tmp_path)[0])
     model, record = write_patched(once, second, tmp_path)  # over itself
@@ -234,7 +228,7 @@ def test_motors_are_written_if_they_can_do_it_in_this_order(two_link, tmp_path):
         ]
     with_actuators = read_model(stored(tmp_path, RICH))
     assert (
-        patched(with_actuators, [OnJoint(fx.TorqueScale(ONE(2.0)), 0, 4)])[0].count("<general") == 1
+        patched(with_actuators, [OnJoint(fx.TorqueScale(one(2.0)), 0, 4)])[0].count("<general") == 1
     )
 
 
@@ -243,8 +237,8 @@ def test_the_users_own_things_are_kept_in_the_same_order(tmp_path):
         stored(tmp_path, RICH.replace('pos="0 0 -0.5"', 'pos="0.1234567891 0 -0.5"'))
     )
     added = [
-        OnJoint(fx.CoulombFriction(ONE(0.2)), 3, 4),
-        OnJoint(fx.InertiaError(ONE(-0.1)), 1, 4),
+        OnJoint(fx.CoulombFriction(one(0.2)), 3, 4),
+        OnJoint(fx.InertiaError(one(-0.1)), 1, 4),
         LOAD,
     ]
     path, _ = write_patched(model, added, tmp_path / "new")
@@ -266,7 +260,7 @@ def test_bodies_in_frames_keep_their_order(tmp_path):
     plain = f"<mujoco><worldbody>{frame}{bodies[0]}</frame>{bodies[1]}{frame}{bodies[2]}</frame></worldbody></mujoco>"  # noqa: E501
     model = read_model(stored(tmp_path, plain))
     again = read_model(
-        write_patched(model, [OnJoint(fx.ViscousFriction(ONE(0.1)), 2, 3)], tmp_path / "new")[0]
+        write_patched(model, [OnJoint(fx.ViscousFriction(one(0.1)), 2, 3)], tmp_path / "new")[0]
     )
     assert again.names == model.names == ("a", "b", "c")
     np.testing.assert_allclose(again.plant.body.source.body_mass, model.plant.body.source.body_mass)
@@ -283,8 +277,10 @@ def test_a_urdf_with_a_mesh_becomes_mjcf_elsewhere(tmp_path):
         '<collision><geometry><mesh filename="meshes/part.stl"/></geometry></collision></link><link'
         ' name="l2">'
     )
-    model = read_model(stored(tmp_path, URDF.replace('</link><link name="l2">', shape), "arm.urdf"))
-    added = [OnJoint(fx.ViscousFriction(ONE(0.1)), 3, 4), LOAD]
+    model = read_model(
+        stored(tmp_path, CHAIN.replace('</link><link name="l2">', shape), "arm.urdf")
+    )
+    added = [OnJoint(fx.ViscousFriction(one(0.1)), 3, 4), LOAD]
     path, _ = write_patched(model, added, tmp_path / "far" / "away")
     assert ET.parse(path).getroot().tag == "mujoco"
     compare(Plant(model.plant.body, tuple(added)), read_model(path).plant)
@@ -293,7 +289,7 @@ def test_a_urdf_with_a_mesh_becomes_mjcf_elsewhere(tmp_path):
 
 def test_what_cannot_be_written_raises_and_leaves_nothing(two_link, tmp_path):
     for wrong in (
-        fx.ViscousFriction(PAIR(-0.1, 0.1)),
+        fx.ViscousFriction(pair(-0.1, 0.1)),
         fx.ViscousFriction(jnp.ones(3)),
         OnJoint(LOAD, 0, 1),
     ):

@@ -17,10 +17,8 @@ from jaxidl.effects import (
     ViscousFriction,
 )
 from jaxidl.errors import ConfigurationError
-from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.systems import Plant, PointMass
 from jaxidl.systems.free import Free, pieces, unit_of
-from jaxidl.systems.mjcf import read_model
 
 MASS = PointMass(jnp.array([1.0, 2.0]))
 PLANT = Plant(
@@ -50,7 +48,7 @@ def test_a_vector_sets_what_is_free_and_nothing_else():
     ]
 
 
-def test_each_number_has_a_name_and_a_unit(tmp_path):
+def test_each_number_has_a_name_and_a_unit(two_link):
     free = Free(PLANT, (("level",), ("coefficient",), ("delay",)))
     assert free.names == [
         "coulomb_friction[1].level",
@@ -59,11 +57,11 @@ def test_each_number_has_a_name_and_a_unit(tmp_path):
         "actuator_delay[0].delay",
     ]
     assert free.units == ["N", "N s/m", "N s/m", "s"]
-    (tmp_path / "model.xml").write_text(MECHANISMS["two_link"])
-    body = read_model(tmp_path / "model.xml").plant.body
     load = Payload(jnp.array(0.5), jnp.zeros(3))
     spring = OnJoint(Spring(jnp.array([2.0]), jnp.array([0.1])), 1, 2)
-    free = Free(Plant(body, (load, spring)), (("mass", "com"), ("stiffness", "rest")))
+    free = Free(
+        Plant(two_link.plant.body, (load, spring)), (("mass", "com"), ("stiffness", "rest"))
+    )
     assert free.units == ["kg", "m", "m", "m", "Nm/rad", "rad"]
     assert len(free.names) == len(free.vector) == 6
     assert (unit_of("N", "slide"), unit_of("N", "hinge"), unit_of("length", "hinge")) == (

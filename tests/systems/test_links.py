@@ -15,6 +15,7 @@ from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.mujoco_body import level, links
 from jaxidl.systems.point_mass import PointMass
 from jaxidl.systems.tables import TabledBody, tables
+from tests.helpers.model_files import stored, torque_in_c
 
 SLANTED = """<mujoco><option gravity="0.3 -1 -9.7"/><worldbody><body pos="0.1 0 0.3" euler="20 -30 40" name="lower">
   <joint name="lift" type="slide" axis="0 0.6 0.8"/><joint name="turn" axis="0.6 0 0.8" pos="0.05 0.02 0"/>
@@ -29,9 +30,7 @@ ERROR = np.array([0.3, 0.02, -0.05, 0.04, 0.02, 0.03, 0.025, 0.004, -0.003, 0.00
 
 @pytest.fixture(scope="module")
 def body(tmp_path_factory):
-    path = tmp_path_factory.mktemp("links") / "model.xml"
-    path.write_text(SLANTED)
-    return read_model(path).plant.body
+    return read_model(stored(tmp_path_factory.mktemp("links"), SLANTED)).plant.body
 
 
 def heavier_in_c(b, numbers):
@@ -56,13 +55,6 @@ def heavier_in_c(b, numbers):
     return model
 
 
-def in_c(model, q, qd, qdd):
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
-    mujoco.mj_inverse(model, data)
-    return data.qfrc_inverse.copy()
-
-
 @pytest.mark.parametrize("b", [1, 2, 3], ids=["lower", "upper", "flange"])
 def test_what_is_added_to_a_body_moves_as_in_c(body, b):
     """At random states the torque is that of MuJoCo in C with the numbers written into its model:
@@ -79,7 +71,7 @@ def test_what_is_added_to_a_body_moves_as_in_c(body, b):
         jax.jit(lambda *state: alter(body).inverse_dynamics(*state)),
     )
     for k, state in enumerate(zip(*states, strict=True)):
-        expected = in_c(true, *state)
+        expected = torque_in_c(true, *state)
         np.testing.assert_allclose(inverse(*state), expected, rtol=1e-9, atol=1e-10)
         row = jax.tree.map(lambda x, k=k: x[k], table)
         extra = alter(TabledBody(row, jnp.asarray(state[2]), jnp.zeros(JOINTS))).extra
@@ -97,7 +89,7 @@ def test_a_tilted_base_is_another_gravity(body):
     model.opt.gravity[:] = gravity + turns @ angles
     table, inverse = tables(body, *states), jax.jit(body.tilt(jnp.asarray(angles)).inverse_dynamics)
     for k, state in enumerate(zip(*states, strict=True)):
-        expected = in_c(model, *state)
+        expected = torque_in_c(model, *state)
         np.testing.assert_allclose(
             inverse(*map(jnp.asarray, state)), expected, rtol=1e-9, atol=1e-10
         )
@@ -109,8 +101,7 @@ def test_a_tilted_base_is_another_gravity(body):
 
 def test_a_base_turned_about_x_sees_gravity_turned_back(tmp_path):
     """The sign of the angles, and which axes they are where gravity points along -z."""
-    path = tmp_path / "model.xml"
-    path.write_text(SLANTED.replace("0.3 -1 -9.7", "0 0 -10"))
+    path = stored(tmp_path, SLANTED.replace("0.3 -1 -9.7", "0 0 -10"))
     turns = level(read_model(path).plant.body.source)
     for k, axis in enumerate(np.eye(3)[:2]):
         quaternion, seen = np.zeros(4), np.zeros(3)

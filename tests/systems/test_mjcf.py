@@ -13,36 +13,7 @@ from jaxidl.gap.benchmark.mechanisms import MECHANISMS, PENDULUM, TWO_LINK
 from jaxidl.systems.kinematics import place
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics, tables
-
-LINK = (
-    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass'
-    ' value="{1}"/><inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002"'
-    ' iyz="0.0005"/></inertial></link>'
-)
-HINGE = (
-    '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
-    '<origin xyz="0.03 0.01 -0.25" rpy="0.2 0 0.1"/><axis xyz="{2}"/></joint>'
-)
-URDF = f"""<robot name="chain"><link name="l0"/>
-{"".join(LINK.format(j, 2.0 - 0.4 * j) for j in (1, 2, 3, 4))}<link name="tool"/>
-{"".join(HINGE.format(j, j - 1, axis) for j, axis in zip((1, 2, 3, 4), ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0"), strict=True))}
-<joint name="end" type="fixed"><parent link="l4"/><child link="tool"/><origin xyz="0 0 -0.2"/></joint></robot>"""  # noqa: E501
-
-RICH = """<mujoco><compiler angle="degree" boundmass="0.001"/><option timestep="0.001" integrator="implicitfast"/>
-<default><default class="k"><joint damping="0.3" armature="0.1"/></default></default>
-<worldbody><light pos="0 0 1"/><geom type="plane" size="1 1 1"/>
-<body name="a" pos="0 0 0.1"><joint name="j" class="k" axis="0 1 0" ref="20" range="-30 40"/>
-<geom type="cylinder" size="0.02 0.1"/><body name="q"><geom size="0.1"/></body>
-<frame pos="0.1 0.2 0.3" euler="10 20 30" childclass="k"><joint axis="1 0 0" pos="1 2 3"/><body pos="0 0 -0.5">
-<joint axis="0 1 0" stiffness="2" springref="90" frictionloss="0.1"/><geom type="ellipsoid" size="0.1 0.2 0.3"/></body></frame>
-<body><joint type="slide"/><geom size="0.1"/></body></body><body name="table"><geom type="box" size="1 1 1"/></body></worldbody>
-<actuator><motor joint="j"/></actuator><sensor><jointpos joint="j"/></sensor></mujoco>"""  # noqa: E501
-
-
-def stored(folder, text, name="model.xml"):
-    path = folder / name
-    path.write_bytes(text if isinstance(text, bytes) else text.encode())
-    return path
+from tests.helpers.model_files import CHAIN, RICH, stored
 
 
 def in_c(path):
@@ -54,7 +25,7 @@ def in_c(path):
 @pytest.mark.parametrize("name", [*MECHANISMS, "chain"])
 def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
     path = (
-        stored(tmp_path, URDF, "chain.urdf")
+        stored(tmp_path, CHAIN, "chain.urdf")
         if name == "chain"
         else stored(tmp_path, MECHANISMS[name])
     )
@@ -91,10 +62,10 @@ def test_mjx_moves_and_weighs_as_mujoco_in_c_does(name, tmp_path):
     assert np.ptp(history[0], axis=0).max() > 0.5 or name == "slider"
 
 
-@pytest.mark.parametrize("text", [RICH, URDF, TWO_LINK], ids=["rich", "chain", "two_link"])
+@pytest.mark.parametrize("text", [RICH, CHAIN, TWO_LINK], ids=["rich", "chain", "two_link"])
 def test_frames_are_where_mujoco_in_c_has_them(text, tmp_path):
     body = read_model(
-        stored(tmp_path, text, "model.urdf" if text is URDF else "model.xml")
+        stored(tmp_path, text, "model.urdf" if text is CHAIN else "model.xml")
     ).plant.body
     data = mujoco.MjData(body.source)
     for q in np.random.default_rng(5).normal(size=(3, body.source.nq)):
@@ -181,7 +152,7 @@ def test_tables_between_their_instants(tmp_path):
 @pytest.mark.slow
 def test_a_body_may_be_a_programs_argument(tmp_path):
     """Compiled once for all masses, and what does not change is a constant of the program."""
-    body, traces = read_model(stored(tmp_path, URDF, "chain.urdf")).plant.body, []
+    body, traces = read_model(stored(tmp_path, CHAIN, "chain.urdf")).plant.body, []
 
     @jax.jit
     def fall(body, q, qd, tau):

@@ -5,7 +5,6 @@ damage.
 import copy
 import json
 import random
-import re
 
 import mujoco
 import numpy as np
@@ -15,16 +14,19 @@ from jaxidl.effects import from_dict
 from jaxidl.errors import ModelError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, TWO_LINK
 from jaxidl.systems.mjcf import read_model
-from tests.effects.test_catalogue import EXAMPLES
-from tests.systems.test_mjcf import RICH, URDF, stored
-
-BODY = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
-
-
-def scene(joint="", inside="", after="", option=""):
-    bodies = BODY.format(joint, inside) + BODY.format(' name="b"', "")
-    return f"<mujoco>{option}<worldbody>{bodies}</worldbody>{after}</mujoco>"
-
+from tests.helpers.effects import EXAMPLES
+from tests.helpers.model_files import (
+    CHAIN,
+    FLAT,
+    MIMIC,
+    RICH,
+    SHAPES,
+    complaint,
+    damaged,
+    scene,
+    stored,
+    urdf,
+)
 
 REFUSED = {
     "at least one joint": "<mujoco><worldbody><body><geom size='0.1'/></body></worldbody></mujoco>",
@@ -57,15 +59,6 @@ REFUSED = {
 }
 
 
-def complaint(path):
-    """The one line with which a file is refused."""
-    with pytest.raises(ModelError) as caught:
-        read_model(path)
-    (line,) = str(caught.value).splitlines()
-    assert re.fullmatch("expected .+; got .+; .+", line)
-    return line
-
-
 @pytest.mark.parametrize("words", REFUSED)
 def test_what_would_be_dropped_in_silence_is_refused(words, tmp_path):
     assert words in complaint(stored(tmp_path, REFUSED[words]))
@@ -74,46 +67,6 @@ def test_what_would_be_dropped_in_silence_is_refused(words, tmp_path):
 def test_missing_files_and_folders_are_refused(tmp_path):
     assert "no such file" in complaint(tmp_path / "gone.xml")
     assert "a folder" in complaint(tmp_path)
-
-
-ODD = [
-    "nan",
-    "inf",
-    "-inf",
-    "1e308",
-    "-1e300",
-    "1e18",
-    "0",
-    "-1",
-    "1e-320",
-    "",
-    "x",
-    "1 2 3 4 5 6 7 8 9",
-    "99999999999999999999",
-]
-
-
-def damaged(text, rng):
-    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled,
-    swapped or made odd.
-    """
-    kind, attributes = rng.randrange(12), list(re.finditer(r'\s\w+="[^"]*"', text))
-    numbers, elements = (
-        list(re.finditer(pattern, text)) for pattern in (r"-?\d*\.?\d+", r"<[^>]*/>")
-    )
-    if kind == 0:
-        raw = bytearray(text.encode())
-        for _ in range(rng.randint(1, 6)):
-            raw[rng.randrange(len(raw))] = rng.randrange(256)
-        return bytes(raw)
-    if kind == 1:
-        return text[: rng.randrange(len(text))].encode()
-    a, b = (rng.choice(attributes if kind < 6 else elements) for _ in range(2))
-    if kind < 8:
-        put = ("", a.group() * 2, b.group())[kind % 3]
-    else:
-        a, put = rng.choice(numbers), rng.choice(ODD)
-    return (text[: a.start()] + put + text[a.end() :]).encode()
 
 
 def read_or_refused(path):
@@ -127,7 +80,7 @@ def read_or_refused(path):
 @pytest.mark.parametrize("name", [*MECHANISMS, "chain", "rich"])
 def test_a_damaged_model_is_read_or_refused(name, tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
-    text, ending = {"chain": (URDF, "urdf"), "rich": (RICH, "xml")}.get(name) or (
+    text, ending = {"chain": (CHAIN, "urdf"), "rich": (RICH, "xml")}.get(name) or (
         MECHANISMS[name],
         "xml",
     )
@@ -236,3 +189,44 @@ def test_effects_that_do_not_fit_the_model_are_refused(tmp_path):
         assert words in complaint(path)
     stored(tmp_path, json.dumps({"model": "another.xml", "effects": [three]}), "effects.json")
     assert read_model(path).plant.effects == ()
+
+
+def test_damaged_urdf_of_robots_is_read_or_refused(tmp_path, capfd):
+    """Missing meshes, mimics, links without mass and impossible inertias, with something broken on
+    top, whole or in part.
+    """
+    text = urdf(shapes=SHAPES, mimic=MIMIC, inside={2: "", 3: FLAT.format(0.01, 0.01, 0.04, 0)})
+    outcomes = [0, 0]
+    for seed in range(120):
+        rng = random.Random(seed)
+        (tmp_path / "robot.urdf").write_bytes(damaged(text, rng))
+        part = rng.choice([None, None, ["j1"], ["j2", "j3"]])
+        try:
+            model = read_model(
+                tmp_path / "robot.urdf", joints=part, locked={"j1": 0.3} if seed % 3 else None
+            )
+            assert np.isfinite(model.plant.body.source.body_mass).all()
+            outcomes[0] += 1
+        except ModelError as error:
+            outcomes[1] += len(str(error).splitlines())
+    assert sum(outcomes) == 120  # one line each
+    assert min(outcomes) > 15, outcomes
+    assert capfd.readouterr() == ("", "")
+
+
+def test_effects_of_the_whole_robot_are_not_those_of_a_part(tmp_path):
+    stored(tmp_path, urdf(), "robot.urdf")
+    entry = {
+        "effect": "viscous_friction",
+        "parameters": {"coefficient": {"value": 1.0}},
+        "joint": 2,
+        "joints": 4,
+    }
+    stored(
+        tmp_path,
+        f'{{"model": "robot.urdf", "effects": [{entry}]}}'.replace("'", '"'),
+        "effects.json",
+    )
+    assert len(read_model(tmp_path / "robot.urdf").plant.effects) == 1
+    with pytest.raises(ModelError, match=r"move effects\.json away"):
+        read_model(tmp_path / "robot.urdf", joints=["j1", "j2"])

@@ -9,64 +9,16 @@ import pytest
 from jaxidl.errors import ModelError
 from jaxidl.systems.export import patched
 from jaxidl.systems.mjcf import names_of, read_model
-
-LINK = (
-    '<link name="l{0}"><inertial><origin xyz="0.02 0.01 -0.1" rpy="0.1 0.2 0.3"/><mass'
-    ' value="{1}"/><inertia ixx="0.02" iyy="0.015" izz="0.01" ixy="0.001" ixz="-0.002"'
-    ' iyz="0.0005"/></inertial></link>'
+from tests.helpers.model_files import (
+    FLAT,
+    MIMIC,
+    SHAPES,
+    complaint,
+    scene,
+    stored,
+    torque_in_c,
+    urdf,
 )
-HINGE = (
-    '<joint name="j{0}" type="continuous"><parent link="l{1}"/><child link="l{0}"/>'
-    '<origin xyz="0.03 0.01 -0.25" rpy="0.2 0 0.1"/><axis xyz="{2}"/></joint>'
-)
-SHAPE = '<{0}><geometry><mesh filename="package://robot/meshes/{1}"/></geometry></{0}>'
-SHAPES = SHAPE.format("visual", "a.dae") + SHAPE.format("collision", "a.stl")
-AXES = ("0 1 0", "1 0 0", "0 0.6 0.8", "1 0 0")
-
-
-def urdf(
-    *, shapes="", masses=(1.6, 1.2, 0.8, 0.4), inside=None, mimic="", kind="continuous", last=""
-):
-    """A chain of four joints; ``inside`` replaces inertials of links by their number."""
-    links = [
-        LINK.format(j + 1, mass).replace("</link>", shapes + "</link>")
-        for j, mass in enumerate(masses)
-    ]
-    for j, text in (inside or {}).items():
-        links[j - 1] = f'<link name="l{j}">{text}{shapes}</link>'
-    joints = [HINGE.format(j + 1, j, axis) for j, axis in enumerate(AXES)]
-    joints[3] = joints[3].replace("continuous", kind).replace("</joint>", mimic + "</joint>")
-    return (
-        '<robot name="chain"><link'
-        f' name="l0">{shapes}</link>{"".join(links)}{"".join(joints)}{last}</robot>'
-    )
-
-
-def stored(folder, text, name="model.xml"):
-    path = folder / name
-    path.write_text(text)
-    return path
-
-
-def complaint(path):
-    """The one line with which a file is refused."""
-    with pytest.raises(ModelError) as caught:
-        read_model(path)
-    (line,) = str(caught.value).splitlines()
-    return line
-
-
-def scene(joint="", inside="", after=""):
-    body = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
-    return f"<mujoco><worldbody>{body.format(joint, inside)}</worldbody>{after}</mujoco>"
-
-
-def torque(model, q, qd, qdd):
-    """Inverse dynamics (J,) of a model in C."""
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.qacc[:] = q, qd, qdd
-    mujoco.mj_inverse(model, data)
-    return data.qfrc_inverse
 
 
 def states(seed, joints):
@@ -79,7 +31,7 @@ def test_meshes_that_are_not_there_are_left_out(tmp_path):
     assert any("1 mesh file not found" in note for note in dressed.notes), dressed.notes
     at = states(0, 4)
     np.testing.assert_array_equal(
-        torque(dressed.plant.body.source, *at), torque(bare.plant.body.source, *at)
+        torque_in_c(dressed.plant.body.source, *at), torque_in_c(bare.plant.body.source, *at)
     )
 
 
@@ -143,7 +95,7 @@ def test_a_link_without_mass_between_two_joints(tmp_path):
         light.body("l2").mass[:], light.body("l2").inertia[:] = 1e-15, 1e-15
         at = states(1, 4)
         np.testing.assert_allclose(
-            torque(model.plant.body.source, *at), torque(light, *at), atol=1e-6
+            torque_in_c(model.plant.body.source, *at), torque_in_c(light, *at), atol=1e-6
         )
 
 
@@ -157,12 +109,6 @@ def test_a_joint_without_any_inertia_is_named(tmp_path):
         ' ixz="0" iyz="0"/></inertial>'
     )
     assert "none at j4" in complaint(stored(tmp_path, urdf(inside={4: on_axis}), "robot.urdf"))
-
-
-FLAT = (
-    '<inertial><mass value="1"/><inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="0"'
-    ' iyz="0"/></inertial>'
-)
 
 
 def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
@@ -219,7 +165,7 @@ def fused(text, name, at):
         whole = np.zeros((3, model.njnt))
         whole[:, keep] = q, qd, qdd
         whole[0, j] = at
-        return torque(model, *whole)[keep]
+        return torque_in_c(model, *whole)[keep]
 
     return of
 
@@ -238,12 +184,12 @@ def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
         motion = states(2, 3)
         expected = fused(urdf(), name, at or 0.0)(*motion)
         np.testing.assert_allclose(
-            torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+            torque_in_c(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
         )
         text, _ = patched(model, [])
         again = read_model(stored(tmp_path, text))
         np.testing.assert_allclose(
-            torque(again.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+            torque_in_c(again.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
         )
 
 
@@ -261,7 +207,7 @@ def test_a_slide_that_is_locked(tmp_path):
     model = read_model(path, joints=["b"], locked={"a": -0.3})
     motion = states(3, 1)
     expected = fused(path.read_text(), "a", -0.3)(*motion)
-    np.testing.assert_allclose(torque(model.plant.body.source, *motion), expected, rtol=1e-9)
+    np.testing.assert_allclose(torque_in_c(model.plant.body.source, *motion), expected, rtol=1e-9)
 
 
 def test_names_that_the_file_does_not_have(tmp_path):
@@ -275,9 +221,6 @@ def test_names_that_the_file_does_not_have(tmp_path):
             read_model(path, joints=joints)
 
 
-MIMIC = '<mimic joint="j2" multiplier="-0.5" offset="0.2"/>'
-
-
 def test_a_joint_that_mimics_another_is_locked(tmp_path):
     path = stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf")
     assert names_of(path) == ("j1", "j2", "j3")
@@ -286,7 +229,7 @@ def test_a_joint_that_mimics_another_is_locked(tmp_path):
     motion = states(4, 3)
     expected = fused(urdf(), "j4", 0.2)(*motion)
     np.testing.assert_allclose(
-        torque(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
+        torque_in_c(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
     )
     part = read_model(path, joints=["j3"], locked={"j2": 0.4})
     assert "joint j4 mimics j2: it is locked at 0 and its own motion is ignored" in part.notes
@@ -303,7 +246,7 @@ def test_joints_that_float_are_refused_unless_a_part_is_asked_for(tmp_path, kind
     assert model.names == ("j1", "j2", "j3")
     motion = states(5, 3)
     np.testing.assert_allclose(
-        torque(model.plant.body.source, *motion),
+        torque_in_c(model.plant.body.source, *motion),
         fused(urdf(), "j4", 0.0)(*motion),
         rtol=1e-9,
         atol=1e-9,
@@ -364,8 +307,8 @@ def test_a_part_of_a_file_in_degrees_with_frames_and_joints_without_names(tmp_pa
     everything[0, 0] = np.deg2rad(20)
     everything[:, 1:] = motion
     np.testing.assert_allclose(
-        torque(model.plant.body.source, *motion),
-        torque(whole, *everything)[1:],
+        torque_in_c(model.plant.body.source, *motion),
+        torque_in_c(whole, *everything)[1:],
         rtol=1e-9,
         atol=1e-9,
     )

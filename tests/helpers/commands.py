@@ -1,0 +1,13 @@
+"""The command line, called in this process."""
+
+from jaxidl.cli import main
+
+
+def refusal(capsys, *words: object) -> str:
+    """The one line with which a command line is refused: status 2, and nothing else is printed."""
+    assert main([str(word) for word in words]) == 2
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert line.startswith("jaxidl: expected ")
+    assert not said.out
+    return line

@@ -1,0 +1,10 @@
+"""Where things lie."""
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+SHARED = ROOT.parent / "shared"
+# the reference program's own numbers, and a measured drive; neither is part of the repository
+REFERENCE = Path(os.environ.get("JAXIDL_REFERENCE", SHARED / "reference"))
+EMPS = Path(os.environ.get("JAXIDL_EMPS", SHARED / "data" / "emps" / "emps.csv"))

@@ -1,0 +1,28 @@
+"""Python in a process of its own."""
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+
+def python(
+    *words: object, cwd: Path | None = None, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """What ``python words`` says and how it ends; ``environment`` is added to this process's."""
+    return subprocess.run(
+        [sys.executable, *map(str, words)],
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env=os.environ | environment,
+        check=False,
+    )
+
+
+def script(code: str, *words: object, **how) -> str:
+    """What indented code prints, which must not fail; ``how`` as for :func:`python`."""
+    done = python("-c", textwrap.dedent(code), *words, **how)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
