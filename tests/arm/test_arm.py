@@ -368,11 +368,11 @@ def test_the_flange_is_where_it_is_asked_to_be_and_points_down(place):
     "place", [(2.0, 0.0, 0.3), (0.0, 0.0, 1.2)], ids=["too far", "only with the tool up"]
 )
 def test_a_place_out_of_reach_is_refused(place):
-    with pytest.raises(ConfigurationError, match="reaches with its tool down"):
+    with pytest.raises(ConfigurationError, match="reaches with its tool pointing down"):
         reach(np.array(place), NEAR)
 
 
 def test_a_tool_that_points_up_is_no_answer():
     upright = np.zeros(7)
-    with pytest.raises(ConfigurationError, match="reaches with its tool down"):
+    with pytest.raises(ConfigurationError, match="reaches with its tool pointing down"):
         reach(flange(upright), upright)

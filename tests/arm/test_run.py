@@ -16,12 +16,11 @@ from jaxidl.arm.run import ArmRun, _write, quick, run_all
 from jaxidl.arm.setup import ArmStudy, Hidden, Load
 from jaxidl.arm.study import VARIABLES, ArmGrid, run_study, thinned
 from jaxidl.arm.table import as_text, falls, interval, ranking
-from jaxidl.cli import main
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.jobs import Pieces
-from jaxidl.jobs.programs import Job
 from jaxidl.models import Training
 from jaxidl.plot import arm, arm_report, arm_tasks
+from tests.helpers.commands import refusal
 
 GRID = ArmGrid(
     noise=(1e-5,), accelerations=("causal",), sources=("joint",), seeds=(1, 2, 3), executions=2
@@ -38,14 +37,10 @@ def small(study: ArmStudy) -> ArmStudy:
 
 @pytest.mark.slow
 def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_accelerations_only(
-    tmp_path, monkeypatch
+    tmp_path, computed
 ):
     study, path = small(ArmStudy()), tmp_path / "study.nc"
     grid = replace(GRID, accelerations=("causal", "zero_phase"), sources=("direct",), seeds=(1, 2))
-    computed, original = [], Job.traced
-    monkeypatch.setattr(
-        Job, "traced", lambda job, points: computed.extend(set(points)) or original(job, points)
-    )
     found = run_study(study, grid, path, {"a": 1}, quiet=True)
     assert {(dict(at)["acceleration"], dict(at)["seed"]) for at in computed} == {
         ("causal", 1),
@@ -277,9 +272,7 @@ def test_twice_the_hidden_effect_is_twice_as_visible(tmp_path):
     ids=" ".join,
 )
 def test_wrong_options_end_in_one_line(words, tmp_path, capsys):
-    assert main(["arm", "--out", str(tmp_path / "out"), *words]) == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    refusal(capsys, "arm", "--out", tmp_path / "out", *words)
     assert not (tmp_path / "out").exists()
 
 

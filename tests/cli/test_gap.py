@@ -4,7 +4,7 @@ written.
 
 import pytest
 
-from jaxidl.cli import main
+from tests.helpers.commands import refusal
 from tests.helpers.logs import CURRENTS, THREE, robot, write
 
 WRONG = [
@@ -24,31 +24,18 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("words", "said"), WRONG)
-def test_what_does_not_fit_is_refused_in_one_line(tmp_path, capsys, monkeypatch, words, said):
+def test_what_does_not_fit_is_refused_in_one_line(tmp_path, capsys, words, said):
     log, model = write(tmp_path / "a.csv", THREE), robot(tmp_path)
     (tmp_path / "text.yaml").write_text("text")
     before = sorted(tmp_path.iterdir())
     words = [word.format(d=tmp_path) for word in words]
-    monkeypatch.setattr("sys.argv", ["jaxidl"])
-    try:
-        status = main(
-            ["gap", str(log), "--model", str(model), "--out", str(tmp_path / "out"), *words]
-        )
-    except SystemExit as stop:
-        status = stop.code
-    assert status == 2
-    lines = [line for line in capsys.readouterr().err.splitlines() if line.strip()]
-    assert said in lines[-1]
-    assert sum("jaxidl:" in line for line in lines) == 1
+    files = "gap", log, "--model", model, "--out", tmp_path / "out"
+    assert said in refusal(capsys, *files, *words)
     assert sorted(tmp_path.iterdir()) == before
 
 
 def test_currents_without_a_constant_name_the_argument(tmp_path, capsys):
     log, model = write(tmp_path / "a.csv", CURRENTS), robot(tmp_path)
-    try:
-        status = main(["gap", str(log), "--model", str(model), "--out", str(tmp_path / "out")])
-    except SystemExit as stop:
-        status = stop.code
-    assert status == 2
-    assert "give --torque-constant" in capsys.readouterr().err
+    line = refusal(capsys, "gap", log, "--model", model, "--out", tmp_path / "out")
+    assert "give --torque-constant" in line
     assert not (tmp_path / "out").exists()

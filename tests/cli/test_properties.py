@@ -12,17 +12,14 @@ from typing import NamedTuple
 import jax
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from jaxidl.cli import main
 from jaxidl.jobs.programs import layout
 from jaxidl.learning.sources import SOURCES, TRAIN_ON
-from jaxidl.paper.grid import CONTROLLERS, GAINS
+from tests.helpers.properties import COUNTS, FLOATS, NAMES, examples, h5netcdf_may_stumble
 
-FLOATS = {"noise": (0.0, 1.0), "friction": (0.0, 12.0), "stiction": (0.0, 1000.0)}
-COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "executions": (1, 10_000)}
-NAMES = {"controllers": CONTROLLERS, "gains": GAINS, "sources": tuple(SOURCES)}
 LINES = {"noise-levels": ("program", "printed"), "train-on": TRAIN_ON}
 ODD = [
     "nan",
@@ -114,17 +111,6 @@ NUMBER = (
     | st.integers(-2, 12).map(str)
 )
 NUMBER |= st.integers().map(str) | st.integers(0, 12).map("{}.0".format)
-
-
-def examples(count):
-    """The same examples every time; fixtures of a function serve all of them."""
-    slow = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
-    return settings(max_examples=count, deadline=None, derandomize=True, suppress_health_check=slow)
-
-
-# h5netcdf's destructor fails on a file that it could not open, whenever that is collected; it is
-# not the file's reader
-h5netcdf_may_stumble = pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 
 
 class Said(NamedTuple):

@@ -9,8 +9,8 @@ import pytest
 import tyro
 
 from jaxidl.cli import COMMANDS
+from tests.helpers.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 PAGES = [
     ROOT / "README.md",
     ROOT / "CONTRIBUTING.md",

@@ -17,7 +17,8 @@ from urllib.parse import unquote, urldefrag
 import pytest
 from filelock import FileLock
 
-ROOT = Path(__file__).parents[2]
+from tests.helpers.paths import ROOT
+
 PHONE, SCREEN = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 FLAGS = [
     "--headless",

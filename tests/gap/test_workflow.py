@@ -3,9 +3,6 @@ measured drive.
 """
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +15,8 @@ from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.logs.signals import derivative
+from tests.helpers.process import python
 
-EMPS = Path(
-    os.environ.get(
-        "JAXIDL_EMPS", Path(__file__).parents[3] / "shared" / "data" / "emps" / "emps.csv"
-    )
-)
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
 
@@ -212,29 +205,12 @@ def test_wrong_options_are_explained(tmp_path, options, words):
 def test_command_line_ends_bad_input_in_one_line_and_writes_nothing(tmp_path):
     (tmp_path / "model.xml").write_text(SLIDER.format(mass=1))
     (tmp_path / "log.csv").write_text("time,q0\n0,1\n")
-    command = [
-        sys.executable,
-        "-m",
-        "jaxidl",
-        "gap",
-        str(tmp_path / "log.csv"),
-        "--model",
-        str(tmp_path / "model.xml"),
-    ]
-    done = subprocess.run(
-        [*command, "--out", str(tmp_path / "out")], capture_output=True, text=True, check=False
-    )
+    model, out = tmp_path / "model.xml", tmp_path / "out"
+    done = python("-m", "jaxidl", "gap", tmp_path / "log.csv", "--model", model, "--out", out)
     assert done.returncode == 2
     assert "tau0" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
-
-
-@pytest.fixture(scope="module")
-def emps() -> Path:
-    if not EMPS.is_file():
-        pytest.skip(f"no measured drive at {EMPS}; set JAXIDL_EMPS")
-    return EMPS
 
 
 def test_measured_drive_has_viscous_and_dry_friction_that_differ_by_direction(emps, tmp_path):

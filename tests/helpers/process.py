@@ -6,11 +6,16 @@ import sys
 import textwrap
 from pathlib import Path
 
+from tests.helpers.paths import ROOT
+
 
 def python(
-    *words: object, cwd: Path | None = None, **environment: str
+    *words: object, cwd: Path = ROOT, **environment: str
 ) -> subprocess.CompletedProcess[str]:
-    """What ``python words`` says and how it ends; ``environment`` is added to this process's."""
+    """What ``python words`` says and how it ends; ``environment`` is added to this process's.
+
+    In the repository's folder it finds the package and these tests.
+    """
     return subprocess.run(
         [sys.executable, *map(str, words)],
         capture_output=True,

@@ -3,10 +3,6 @@ devices.
 """
 
 import json
-import os
-import subprocess
-import sys
-import textwrap
 
 import jax
 import numpy as np
@@ -18,6 +14,7 @@ from jaxidl.jobs.points import points
 from jaxidl.jobs.programs import program
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import LearningRun
+from tests.helpers.process import script
 
 GRID = Grid(
     ("pid",), ("low",), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2), ("joint",), executions=3
@@ -77,16 +74,14 @@ EIGHT_DEVICES = """
     import json
     import jax
     jax.config.update("jax_enable_x64", True)
-    from jaxidl.paper.study import PaperStudy
-    from jaxidl.models import ErrorModel, Training
     from jaxidl.jobs.points import points
     from jaxidl.jobs.programs import program
     from jaxidl.paper.grid import Grid
     from jaxidl.paper.runs import LearningRun
+    from tests.helpers.studies import SMALL_STUDY
 
-    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
     grid = Grid(("pid",), ("low", "high"), (1e-4, 8e-4), (5.0,), (5.0,), (1,), (1, 2, 3, 4), ("joint",), executions=4)
-    learning, at = LearningRun(study, grid.executions), list(points(grid.dims()))
+    learning, at = LearningRun(SMALL_STUDY, grid.executions), list(points(grid.dims()))
     inputs = learning.job().traced(at)
     runs = {}
     for devices in (1, 2, 8):
@@ -102,16 +97,8 @@ def test_runs_sharded_over_eight_devices_are_those_of_one():
     """Simulated devices; recorded averages may differ in the last bit (XLA sums them in another
     order).
     """
-    flags = {"XLA_FLAGS": "--xla_force_host_platform_device_count=8", "JAX_PLATFORMS": "cpu"}
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(EIGHT_DEVICES)],
-        capture_output=True,
-        text=True,
-        env=os.environ | flags,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    count, *runs = json.loads(done.stdout)
+    flags = "--xla_force_host_platform_device_count=8"
+    count, *runs = json.loads(script(EIGHT_DEVICES, XLA_FLAGS=flags))
     assert count == 8
     for other in runs[1:]:
         np.testing.assert_allclose(other, runs[0], rtol=1e-14)

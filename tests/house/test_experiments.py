@@ -2,13 +2,12 @@
 
 import fnmatch
 import importlib.util
-from pathlib import Path
 
 import pytest
 
 from experiments.everything import EVERYTHING, main
+from tests.helpers.paths import ROOT
 
-ROOT = Path(__file__).parents[2]
 SCRIPTS = sorted(path for path in (ROOT / "experiments").glob("*.py"))
 
 

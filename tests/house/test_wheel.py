@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from experiments import hidden_effects
-
-ROOT = Path(__file__).parents[2]
+from tests.helpers.paths import ROOT
 
 pytestmark = pytest.mark.slow
 

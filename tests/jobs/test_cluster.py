@@ -1,8 +1,6 @@
 """Chunks on a Ray cluster: the same bits as on this machine, whoever is lost on the way."""
 
 import json
-import os
-import subprocess
 import sys
 import textwrap
 
@@ -11,6 +9,7 @@ import pytest
 from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.jobs import cluster
 from jaxidl.paper.grid import Grid
+from tests.helpers.process import script
 
 pytest.importorskip("ray", reason="the extra jaxidl[cluster] is not installed")
 
@@ -18,12 +17,10 @@ PRELUDE = """
     import json, sys, threading, time
     from pathlib import Path
     from jaxidl.backend import choose_devices
-    from jaxidl.paper.study import PaperStudy
-    from jaxidl.models import ErrorModel, Training
     from jaxidl.paper.grid import Grid
     from jaxidl.paper.runs import run_sweep
+    from tests.helpers.studies import SMALL_STUDY as study
 
-    study = PaperStudy(steps=80, error_model=ErrorModel(layers=(12, 6, 1)), training=Training(batch=16))
     grid = Grid(("pid",), noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(1,), seeds=(1, 2, 3), sources=("joint",),
                 executions=EXECUTIONS)
     folder = Path(sys.argv[1])
@@ -60,17 +57,9 @@ TWO_NODES = """
 
 
 def run_script(folder, code, executions=3):
-    script = textwrap.dedent(PRELUDE).replace("EXECUTIONS", str(executions)) + textwrap.dedent(code)
-    quiet = {"JAX_PLATFORMS": "cpu", "RAY_DEDUP_LOGS": "0", "PYTHONWARNINGS": "ignore"}
-    done = subprocess.run(
-        [sys.executable, "-c", script, str(folder)],
-        capture_output=True,
-        text=True,
-        env=os.environ | quiet,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    code = textwrap.dedent(PRELUDE).replace("EXECUTIONS", str(executions)) + textwrap.dedent(code)
+    quiet = {"RAY_DEDUP_LOGS": "0", "PYTHONWARNINGS": "ignore"}
+    return json.loads(script(code, folder, **quiet).splitlines()[-1])
 
 
 @pytest.mark.slow

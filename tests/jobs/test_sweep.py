@@ -14,24 +14,14 @@ from jaxidl.jobs import Variable, geometric, read, sweep
 from jaxidl.jobs import progress as progressing
 from jaxidl.jobs.pieces import Pieces, set_aside
 from jaxidl.jobs.pool import each
-from jaxidl.jobs.programs import Job
+from tests.helpers.paths import ROOT
 
-EXAMPLE = Path(__file__).parents[2] / "experiments" / "own_sweep.py"
+EXAMPLE = ROOT / "experiments" / "own_sweep.py"
 
 
 def product(*, a, b, power=2):
     """A run of one's own: two numbers, one of them Python's where it is static."""
     return {"value": a * jnp.arange(3.0) ** power, "sum": a + b, "fits": b > 1.0}
-
-
-@pytest.fixture
-def computed(monkeypatch):
-    """The points that were computed."""
-    found, original = [], Job.traced
-    monkeypatch.setattr(
-        Job, "traced", lambda job, points: found.extend(points) or original(job, points)
-    )
-    return found
 
 
 def test_a_run_is_a_function_of_its_point(tmp_path):

@@ -2,10 +2,6 @@
 package.
 """
 
-import os
-import subprocess
-import sys
-import textwrap
 from functools import partial
 
 import jax
@@ -23,6 +19,7 @@ from jaxidl.paper.study import Condition
 from jaxidl.systems import point_mass
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import State
+from tests.helpers.process import script
 
 STUDY = ArmStudy()
 TOLERANCE = 1e-3  # of torques up to 200 Nm, in single precision [Nm]
@@ -58,11 +55,7 @@ def on_the_robot(parts, tmp_path_factory):
 
     def torques(states):
         np.save(folder / "states.npy", states.astype(np.float32))
-        words = [sys.executable, "-c", textwrap.dedent(ROBOT)]
-        done = subprocess.run(
-            words, cwd=folder, env=os.environ, capture_output=True, text=True, check=False
-        )
-        assert not done.returncode, done.stderr
+        script(ROBOT, cwd=folder)
         return np.load(folder / "torques.npy")
 
     return torques

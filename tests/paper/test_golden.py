@@ -9,36 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.learning.execute import execute
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Training, fit, start
 from jaxidl.paper.grid import GAINS
-from jaxidl.paper.study import Condition, PaperStudy, draw_noise
+from jaxidl.paper.study import draw_noise
 from jaxidl.types import Dataset
+from tests.helpers.studies import ARRAYS, run_of
 
-ARRAYS = (
-    "q",
-    "qd",
-    "q_sensing",
-    "qd_sensing",
-    "qdd_desired",
-    "qdd_actual",
-    "tau",
-    "tau_inverse_desired",
-    "tau_inverse_actual",
-    "tau_feedback",
-)
 SETTINGS = [(c, g, f, s) for c in ("pid", "doomed") for g in GAINS for f in (5, 8) for s in (5, 8)]
-
-
-def run_of(controller, gain, friction, stiction, noise=5e-4, seed=1):
-    study = PaperStudy()
-    condition = Condition(
-        GAINS.index(gain), *map(jnp.asarray, (noise, float(friction), float(stiction)))
-    )
-    setting = study.setting(controller, condition)
-    draws = jnp.asarray(draw_noise(seed, 1, study.steps)[0])
-    return jax.jit(execute)(setting.plant, setting.model, setting.law, setting.task, draws)
 
 
 def test_the_noise_stream_is_the_reference_programs(reference):

@@ -7,7 +7,7 @@ from jaxidl.learning.iterate import measure
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import run_sweep
 from jaxidl.paper.study import PaperStudy
-from tests.paper.test_golden import run_of
+from tests.helpers.studies import run_of
 
 FIRST = {  # mean |q error| of execution 0, seed 1, on the reference page
     ("doomed", "high", 1e-4): 0.044,

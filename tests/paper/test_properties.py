@@ -26,7 +26,7 @@ from jaxidl.models import ErrorModel, Training
 from jaxidl.paper.grid import AXES, Grid
 from jaxidl.paper.runs import META, read_results, run_sweep, settings_of
 from jaxidl.paper.study import PaperStudy
-from tests.cli.test_properties import COUNTS, FLOATS, NAMES, examples, h5netcdf_may_stumble
+from tests.helpers.properties import COUNTS, FLOATS, NAMES, examples, h5netcdf_may_stumble
 
 STUDY = PaperStudy(steps=20, error_model=ErrorModel(layers=(4, 1)), training=Training(batch=8))
 IDENTITY = {"study": "any", "größe": [1, 2.5, None]}

@@ -13,7 +13,7 @@ from jaxidl.paper.grid import NOISE_LEVELS, Grid
 from jaxidl.paper.runs import LearningRun, settings_of
 from jaxidl.paper.study import PaperStudy
 from jaxidl.plot.figures import FIGURES, averages, caption, conditions, draw_all, illustration
-from tests.paper.test_claims import as_in_the_paper, results
+from tests.helpers.results import as_in_the_paper, results
 
 
 def shown(grid):

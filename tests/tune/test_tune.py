@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.cli import main
 from jaxidl.control import Doomed, Pid
 from jaxidl.errors import ConfigurationError
 from jaxidl.jobs import Pieces
@@ -17,6 +16,7 @@ from jaxidl.tune import search as searching
 from jaxidl.tune.problem import Problem, point_mass_problem
 from jaxidl.tune.run import as_text, compared, tune, verdict
 from jaxidl.tune.search import Search, Trail, direction
+from tests.helpers.commands import refusal
 from tests.helpers.numeric import quick
 
 BEST = np.log([0.03, 1.5])  # where the error is least, without a bound
@@ -196,8 +196,5 @@ def test_gains_that_diverge_are_never_called_better(tmp_path):
     ],
 )
 def test_what_cannot_be_tuned_is_refused_in_one_line(words, complaint, tmp_path, capsys):
-    assert main(["tune", *words.split(), "--out", str(tmp_path / "out")]) == 2
-    error = capsys.readouterr().err
-    assert complaint in error
-    assert error.count("\n") == 1
+    assert complaint in refusal(capsys, "tune", *words.split(), "--out", tmp_path / "out")
     assert not list(tmp_path.iterdir())
