@@ -134,7 +134,11 @@ def page(browser):
         ),
     )
     page.on("pageerror", lambda error: said.append(str(error)))
-    page.on("requestfailed", lambda r: said.append(f"not fetched: {r.url}"))
+    # what is still on its way when the next page is asked for is given up, which is no failure
+    page.on(
+        "requestfailed",
+        lambda r: None if r.failure == "net::ERR_ABORTED" else said.append(f"not fetched: {r.url}"),
+    )
     page.on("response", lambda r: said.append(f"{r.status}: {r.url}") if r.status >= 400 else None)
     yield page
     page.close()
