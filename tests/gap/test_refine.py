@@ -318,7 +318,7 @@ def test_a_diagnosis_is_refined_on_demand_and_says_so(commanded):
         (parameter,) = f.parameters.values()
         assert parameter.value == pytest.approx(TRUE[f.name], rel=0.01)
     assert wrong.refinement is None
-    assert "kept, the simulation follows" in table(refined)
+    assert "accepted, the simulation follows" in table(refined)
     assert refined.to_dict()["refined"]["accepted"]
 
 
