@@ -203,3 +203,15 @@ def test_variants_with_names_that_are_not_there_are_refused(clean_catalogue):
 
     with pytest.raises(EffectError, match="variants of odd with free among pull; got push"):
         register(Odd)
+
+
+def test_a_field_that_hides_a_method_of_every_effect_is_refused(clean_catalogue):
+    class Late(Effect):
+        start: jax.Array
+
+        name: ClassVar[str] = "late"
+        sentence: ClassVar[str] = "a late pull"
+        parameters: ClassVar = {"start": Parameter("s", 0.0, 1.0, "when it begins")}
+
+    with pytest.raises(EffectError, match=r"start, which every effect has as a method; rename"):
+        register(Late)

@@ -202,3 +202,20 @@ def test_one_statistic_for_all_intervals():
     assert mean.interval == pytest.approx((2.0 * np.exp(-half), 2.0 * np.exp(half)))
     assert geometric(np.array([3.0])).interval is None
     assert geometric(np.array([np.nan])) is None
+
+
+@pytest.mark.parametrize(
+    ("variables", "complaint"),
+    [
+        ({"value": Variable(("place",))}, "all that a run returns"),
+        ({"value": Variable(), "sum": Variable(), "fits": Variable()}, "1 dims for value"),
+    ],
+)
+def test_variables_that_are_not_those_of_a_run_end_it_at_the_first_chunk(
+    tmp_path, variables, complaint
+):
+    with pytest.raises(ConfigurationError, match=complaint):
+        sweep(
+            product, {"a": (1.0,), "b": (2.0,)}, tmp_path / "r.nc", variables=variables, quiet=True
+        )
+    assert not (tmp_path / "r.nc").exists()

@@ -1,7 +1,7 @@
 """Derivatives from end to end: controllers, sources, executions and whole learning runs, forward =
 reverse = numeric.
 
-Those of single effects are in effects/test_catalogue.py, those of the arm in arm/test_arm.py.
+Those of single effects are in effects/test_catalogue.py, those of the arm in arm/test_study.py.
 """
 
 from dataclasses import replace

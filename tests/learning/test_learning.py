@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.control import Doomed, PdPolicy, Pid, PidGains, lqr
-from jaxidl.effects import ConstantOffset, ViscousFriction
+from jaxidl.control import Doomed, Filtered, PdPolicy, Pid, PidGains, lqr
+from jaxidl.effects import ActuatorDelay, ConstantOffset, ViscousFriction
 from jaxidl.learning.execute import Task, _warn_of_single_precision, desired_trajectory, execute
 from jaxidl.learning.iterate import Setting, learn
 from jaxidl.learning.sources import SOURCES, direct, indirect, joint
@@ -18,6 +18,7 @@ from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.systems import Plant, integrate, point_mass
 from jaxidl.types import State
 
+DT = 1e-3
 CONDITION = Condition(jnp.array(0), jnp.array(5e-4), jnp.array(5.0), jnp.array(5.0))
 
 
@@ -275,3 +276,45 @@ def test_an_lqr_policy_takes_the_plant_to_its_target(horizon):
     body = point_mass(2.0)
     run = execute(Plant(body), body, Doomed(0.0, 0.0, 0.1), task, jnp.zeros((1200, 2)))
     np.testing.assert_allclose(run.q[-1], [1.0, -0.5], atol=2e-2)
+
+
+@pytest.mark.parametrize("delay", [0, 1])
+def test_filtered_compares_with_what_was_wanted_when_the_estimate_was_true(delay):
+    """An obedient plant, prompt or one step late, looks at most half a step's change of the desired
+    acceleration wrong to DOOMED.
+
+    Its learning feedback is minus the error that it was told of, here with a gain of one and no
+    memory.
+    """
+    wanted, rest = (
+        10.0 * jnp.sin(2.0 * jnp.pi * jnp.arange(1000)[:, None] * DT),
+        State(jnp.zeros(1), jnp.zeros(1)),
+    )
+    plant = Plant(point_mass(1.0, 1), (ActuatorDelay(jnp.array([delay * DT]), steps=2),))
+    task = Task(
+        rest, lambda q, qd, t: wanted[t], 400.0, estimator=Filtered(80.0, 30.0), dt=DT, steps=1000
+    )
+    run = execute(plant, plant.body, Doomed(0.0, 1.0, 1.0), task, jnp.zeros((1000, 1)))
+    half_a_step = jnp.abs(jnp.diff(wanted, axis=0)).max() / 2
+    assert 0.9 * half_a_step < jnp.abs(run.tau_feedback)[100:].max() < 1.01 * half_a_step
+    assert jnp.abs(run.qdd_actual - run.qdd_desired)[100:].max() > 9 * half_a_step
+
+
+def test_where_the_mechanism_truly_begins_is_seen_from_the_first_reading_on():
+    plant, seen, noise = Plant(point_mass(2.0)), jnp.array([0.1, -0.2]), jnp.zeros((20, 2))
+    task = Task(
+        State(seen, jnp.zeros(2)),
+        PdPolicy(jnp.ones(2), 25.0, 7.0),
+        100.0,
+        estimator=Filtered(),
+        dt=DT,
+        steps=20,
+    )
+    off, same, told = (
+        execute(plant, plant.body, Doomed(0.0, 0.0, 0.1), task, noise, start=s)
+        for s in (seen + 1e-4, seen, None)
+    )
+    np.testing.assert_array_equal(off.q[0], seen + 1e-4)
+    np.testing.assert_array_equal(off.q_sensing[0], seen)
+    np.testing.assert_array_equal(off.q_sensing[1:], off.q[1:])
+    np.testing.assert_array_equal(same.q, told.q)

@@ -8,20 +8,17 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import JaxidlError, LogError
-from jaxidl.gap.inputs import read_inputs
 from jaxidl.logs.log import read
 from jaxidl.logs.motor_side import motor_side
 from tests.helpers.logs import (
     ARM,
     CURRENTS,
     DT,
-    SAMPLES,
     THREE,
     as_robots_do,
     check,
     each_joint,
     refuse,
-    robot,
     same,
     text,
     write,
@@ -284,43 +281,6 @@ def test_a_clock_that_jitters_is_resampled(tmp_path):
     np.testing.assert_allclose(log.q[:, 0], np.sin(3 * log.time), atol=2e-4)
     gap = np.r_[time[:500], time[500:] + 1.0]
     assert read(write(tmp_path / "b.csv", wave(gap))).runs == 2
-
-
-# A part of the robot.
-
-
-@pytest.mark.parametrize("titles", ["names", "numbers", "array", "part"])
-def test_a_part_of_the_robot(tmp_path, titles):
-    still = THREE | {"q1": np.full(SAMPLES, 0.4)}
-    if titles == "names":
-        path = write(
-            tmp_path / "a.csv",
-            {(f"{ARM[int(k[-1])]}.{k[:-1]}" if k != "time" else k): v for k, v in still.items()},
-        )
-    elif titles == "array":
-        both = {kind: each_joint(still, kind, range(3)) for kind in ("q", "tau")}
-        path = write(tmp_path / "a.npz", {"time": still["time"]} | both)
-    elif titles == "part":
-        path = write(
-            tmp_path / "a.csv", {k.replace("2", "1"): v for k, v in still.items() if k[-1] != "1"}
-        )
-    else:
-        path = write(tmp_path / "a.csv", still)
-    log, model = read_inputs([path], robot(tmp_path), joints=["wrist_1", "shoulder_pan_joint"])
-    assert model.names == ("shoulder_pan_joint", "wrist_1_joint")
-    same(log, joints=(0, 2))
-    if titles == "part":  # nobody knows where the elbow was
-        assert log.still == ()
-        return
-    assert log.still == (("elbow_joint", pytest.approx(0.4)),)
-    assert any("elbow_joint at 0.4" in note for note in model.notes)
-    moving = write(tmp_path / "b.csv", THREE)
-    assert any(
-        "elbow_joint is locked" in n
-        for n in read_inputs(
-            [moving], robot(tmp_path), joints=["wrist_1", "shoulder_pan"]
-        ).log.notes
-    )
 
 
 # Motors' data.

@@ -14,6 +14,7 @@ from jaxidl.systems.kinematics import place
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics, tables
 from tests.helpers.model_files import CHAIN, RICH, stored
+from tests.helpers.numeric import quick
 
 
 def in_c(path):
@@ -102,13 +103,8 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
             [altered.inverse_dynamics(q, qd, qdd), altered.forward_dynamics(q, qd, qdd)]
         )
 
-    quick = {"xla_backend_optimization_level": 0}
-    value = jax.jit(both, compiler_options=quick)
-    forward, way = (
-        jax.jit(jax.jacfwd(both), compiler_options=quick),
-        jnp.array([1.0, -0.7, 0.4, 0.2]),
-    )
-    reverse = jax.jit(jax.grad(lambda x: way @ both(x)), compiler_options=quick)
+    value, forward, way = quick(both), quick(jax.jacfwd(both)), jnp.array([1.0, -0.7, 0.4, 0.2])
+    reverse = quick(jax.grad(lambda x: way @ both(x)))
     x = jnp.asarray(
         np.concatenate([rng.normal(size=6), [0.1, 0.2, 0.3, -0.2, 0.4, 0.1, 0.05, -0.3]])
     )

@@ -1,0 +1,41 @@
+"""A log and a model that do not have the same joints."""
+
+import numpy as np
+import pytest
+
+from jaxidl.gap.inputs import read_inputs
+from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, robot, same, write
+
+
+@pytest.mark.parametrize("titles", ["names", "numbers", "array", "part"])
+def test_a_part_of_the_robot(tmp_path, titles):
+    still = THREE | {"q1": np.full(SAMPLES, 0.4)}
+    if titles == "names":
+        path = write(
+            tmp_path / "a.csv",
+            {(f"{ARM[int(k[-1])]}.{k[:-1]}" if k != "time" else k): v for k, v in still.items()},
+        )
+    elif titles == "array":
+        both = {kind: each_joint(still, kind, range(3)) for kind in ("q", "tau")}
+        path = write(tmp_path / "a.npz", {"time": still["time"]} | both)
+    elif titles == "part":
+        path = write(
+            tmp_path / "a.csv", {k.replace("2", "1"): v for k, v in still.items() if k[-1] != "1"}
+        )
+    else:
+        path = write(tmp_path / "a.csv", still)
+    log, model = read_inputs([path], robot(tmp_path), joints=["wrist_1", "shoulder_pan_joint"])
+    assert model.names == ("shoulder_pan_joint", "wrist_1_joint")
+    same(log, joints=(0, 2))
+    if titles == "part":  # nobody knows where the elbow was
+        assert log.still == ()
+        return
+    assert log.still == (("elbow_joint", pytest.approx(0.4)),)
+    assert any("elbow_joint at 0.4" in note for note in model.notes)
+    moving = write(tmp_path / "b.csv", THREE)
+    assert any(
+        "elbow_joint is locked" in n
+        for n in read_inputs(
+            [moving], robot(tmp_path), joints=["wrist_1", "shoulder_pan"]
+        ).log.notes
+    )
