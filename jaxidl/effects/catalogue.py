@@ -202,6 +202,13 @@ def _check_class(cls: Any) -> None:
             " struct.field(pytree_node=False)"
         )
         raise EffectError(f"a Parameter of {title} for each traced field", got, remedy)
+    taken = [f.name for f in fields(cls) if callable(getattr(Effect, f.name, None))]
+    if taken:
+        raise EffectError(
+            f"fields of {title} with names of their own",
+            f"{', '.join(taken)}, which every effect has as a method",
+            "rename the field",
+        )
     old = CATALOGUE.get(cls.name)
     if cls.name in RESERVED or (old is not None and _title(old) != title):
         owner = "the gap workflow" if old is None else _title(old)

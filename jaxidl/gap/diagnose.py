@@ -22,7 +22,7 @@ from jaxidl.gap.diagnosis import (
     Traces,
 )
 from jaxidl.gap.find import Found, aside, find
-from jaxidl.gap.findings import findings
+from jaxidl.gap.findings import findings, possible
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import SYSTEMATIC, check
@@ -41,6 +41,8 @@ from jaxidl.systems.mjcf import Model, read_model
 MIN_GAIN = 0.05
 MUCH = 0.04  # share of the command's spread from which a residual is reported
 SHOWN = 12  # most rivals reported
+# times the command: no model whose log is in the right units is wrong by so much
+ABSURD = 10.0
 
 Watch = Callable[[str, float], None]
 Source = Log | str | Path | Sequence[str | Path]
@@ -94,7 +96,8 @@ def diagnose(
             before = _search(
                 _log(reference, known), known, (), names, 0.0, min_gain, watch, resample=False
             )
-            common = tuple(v.effect for v in _values(before, before.library.rows))
+            kept = (v.effect for v in _values(before, before.library.rows))
+            common = tuple(effect for effect in kept if possible(effect))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
         rows = found.library.rows
         after, gap = residual(rows, found.solution), rows.gap
@@ -109,7 +112,8 @@ def diagnose(
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = _doubts(ties, named)
-    unexplained = _unexplained(found, compared, still)
+    handed = compared.after if named else compared.before
+    unexplained = _unexplained(found, handed.torque_rms, still)
     verdict = _verdict(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
     notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
@@ -273,20 +277,22 @@ def _envelope(made: Library, compared: Gap) -> Envelope:
 
 
 def _unexplained(
-    found: Found, compared: Gap, network: Sequence[tuple[float, float]]
+    found: Found, remaining: Sequence[float], network: Sequence[tuple[float, float]]
 ) -> tuple[int, ...]:
-    """Return joints with a large residual.
+    """Return joints with a large residual, ``remaining`` (J,) [N or Nm] in the model returned.
 
-    It exceeds that of the envelope, or a good part of it is still predicted by a network.
+    It exceeds that of the envelope or the command's own spread, than which no model at all would do
+    better, or a network still predicts a good part of it.
     """
     rows, made = found.library.rows, found.library
     envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
     out = []
     for j, (gain, stderr) in enumerate(network):
-        left = compared.after.torque_rms[j]
+        left = remaining[j]
         worth = left > MUCH * rows.spread[j] and left > 2.0 * rows.floor[j]
         systematic = gain > SYSTEMATIC and gain > 2.0 * stderr
-        if worth and (systematic or left > 1.1 * envelope[j]):
+        beaten = left > min(1.1 * envelope[j], rows.spread[j])
+        if worth and (systematic or beaten):
             out.append(j)
     return tuple(out)
 
@@ -352,6 +358,16 @@ def _warnings(rows: Rows, known: Model) -> list[str]:
     passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
     if passive:
         notes.append(f"{', '.join(passive)}: no torque was commanded there")
+    error, spread = rms(rows.gap, rows.used), np.where(rows.spread > 0.0, rows.spread, np.inf)
+    absurd = [known.names[j] for j in np.flatnonzero(error > ABSURD * spread)]
+    if absurd:
+        notes.append(
+            f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
+            " command; check the units of positions and torques, and the model's masses"
+        )
+    work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
+    if work.sum() < -0.3 * np.abs(work).sum():
+        notes.append("in total the torques brake the motion: check their sign")
     return notes
 
 

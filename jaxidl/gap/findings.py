@@ -4,7 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jaxidl.effects import CATALOGUE
+from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.errors import EffectError
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found, aside, worse_by
@@ -12,6 +13,18 @@ from jaxidl.gap.library import rms
 from jaxidl.gap.values import Value
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
+
+
+def possible(effect: Effect) -> bool:
+    """Return whether an effect's values are within the catalogue's bounds.
+
+    Values fitted to the whole log may leave them; a model with such an effect cannot be simulated.
+    """
+    try:
+        effect.check()
+    except EffectError:
+        return False
+    return True
 
 
 def findings(
@@ -39,6 +52,8 @@ def findings(
         name, joint = value.key
         if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
             continue  # the whole log does not confirm what the searched part suggested
+        if not possible(value.effect):
+            continue
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
         adds = np.zeros_like(rows.gap)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jaxidl.errors import StoreError
+from jaxidl.errors import ConfigurationError, StoreError
 from jaxidl.files import write_bytes
 from jaxidl.jobs.pieces import alone, read_piece, write_piece
 from jaxidl.jobs.points import Point
@@ -139,8 +139,28 @@ class Store:
     def add(
         self, points: Sequence[Point], arrays: Mapping[str, np.ndarray], origin: Origin
     ) -> None:
-        """Save finished runs; ``arrays`` have leaves (R, ...)."""
+        """Save finished runs; ``arrays`` have leaves (R, ...).
+
+        Raises:
+            ConfigurationError: if they are not the variables announced.
+        """
+        self._check_variables(arrays)
         self.adopt(write_part(self.parts, self.identity, points, arrays, origin))
+
+    def _check_variables(self, arrays: Mapping[str, np.ndarray]) -> None:
+        if self.variables.keys() != arrays.keys():
+            raise ConfigurationError(
+                f"variables for all that a run returns ({', '.join(arrays)})",
+                ", ".join(self.variables),
+                "name each of them, or leave variables out",
+            )
+        for name, array in arrays.items():
+            if array.ndim - 1 != len(self.variables[name].dims):
+                raise ConfigurationError(
+                    f"{array.ndim - 1} dims for {name}, one for each axis of what a run returns",
+                    f"{len(self.variables[name].dims)}",
+                    "correct its Variable",
+                )
 
     def adopt(self, part: Path) -> None:
         """Take in a part that :func:`write_part` has put into the folder, here or on another

@@ -79,7 +79,7 @@ def check_claims(data: xr.Dataset) -> list[Verdict]:
 
 def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
     numbers = average, typical = _number(claim.statistic, mean), _number(claim.statistic, median)
-    verdict, why = "not in these results", ""
+    verdict, why = "not in these results", _lacking(claim.statistic, mean)
     if average and typical:
         found = [within(number, claim.low, claim.high) for number in (average, typical)]
         verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
@@ -104,6 +104,23 @@ def _same(number: Mean | None, claim: Claim) -> str:
         if number is None
         else f"{number.value:.2g}" + " (true)" * (within(number, claim.low, claim.high) == "holds")
     )
+
+
+LACKING = {
+    "noise": "one noise only",
+    "iteration": "too few executions",
+    "source": "not all three sources",
+}
+
+
+def _lacking(statistic: Callable[[View], xr.DataArray], view: View) -> str:
+    """Return what a file lacks for a statistic, in words."""
+    try:
+        statistic(view)
+    except KeyError as error:
+        what = str(error.args[0]) if error.args else ""
+        return LACKING.get(what, "values that these results do not have")
+    return ""
 
 
 def _number(statistic: Callable[[View], xr.DataArray], view: View) -> Mean | None:

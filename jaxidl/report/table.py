@@ -33,7 +33,8 @@ def table(d: Diagnosis) -> str:
     """Return the first screen of a diagnosis.
 
     It has the verdict, joints × kinds of effect, effects of the whole mechanism, errors by joint,
-    and the residual. Lines have at most ``COLUMNS`` characters; the text ends without a newline.
+    the residual, and notes on log and model. Lines have at most ``COLUMNS`` characters; the text
+    ends without a newline.
     """
     parts = [
         _wrapped(f"{badge(d)}. {verdict(d)}"),
@@ -44,6 +45,7 @@ def table(d: Diagnosis) -> str:
         _refined(d),
     ]
     parts += [_doubt(d, *a) for a in d.ambiguous]
+    parts += [_wrapped(f"Note: {oneline(note)}.") for note in d.notes]
     return "\n\n".join(
         "\n".join(line[:COLUMNS].rstrip() for line in part) for part in parts if part
     )

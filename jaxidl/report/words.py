@@ -87,8 +87,8 @@ def frame(d: Diagnosis, f: Finding) -> str:
 
 
 def confidence(f: Finding) -> str:
-    """Return a finding's confidence."""
-    return f"{100.0 * f.confidence:.0f} %"
+    """Return a finding's confidence, rounded down: what is not sure never looks so."""
+    return f"{np.floor(100.0 * f.confidence + 1e-9):.0f} %"
 
 
 def gain(value: float, stderr: float) -> str:

@@ -83,13 +83,17 @@ def test_points_that_are_alike_are_computed_once(tmp_path, computed):
         product,
         {"a": (1.0, 2.0), "b": (0.0, 5.0)},
         tmp_path / "r.nc",
-        variables={"value": Variable(("k",), "m", "a line")},
+        variables={
+            "value": Variable(("k",), "m", "a line"),
+            "sum": Variable(),
+            "fits": Variable(),
+        },
         alike=lambda at: {**at, "b": 0.0} if at["a"] == 1.0 else at,
         quiet=True,
     )
     assert (("a", 1.0), ("b", 5.0)) not in computed
     np.testing.assert_array_equal(data["value"].sel(a=1.0, b=5.0), data["value"].sel(a=1.0, b=0.0))
-    assert set(data.data_vars) == {"value"}
+    assert set(data.data_vars) == {"value", "sum", "fits"}
     assert (data["value"].attrs["units"], data["value"].dims) == ("m", ("a", "b", "k"))
 
 
