@@ -39,3 +39,11 @@ def test_currents_without_a_constant_name_the_argument(tmp_path, capsys):
     line = refusal(capsys, "gap", log, "--model", model, "--out", tmp_path / "out")
     assert "give --torque-constant" in line
     assert not (tmp_path / "out").exists()
+
+
+def test_a_log_without_torques_is_refused_in_one_line(tmp_path, capsys):
+    columns = {key: column for key, column in THREE.items() if not key.startswith("tau")}
+    log, model = write(tmp_path / "a.csv", columns), robot(tmp_path)
+    line = refusal(capsys, "gap", log, "--model", model, "--out", tmp_path / "out")
+    assert "add a column tau0" in line
+    assert not (tmp_path / "out").exists()

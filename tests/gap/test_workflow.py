@@ -15,7 +15,6 @@ from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.logs.signals import derivative
-from tests.helpers.process import python
 
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""
@@ -200,17 +199,6 @@ def test_result_depends_on_log_and_model_alone(tmp_path):
 def test_wrong_options_are_explained(tmp_path, options, words):
     with pytest.raises(ConfigurationError, match=words):
         gap.diagnose(tmp_path / "log.csv", tmp_path / "model.xml", **options)
-
-
-def test_command_line_ends_bad_input_in_one_line_and_writes_nothing(tmp_path):
-    (tmp_path / "model.xml").write_text(SLIDER.format(mass=1))
-    (tmp_path / "log.csv").write_text("time,q0\n0,1\n")
-    model, out = tmp_path / "model.xml", tmp_path / "out"
-    done = python("-m", "jaxidl", "gap", tmp_path / "log.csv", "--model", model, "--out", out)
-    assert done.returncode == 2
-    assert "tau0" in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "out").exists()
 
 
 def test_measured_drive_has_viscous_and_dry_friction_that_differ_by_direction(emps, tmp_path):

@@ -131,20 +131,21 @@ def test_fast_training_is_plain_training(dtype, tolerance):
         start(training, params), data, batches
     )
     x, y = model.scale_inputs(data.x).astype(dtype).T, (data.y / model.torque_scale).astype(dtype).T
-    gradient = jax.jit(
-        jax.value_and_grad(lambda p, rows: loss_of(model, p, x[:, rows], y[:, rows]))
-    )
+
+    @jax.jit
+    def step(params, m, v, rows, rate):
+        loss, g = jax.value_and_grad(lambda p: loss_of(model, p, x[:, rows], y[:, rows]))(params)
+        m = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, m, g)
+        v = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, v, g)
+        params = jax.tree.map(lambda p, m, v: p - rate * m / (jnp.sqrt(v) + 1e-8), params, m, v)
+        return loss, params, m, v
+
     m = v = jax.tree.map(jnp.zeros_like, params)
     losses = []
     for t, rows in enumerate(batches, start=1):
-        loss, g = gradient(params, rows)
+        rate = dtype(1e-3 * np.sqrt(1 - 0.999**t) / (1 - 0.9**t))
+        loss, params, m, v = step(params, m, v, rows, rate)
         losses.append(float(loss))
-        m = jax.tree.map(lambda m, g: 0.9 * m + 0.1 * g, m, g)
-        v = jax.tree.map(lambda v, g: 0.999 * v + 0.001 * g * g, v, g)
-        rate = 1e-3 * np.sqrt(1 - 0.999**t) / (1 - 0.9**t)
-        params = jax.tree.map(
-            lambda p, m, v, rate=rate: p - dtype(rate) * m / (jnp.sqrt(v) + 1e-8), params, m, v
-        )
     assert len(losses) == 96
     np.testing.assert_allclose(progress.loss, losses, rtol=tolerance)
 

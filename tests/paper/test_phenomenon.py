@@ -29,6 +29,7 @@ def test_the_first_execution_is_the_reference_programs(setting):
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("optimised")
 def test_low_gain_learning_goes_as_on_the_reference_page(tmp_path):
     """The page's rows at low gain and low noise, with two seeds: whole learning runs of the study
     as it is.

@@ -102,7 +102,7 @@ def test_diverged_iterations_leave_a_gap_and_are_counted():
 
 def test_results_without_an_example_run_are_named(tmp_path):
     with pytest.raises(StoreError, match="example run"):
-        draw_all(results(as_in_the_paper), tmp_path)
+        draw_all(results(as_in_the_paper), tmp_path, ["fig3_single_run"])
 
 
 @pytest.mark.slow
