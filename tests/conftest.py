@@ -79,7 +79,7 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_the_learner_removes_what_is_known_to_be_missing[viscous friction-joint]",
     "test_the_learner_removes_what_is_known_to_be_missing[mass error-indirect]",
     "test_the_learner_removes_what_is_known_to_be_missing[mass error-direct]",
-    "test_any_number_of_joints[3]",
+    "test_learning_works_for_any_number_of_joints[3]",
     "test_scan_vmap_and_a_python_loop_give_the_same_execution[doomed]",
     "test_derivatives_of_an_execution_and_its_data[law",
     "test_derivatives_of_an_execution_and_its_data[policy",

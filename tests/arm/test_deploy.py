@@ -100,7 +100,7 @@ def test_python_gives_the_torques_of_an_execution_and_keeps_to_its_bounds(small_
         assert not at_the_bound.all()
 
 
-def test_a_file_is_single_precision_in_full_for_cpu_and_gpu(parts):
+def test_the_file_is_for_cpu_and_gpu_in_full_single_precision(parts):
     exported = jax.export.deserialize(bytearray(export_feedforward(*parts)))
     assert exported.platforms == ("cpu", "cuda")
     assert [(x.shape, x.dtype) for x in (*exported.in_avals, *exported.out_avals)] == [
@@ -113,7 +113,7 @@ def test_a_file_is_single_precision_in_full_for_cpu_and_gpu(parts):
     assert all("precision = [HIGHEST, HIGHEST]" in line for line in products)
 
 
-def test_networks_that_know_circumstances_are_told_them():
+def test_exported_feedforward_takes_circumstances_as_an_input():
     error_model = ErrorModel(2, (8, 1), circumstance_scales=(2.0,))
     task = Task(
         State(jnp.zeros(2), jnp.zeros(2)), lambda q, qd, t: -q, torque_limit=jnp.full(2, 800.0)

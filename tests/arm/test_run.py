@@ -68,7 +68,7 @@ def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_acc
     assert kept["feedback_trace"].dtype == np.float32
 
 
-def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_folder(tmp_path):
+def test_pieces_of_other_settings_are_not_loaded_and_a_folder_is_for_one_process(tmp_path):
     with Pieces(tmp_path, {"a": 1}) as parts:
         parts.save("x", {"value": np.arange(3)})
         with pytest.raises(StoreError, match="alone"), Pieces(tmp_path, {"a": 1}):
@@ -83,7 +83,7 @@ def test_pieces_of_another_identity_are_none_and_two_processes_do_not_share_a_fo
         np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
 
 
-def test_a_piece_damaged_anywhere_is_none(tmp_path):
+def test_a_damaged_piece_is_not_loaded(tmp_path):
     with Pieces(tmp_path, {"a": 1}) as parts:
         parts.save("x", {"value": np.arange(40)})
         whole = parts.path("x").read_bytes()
@@ -115,7 +115,7 @@ def conditions() -> xr.Dataset:
     return found.assign(finite=np.isfinite(found["feedback_mse"]))
 
 
-def test_ranking_and_falls_say_what_the_numbers_say():
+def test_ranking_and_falls_of_made_up_results_are_as_they_were_made():
     rows = ranking(conditions())
     assert rows[0]["source"] == "direct"
     assert [row["apart"] for row in rows] == [False, True, True]
@@ -145,7 +145,7 @@ def test_runs_that_diverged_are_counted_and_left_out():
     assert {row["source"] for row in falls(data)} == {"joint", "indirect"}
 
 
-def test_load_is_carried_between_its_instants():
+def test_a_load_is_carried_between_its_two_instants():
     study = replace(ArmStudy(), carried=(Load(0.5, 1.0, 2.0),))
     mass = np.asarray(study.carried_mass())[:, 0]
     t = np.arange(study.steps) * study.dt
@@ -155,7 +155,7 @@ def test_load_is_carried_between_its_instants():
     assert ArmStudy().task().circumstances is None
 
 
-def test_lowest_rate_that_lifts():
+def test_the_lowest_rate_that_lifts_is_found():
     found = {"rates": np.array([1.0, 2.0, 4.0]), "lifted": np.array([0.1, 0.6, 0.9])}
     assert pick.lowest(found) == 2.0
     with pytest.raises(ConfigurationError, match="lighter tool"):

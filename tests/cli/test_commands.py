@@ -143,7 +143,7 @@ def test_simulate_is_the_library_and_reads_given_noise(tmp_path, capsys):
         np.testing.assert_allclose(a[name], getattr(wanted, name), rtol=1e-12, atol=1e-9)
 
 
-def test_simulate_a_learning_run(tmp_path):
+def test_simulate_stores_every_execution_of_a_learning_run(tmp_path):
     words = [
         "simulate",
         "--controller",
@@ -173,7 +173,7 @@ def test_the_old_name_of_executions_is_understood():
 
 
 @pytest.mark.slow
-def test_sweep_then_figures_then_claims(tmp_path, capsys):
+def test_figures_and_claims_read_what_sweep_writes(tmp_path, capsys):
     out = str(tmp_path / "r.nc")
     words = [
         "--noise",

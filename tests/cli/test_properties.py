@@ -304,7 +304,7 @@ BEGIN = {
     ),
     encoding=st.sampled_from(["utf-8", "ascii"]),
 )
-def test_no_heap_of_words_gets_a_traceback_or_leaves_a_file(asked, start, words, encoding):
+def test_random_words_get_no_traceback_and_leave_no_file(asked, start, words, encoding):
     if say([*start, *words], encoding).status == 2:
         assert not os.listdir()
     for made in Path().iterdir():

@@ -14,14 +14,14 @@ from jaxidl.types import State
 RNG = np.random.default_rng(3)
 
 
-def test_pd_policy():
+def test_pd_policy_is_its_equation():
     policy = PdPolicy(jnp.ones(2), 100.0, 10.0)
     np.testing.assert_allclose(
         policy(jnp.array([0.5, 1.0]), jnp.array([1.0, -1.0]), 0), [40.0, 10.0]
     )
 
 
-def test_pid_and_its_learning_feedback_step_by_step():
+def test_pid_and_its_learning_feedback_are_their_equations_step_by_step():
     law = Pid(PidGains(25.0, 2.5, 0.005), PidGains(500.0, 50.0, 0.01), 0.1)
     memory, integral, filtered = law.init(jnp.zeros(2)), np.zeros(2), None
     for _ in range(5):
@@ -37,7 +37,7 @@ def test_pid_and_its_learning_feedback_step_by_step():
         np.testing.assert_allclose(feedback.learning, filtered, rtol=1e-12)
 
 
-def test_doomed_step_by_step():
+def test_doomed_is_its_equations_step_by_step():
     law = Doomed(0.2, 0.5, 0.1)
     memory = law.init(jnp.zeros(2))
     rest = State(jnp.zeros(2), jnp.zeros(2))

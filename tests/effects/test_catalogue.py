@@ -82,7 +82,7 @@ def test_round_trip_through_a_dictionary(effect):
     assert all(a.shape == b.shape and (a == b).all() for a, b in pairs)
 
 
-def test_jit_can_tell_effects_apart():
+def test_effects_of_different_classes_or_joints_have_different_structures():
     structures = [jax.tree.structure(effect) for effect in (*EXAMPLES.values(), *WRAPPED.values())]
     assert all(
         (a == b) == (i == j) for i, a in enumerate(structures) for j, b in enumerate(structures)

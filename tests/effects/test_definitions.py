@@ -271,7 +271,7 @@ def test_ripple_repeats_and_has_no_mean():
     np.testing.assert_allclose(effect.torque(one(0.05), one(0.0), one(0.0)), 3.0)
 
 
-def test_bodies_that_are_not_what_they_are_said_to_be():
+def test_wrong_inertia_a_payload_and_an_offset_change_the_acceleration():
     assert acceleration(fx.InertiaError(one(1.0), one(0.5)), 7.0) == pytest.approx(2.0)
     assert acceleration(
         fx.Payload(jnp.array(1.5), jnp.array([0.1, 0.2, 0.3])), 7.0

@@ -17,7 +17,7 @@ def delivered(effect, tau):
 PULSES = np.array([0.0, 1.0, 3.0, -2.0, 0.5, 0.0, 4.0, 1.0, 0.0, 0.0])
 
 
-def test_scale_and_saturation():
+def test_scale_and_saturation_change_the_delivered_torque():
     np.testing.assert_allclose(
         delivered(fx.TorqueScale(one(0.8)), PULSES), 0.8 * PULSES, atol=1e-11
     )

@@ -19,7 +19,7 @@ ZERO, AT = jnp.zeros(1), jnp.zeros(2)
     ("tau", "direction", "level"),
     [(4.0, 1.0, 0.8), (4.0, -1.0, 0.2), (-4.0, -1.0, 0.8), (-4.0, 1.0, 0.2)],
 )
-def test_a_gear_that_is_driven_rubs_otherwise(tau, direction, level):
+def test_friction_of_a_gear_depends_on_which_side_drives(tau, direction, level):
     effect = fx.DirectionalLoadFriction(one(0.2), one(0.05))
     np.testing.assert_allclose(effect.dry(ZERO, one(0.0), one(tau), one(direction)), level)
     same = fx.DirectionalLoadFriction(one(0.3), one(0.3)).dry(ZERO, ZERO, one(tau), one(direction))
@@ -28,7 +28,7 @@ def test_a_gear_that_is_driven_rubs_otherwise(tau, direction, level):
     )
 
 
-def test_cold_friction_goes_with_time():
+def test_cold_friction_decays_exponentially():
     effect = fx.ThermalFriction(one(0.5), one(2.0), one(0.7))
     memory, speed, delivered = effect.start(ZERO), one(3.0), []
     for _ in range(1000):
@@ -74,7 +74,7 @@ def test_friction_of_two_joints_takes_power_from_their_common_speed(difference):
     np.testing.assert_allclose(effect.torque(qd, together, qd), 0.0)
 
 
-def test_a_motor_that_turns_two_joints():
+def test_a_coupled_motor_turns_a_second_joint():
     effect = fx.MotorCoupling(jnp.array(-0.5), joint=1, other=0)
     np.testing.assert_allclose(effect.actuate((), AT, AT, pair(1.0, 4.0), DT)[0], [-1.0, 4.0])
 

@@ -113,7 +113,7 @@ def test_friction_and_the_common_effects_are_marked():
     }
 
 
-def test_a_part_follows_what_is_free():
+def test_contained_effects_depend_on_the_free_parameters():
     cls = fx.AsymmetricFriction
     assert cls.contains(("positive", "negative")) == ("coulomb_friction", "constant_offset")
     assert cls.contains(("viscous_positive", "viscous_negative")) == ("viscous_friction",)
@@ -139,7 +139,7 @@ def test_a_saturated_sample_is_one_whose_motion_needs_the_limit():
     np.testing.assert_array_equal(fx.ViscousFriction(jnp.ones(1)).seen(logged, needed), logged)
 
 
-def test_who_reads_the_torque_is_found_out():
+def test_effects_that_read_the_torque_are_recognised():
     reads = {
         n
         for n, c in SEARCHED.items()

@@ -8,7 +8,7 @@ from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, robot, same, wri
 
 
 @pytest.mark.parametrize("titles", ["names", "numbers", "array", "part"])
-def test_a_part_of_the_robot(tmp_path, titles):
+def test_joints_that_are_not_asked_for_are_locked_where_the_log_has_them(tmp_path, titles):
     still = THREE | {"q1": np.full(SAMPLES, 0.4)}
     if titles == "names":
         path = write(

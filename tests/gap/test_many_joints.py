@@ -139,7 +139,7 @@ def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_pat
     assert values["payload", None]["mass"].value == pytest.approx(LOAD, rel=0.03)
 
 
-def test_of_a_joint_that_stands_still_nothing_is_said(files, tmp_path):
+def test_nothing_is_named_on_a_joint_that_stands_still(files, tmp_path):
     log = saved(tmp_path, "still.npz", moved(chain(), 1.0, 1, still=(3,)))
     found = diagnose(log, files[1], effects=EFFECTS[:4], rollouts=False)
     named = {(f.name, f.joint) for f in found.findings}

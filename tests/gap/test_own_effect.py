@@ -155,7 +155,7 @@ def test_a_registered_class_is_known_everywhere(clean_catalogue):
         assert jax.tree.structure(again) == jax.tree.structure(effect)
 
 
-def test_a_cell_may_run_again(clean_catalogue):
+def test_a_class_that_is_defined_again_replaces_the_old_one(clean_catalogue):
     """The new class takes the old one's place, and no compiled program of the old one its."""
     old, new = register(magnet(1.0)), register(magnet(2.0))
     assert CATALOGUE["magnet"] is new

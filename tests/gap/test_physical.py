@@ -58,7 +58,7 @@ def test_friction_that_would_drive_is_cut_to_what_dissipates():
     np.testing.assert_allclose(found, [1.5, -1.5], atol=1e-6)
 
 
-def test_a_link_that_no_mass_has_becomes_one_that_some_have():
+def test_an_impossible_inertia_becomes_a_possible_one():
     """More mass is wanted taken from a link than it has."""
     nominal = np.array([2.0, 0.1, 0.0, 0.2, 0.05, 0.06, 0.04, 0.0, 0.0, 0.0])
     base, slopes = pseudo_inertia(nominal), pseudo_inertia(np.eye(10))
@@ -198,7 +198,7 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
             assert {i.group[2]: i.joints for i in together} == {"extra": (1,), "mass": (0, 1)}
 
 
-def test_what_reads_the_torque_looks_at_the_command_that_is_predicted_now_where_ties_are_sought(
+def test_where_ties_are_sought_effects_read_the_predicted_command(
     two_link,
 ):
     """Not where it competes: there a command that is predicted well would explain itself."""

@@ -198,7 +198,7 @@ def test_a_window_that_runs_away_counts_as_an_error_and_spoils_no_derivative(pro
     np.testing.assert_allclose(slopes[~lost], well[~lost], rtol=1e-9, atol=1e-12)
 
 
-def test_a_start_from_which_everything_runs_away_is_told(pendulum, signals):
+def test_a_start_from_which_everything_diverges_is_reported(pendulum, signals):
     brakes = 1e4, 1.0, 1.0  # more viscous friction than steps of this length can simulate
     unstable = effects(*brakes)
     found = refine(pendulum.plant, unstable, signals, ({"coefficient": (0.0, 1e4)}, *FREE[1:]))
@@ -220,7 +220,7 @@ def test_windows_lie_wholly_on_their_side(signals):
             assert window.all()
 
 
-def test_nothing_to_fit_and_too_little_to_prove_it_are_told(pendulum, signals):
+def test_nothing_to_fit_and_too_few_windows_are_reported(pendulum, signals):
     nothing = refine(pendulum.plant, effects(), signals, ({}, {}, {}))
     assert (nothing.accepted, nothing.reason) == (False, "there is no parameter to refine")
     short = refine(pendulum.plant, effects(), signals, FREE, window=2.0)

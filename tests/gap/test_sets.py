@@ -208,7 +208,7 @@ def test_standard_errors_are_the_scatter_where_neighbours_say_the_same():
     np.testing.assert_allclose(np.mean(said, 0), np.std(found, 0), rtol=0.2)
 
 
-def test_what_a_log_does_not_tell_is_as_wide_as_was_plausible(planted):
+def test_an_unseen_parameter_is_as_uncertain_as_its_prior(planted):
     rows, pool, _, _ = planted
     unseen = replace(pool[1], columns=1e-9 * pool[1].columns, precision=np.array([2.0]))
     score = score_of(rows, [pool[0], unseen])
@@ -489,7 +489,7 @@ def test_what_a_member_is_worth_is_estimated_without_a_fit(planted):
         assert lost[id(m)] == pytest.approx(exact, abs=max(0.1 * abs(exact), 1.5))
 
 
-def test_what_happens_once_is_so_in_several_blocks(planted):
+def test_a_rare_event_is_spread_over_several_blocks(planted):
     rows, *_ = planted
     left = np.full((N, JOINTS), 0.1)
     left[200:230, 0] = 5.0

@@ -58,9 +58,7 @@ def cache_setting():
     jax.config.update("jax_compilation_cache_dir", before)
 
 
-def test_programs_are_kept_in_the_users_cache_unless_told_otherwise(
-    monkeypatch, tmp_path, cache_setting
-):
+def test_programs_are_kept_in_the_users_cache_by_default(monkeypatch, tmp_path, cache_setting):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     before = jax.config.jax_compilation_cache_dir
     keep_programs()  # JAX_COMPILATION_CACHE_DIR is set, as conftest does: JAX's own setting stands

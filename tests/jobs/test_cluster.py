@@ -97,7 +97,7 @@ UNSHARED = """
 
 
 @pytest.mark.slow
-def test_a_folder_that_is_not_shared_and_versions_that_differ_are_told(tmp_path):
+def test_a_folder_that_is_not_shared_and_versions_that_differ_are_refused(tmp_path):
     unshared, unlike = run_script(tmp_path, UNSHARED)
     assert "folder that all machines share" in unshared
     assert "same versions" in unlike
@@ -108,12 +108,12 @@ def test_a_folder_that_is_not_shared_and_versions_that_differ_are_told(tmp_path)
     ("address", "complaint"),
     [("127.0.0.1:1", "refused"), ("nonsense", "HOST:PORT"), ("", "HOST:PORT")],
 )
-def test_a_cluster_that_is_not_there_is_told_at_once(address, complaint):
+def test_a_cluster_that_is_not_there_is_refused_at_once(address, complaint):
     with pytest.raises(ConfigurationError, match=complaint), cluster.Cluster(address):
         pass
 
 
-def test_ray_missing_is_told_with_the_remedy(monkeypatch):
+def test_missing_ray_is_refused_with_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(ConfigurationError, match=r"jaxidl\[cluster\]"), cluster.Cluster("local"):
         pass

@@ -156,7 +156,7 @@ PROBES = {
 
 
 @pytest.mark.parametrize("name", PROBES)
-def test_targets_equal_the_closed_form(name):
+def test_indirect_targets_equal_the_closed_form(name):
     """Indirect: what the true system needs beyond the model at the acceleration that happened."""
     plant, model = PROBES[name]
     setting = probe(plant, model, STIFF)
@@ -226,7 +226,7 @@ def test_the_learner_removes_what_is_known_to_be_missing(name, source):
 
 
 @pytest.mark.parametrize("joints", [1, 3])
-def test_any_number_of_joints(joints):
+def test_learning_works_for_any_number_of_joints(joints):
     plant = Plant(point_mass(2.0, joints), (ViscousFriction(jnp.full(joints, 20.0)),))
     model = ErrorModel(joints=joints, layers=(8, 1))
     how = {"source": "joint", "error_model": model, "training": Training(epochs=1)}
@@ -300,7 +300,7 @@ def test_filtered_compares_with_what_was_wanted_when_the_estimate_was_true(delay
     assert jnp.abs(run.qdd_actual - run.qdd_desired)[100:].max() > 9 * half_a_step
 
 
-def test_where_the_mechanism_truly_begins_is_seen_from_the_first_reading_on():
+def test_a_start_other_than_the_tasks_is_seen_from_the_first_step_on():
     plant, seen, noise = Plant(point_mass(2.0)), jnp.array([0.1, -0.2]), jnp.zeros((20, 2))
     task = Task(
         State(seen, jnp.zeros(2)),

@@ -135,7 +135,7 @@ MAPPED = as_robots_do("tick_of_plc", q="pv {} k", tau="m_{short}")
         ],
     ],
 )
-def test_columns_that_the_user_names(tmp_path, columns):
+def test_columns_that_the_user_names_are_read(tmp_path, columns):
     same(read(write(tmp_path / "a.csv", MAPPED), ARM, columns=columns))
 
 
@@ -157,11 +157,11 @@ def test_columns_that_the_user_names(tmp_path, columns):
         (["q=pv * k", "tau=m_*"], ["column time", "tick_of_plc"]),
     ],
 )
-def test_columns_that_the_user_names_wrongly(tmp_path, columns, words):
+def test_wrong_names_of_columns_are_refused(tmp_path, columns, words):
     refuse(lambda: read(write(tmp_path / "a.csv", MAPPED), ARM, columns=columns), *words)
 
 
-def test_arrays_of_all_joints_by_other_names(tmp_path):
+def test_arrays_of_all_joints_are_read_by_other_names(tmp_path):
     q, tau = (each_joint(THREE, kind, range(3)) for kind in ("q", "tau"))
     for titles, columns in (
         (("t", "positions", "joint torques"), []),
@@ -222,7 +222,7 @@ def test_units_in_titles_are_converted(tmp_path):
     ],
 )
 @pytest.mark.parametrize("ending", ["csv", "npz"])
-def test_clocks(tmp_path, columns, words, ending):
+def test_clocks_in_any_unit_become_seconds(tmp_path, columns, words, ending):
     log = read(
         write(tmp_path / f"a.{ending}", columns | {k: v for k, v in THREE.items() if k != "time"})
     )
@@ -232,7 +232,7 @@ def test_clocks(tmp_path, columns, words, ending):
     np.testing.assert_allclose(log.time, THREE["time"], atol=1e-5)
 
 
-def test_rows_that_were_logged_twice(tmp_path):
+def test_repeated_rows_are_left_out(tmp_path):
     path = write(tmp_path / "a.csv", {key: np.repeat(column, 2) for key, column in THREE.items()})
     log = read(path)
     same(log)
@@ -263,7 +263,7 @@ def test_runs_of_other_rates_are_brought_together(tmp_path, factor):
     np.testing.assert_allclose(log.tau[inner, 0], np.cos(3 * log.time[inner]), atol=5e-4)
 
 
-def test_what_is_faster_does_not_fold_over(tmp_path):
+def test_resampling_does_not_alias(tmp_path):
     """A wave at 7/8 of the slower rate would come out as one at 1/8 of it."""
     fast, slow = np.arange(0, 5, DT), np.arange(0, 5, 4 * DT)
     ripple = wave(fast) | {"tau0": np.cos(2 * np.pi * 0.875 / (4 * DT) * fast)}
@@ -329,7 +329,7 @@ def test_coupled_motors_keep_power(tmp_path):
     np.testing.assert_allclose(log.q[:, 2], 0.5 * THREE["q1"] / 50 - THREE["q2"] / 50)
 
 
-def test_numbers_by_joint(tmp_path):
+def test_numbers_of_motors_may_be_given_by_joint(tmp_path):
     (tmp_path / "m.yaml").write_text(
         "joints: {elbow: {torque_constant: 2}, shoulder_pan: {torque_constant: 1}, wrist_1:"
         " {torque_constant: 3}}"
@@ -363,7 +363,7 @@ def test_numbers_by_joint(tmp_path):
         ("\0", ["readable YAML"]),
     ],
 )
-def test_descriptions_of_motors_that_do_not_fit(tmp_path, content, words):
+def test_wrong_descriptions_of_motors_are_refused(tmp_path, content, words):
     (tmp_path / "m.yaml").write_text(content)
     refuse(lambda: motor_side(ARM, tmp_path / "m.yaml"), *words)
     refuse(lambda: motor_side(ARM, tmp_path / "m.yaml", [1.0]), "both")

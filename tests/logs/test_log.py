@@ -50,7 +50,7 @@ def test_a_log_comes_back_from_every_format(tmp_path, ending):
     assert log.notes == ()
 
 
-def test_arrays_of_all_joints_and_of_one(tmp_path):
+def test_arrays_of_all_joints_and_of_one_are_read(tmp_path):
     columns = good()
     q, tau = (each_joint(columns, kind, (0, 1)) for kind in ("q", "tau"))
     np.savez(tmp_path / "a.npz", time=columns["time"][:, None], q=q, tau=tau)
@@ -79,13 +79,13 @@ def test_arrays_of_all_joints_and_of_one(tmp_path):
         lambda s: s.replace("\n", ",\n"),  # a column without a name
     ],
 )
-def test_dialects_of_csv(tmp_path, edit):
+def test_dialects_of_csv_are_understood(tmp_path, edit):
     (tmp_path / "a.csv").write_bytes(edit(text(good())).encode())
     log = read(tmp_path / "a.csv", joints=2)
     assert dataclasses.replace(arrays(good()), notes=log.notes).q.tobytes() == log.q.tobytes()
 
 
-def test_runs_by_label_by_file_and_both(tmp_path):
+def test_runs_come_from_labels_and_from_files(tmp_path):
     label = np.repeat(["up", "down"], 150)
     a = write(tmp_path / "a.csv", good(run=label))
     b = write(tmp_path / "b.npz", good(run=np.repeat([7.0, 3.0, 5.0], 100)))
@@ -96,7 +96,7 @@ def test_runs_by_label_by_file_and_both(tmp_path):
     assert log.notes == ("qd ignored: not every log has it",)
 
 
-def test_parquet_with_integers_and_labels(tmp_path):
+def test_parquet_with_integers_and_labels_is_read(tmp_path):
     columns = good(run=np.repeat(["a", "b"], 150).tolist())
     columns["tau1"] = np.arange(SAMPLES)
     log = read(write(tmp_path / "a.parquet", columns))
@@ -163,11 +163,11 @@ def test_short_runs_are_left_out():
         (changed("q1", 123, 9.0), "q1 jumps at 0.61 s"),
     ],
 )
-def test_oddities_are_told(columns, words):
+def test_oddities_are_noted(columns, words):
     assert words in notes_of(columns)[1]
 
 
-def test_ignored_columns_are_told(tmp_path):
+def test_ignored_columns_are_noted(tmp_path):
     path = write(tmp_path / "a.csv", good(q_reference0=["x"] * SAMPLES))
     assert read(path).notes == (f"column q_reference0 of {path} ignored",)
 
@@ -245,7 +245,7 @@ COMPLAINTS = {
 
 @pytest.mark.parametrize("ending", FORMATS)
 @pytest.mark.parametrize("name", COMPLAINTS)
-def test_what_is_wrong_is_named(tmp_path, name, ending):
+def test_wrong_numbers_are_refused_with_their_place(tmp_path, name, ending):
     columns, words = COMPLAINTS[name]
     if ending == "csv" and name == "run empty":
         columns = columns | {"run": [""] + ["1"] * (SAMPLES - 1)}
@@ -254,7 +254,7 @@ def test_what_is_wrong_is_named(tmp_path, name, ending):
     refuse(lambda: read([path]), *words)
 
 
-def test_joints_are_the_models(tmp_path):
+def test_a_log_must_have_the_models_joints(tmp_path):
     path = write(tmp_path / "a.csv", good())
     refuse(
         lambda: read(path, joints=7),
@@ -269,13 +269,13 @@ def test_joints_are_the_models(tmp_path):
     refuse(lambda: read([path, one]), "same number of joints", "2 in", "1 in")
 
 
-def test_files_are_given_once(tmp_path):
+def test_a_file_given_twice_is_refused(tmp_path):
     path = write(tmp_path / "a.csv", good())
     refuse(lambda: read([path, tmp_path / "." / "a.csv"]), "a.csv twice")
     refuse(lambda: read([]), "at least one log")
 
 
-def test_files_of_rates_far_apart(tmp_path):
+def test_files_of_very_different_rates_are_refused(tmp_path):
     a, b = write(tmp_path / "a.csv", good()), write(tmp_path / "b.csv", good(dt=6 * DT))
     refuse(lambda: read([a, b]), "within a factor of 5", "200 Hz")
 
@@ -360,7 +360,7 @@ def line_changed(number, edit):
         (b"\x1f\x8b" + bytes(90), ["compressed"]),
     ],
 )
-def test_damaged_csv(tmp_path, content, words):
+def test_damaged_csv_is_refused_with_its_place(tmp_path, content, words):
     path = tmp_path / "a.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     if words is None:
@@ -422,12 +422,12 @@ ENORMOUS = "{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000000, 1
     # an archive holds the time at which it was made, which is no name for a test
     ids=lambda value: "archive" if isinstance(value, bytes) else ", ".join(value),
 )
-def test_damaged_npz(tmp_path, content, words):
+def test_damaged_npz_is_refused(tmp_path, content, words):
     (tmp_path / "a.npz").write_bytes(content)
     refuse(lambda: read(tmp_path / "a.npz"), *words)
 
 
-def test_damaged_parquet(tmp_path):
+def test_damaged_parquet_is_refused(tmp_path):
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -454,7 +454,7 @@ def test_damaged_parquet(tmp_path):
     refuse(lambda: read(path), "one column q0", "columns 2 and 3")
 
 
-def test_parquet_without_pyarrow(tmp_path, monkeypatch):
+def test_missing_pyarrow_is_refused_with_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "pyarrow.parquet", None)
     (tmp_path / "a.parquet").write_bytes(b"PAR1")
     refuse(
@@ -465,7 +465,7 @@ def test_parquet_without_pyarrow(tmp_path, monkeypatch):
     )
 
 
-def test_places_without_a_log(tmp_path, monkeypatch):
+def test_paths_without_a_log_are_refused(tmp_path, monkeypatch):
     refuse(lambda: read(tmp_path / "none.csv"), "no such file")
     refuse(lambda: read(tmp_path), "a folder")
     refuse(lambda: read(Path("/dev/null")), "something else")
@@ -487,7 +487,7 @@ def test_places_without_a_log(tmp_path, monkeypatch):
     refuse(lambda: read(path), "no permission")
 
 
-def test_arrays_that_are_none():
+def test_wrong_arrays_are_refused():
     time, q, tau = good()["time"], BOTH["q"], BOTH["tau"]
     refuse(
         lambda: from_arrays(time, [[1.0], [1.0, 2.0]], tau), "an array for q", "lists of numbers"
@@ -594,7 +594,7 @@ def damaged_bytes(rng, content: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("ending", FORMATS)
-def test_damage_is_named_or_harmless(tmp_path, ending):
+def test_damaged_files_are_read_or_refused(tmp_path, ending):
     """Of 300 damaged files of each format every one is either a consistent log or a complaint of
     one line.
     """

@@ -100,7 +100,7 @@ def test_topics_are_for_the_user_to_choose(tmp_path):
     )
 
 
-def test_bags_that_lack_something(tmp_path):
+def test_bags_without_torques_or_messages_are_refused(tmp_path):
     same(read(bag(tmp_path / "a", stamped=False), ARM))
     refuse(
         lambda: read(bag(tmp_path / "b", effort=False), ARM),
@@ -113,7 +113,7 @@ def test_bags_that_lack_something(tmp_path):
     refuse(lambda: read(tmp_path / "gone.mcap", ARM), "no such file")
 
 
-def test_damaged_bags(tmp_path):
+def test_damaged_bags_are_refused(tmp_path):
     file = next(bag(tmp_path / "bag").glob("*.mcap"))
     whole, rng = file.read_bytes(), np.random.default_rng(0)
     for content in (
@@ -129,7 +129,7 @@ def test_damaged_bags(tmp_path):
     refuse(lambda: read(file.parent, ARM), "readable ROS bag")
 
 
-def test_without_rosbags(tmp_path, monkeypatch):
+def test_missing_rosbags_is_refused_with_the_remedy(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
     (tmp_path / "a.mcap").write_bytes(b"x")
     refuse(

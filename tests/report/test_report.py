@@ -431,7 +431,7 @@ def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
 
 
 @pytest.mark.slow
-def test_thirty_findings_on_seven_joints(tmp_path):
+def test_thirty_findings_on_seven_joints_fit_table_page_and_figures(tmp_path):
     names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
     many = [make(7, j) for make in (viscous, inertia) for j in range(1, 7)] + [
         friction(7, 1.0 + j, j, 0.5) for j in range(7)
@@ -517,7 +517,7 @@ def test_logs_that_have_little_in_them_still_draw(tmp_path):
     page_of(tmp_path / "out")
 
 
-def test_figures_are_functions(tmp_path):
+def test_every_figure_is_a_function_of_a_diagnosis(tmp_path):
     d = made_up(tmp_path)
     for name in FIGURES:
         assert isinstance(getattr(report, f"plot_{name}")(d), Figure)

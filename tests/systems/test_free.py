@@ -82,7 +82,7 @@ def test_bounds_are_those_given_and_no_wider_than_the_catalogues():
             Free(PLANT, (wrong, (), ())).bounds()
 
 
-def test_it_works_in_compiled_functions_and_has_derivatives():
+def test_free_parameters_work_in_compiled_functions_and_have_derivatives():
     where = (("level",), ("coefficient",), ())
 
     @jax.jit

@@ -201,7 +201,7 @@ def test_derivatives_by_every_inertial_parameter(body):
     assert np.all(np.any(np.abs(forward) > 0.0, axis=0)[30:])
 
 
-def test_least_squares_finds_them_from_a_log(body):
+def test_least_squares_finds_inertial_parameters_from_a_log(body):
     """What a log shows of the links' numbers is found as the torque that they make."""
     states = RNG.normal(size=(3, 400, JOINTS))
     table = tables(body, *states)

@@ -134,7 +134,7 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
             np.testing.assert_allclose(got, true, rtol=1e-7, atol=1e-7, err_msg=by)
 
 
-def test_tables_between_their_instants(tmp_path):
+def test_tables_are_interpolated_between_their_instants(tmp_path):
     body, t = read_model(stored(tmp_path, TWO_LINK)).plant.body, np.arange(0.0, 1.0, 1e-3)[:, None]
     wave = 2 * np.pi * np.array([0.7, 1.1])
     log = np.sin(wave * t), wave * np.cos(wave * t), -(wave**2) * np.sin(wave * t)

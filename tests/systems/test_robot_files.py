@@ -35,7 +35,7 @@ def test_meshes_that_are_not_there_are_left_out(tmp_path):
     )
 
 
-def test_files_of_mjcf_that_are_not_there(tmp_path):
+def test_missing_assets_of_mjcf_are_left_out(tmp_path):
     assets = """<asset><mesh name="m" file="gone.stl"/><texture name="t" type="2d" file="gone.png"/>
     <material name="k" texture="t"/><hfield name="h" file="gone.png" size="1 1 1 1"/></asset>"""
     shape = '<geom type="mesh" mesh="m" material="k"{}/>'
@@ -193,7 +193,7 @@ def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
         )
 
 
-def test_a_slide_that_is_locked(tmp_path):
+def test_a_slide_can_be_locked(tmp_path):
     joint = '<joint name="{}" type="{}" axis="{}" pos="0.1 0 0"/>'
     body = (
         f'<body pos="0.1 0.2 0" quat="0.6 0.8 0 0">{joint}<geom size="0.1" pos="0.2 0'
@@ -210,7 +210,7 @@ def test_a_slide_that_is_locked(tmp_path):
     np.testing.assert_allclose(torque_in_c(model.plant.body.source, *motion), expected, rtol=1e-9)
 
 
-def test_names_that_the_file_does_not_have(tmp_path):
+def test_unknown_joints_are_refused(tmp_path):
     path = stored(tmp_path, urdf(), "robot.urdf")
     for joints, words in (
         (["j5"], "choose among j1, j2, j3, j4"),
@@ -263,7 +263,7 @@ GRIPPER = """<mujoco><worldbody><body><joint name="arm" axis="0 1 0"/><geom size
 <keyframe><key qpos="1 0 0"/></keyframe></mujoco>"""  # noqa: E501
 
 
-def test_an_arm_without_its_gripper(tmp_path):
+def test_an_arm_can_be_read_without_its_gripper(tmp_path):
     path = stored(tmp_path, GRIPPER)
     assert "name the joints to keep" in complaint(path)
     model = read_model(path, joints=["arm"])
@@ -279,7 +279,7 @@ def test_an_arm_without_its_gripper(tmp_path):
         read_model(stored(tmp_path, GRIPPER), joints=["arm", "f1"])
 
 
-def test_what_must_be_made_into_urdf_first(tmp_path):
+def test_xacro_and_sdf_are_refused_with_the_remedy(tmp_path):
     xacro = '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
     assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(
         stored(tmp_path, xacro, "robot.urdf.xacro")
@@ -297,7 +297,7 @@ DEGREES = """<mujoco><compiler angle="degree"/>
 </frame></body></worldbody></mujoco>"""  # noqa: E501
 
 
-def test_a_part_of_a_file_in_degrees_with_frames_and_joints_without_names(tmp_path):
+def test_a_part_of_a_file_in_degrees_with_frames_and_unnamed_joints_is_read(tmp_path):
     model = read_model(stored(tmp_path, DEGREES), joints=["joint1", "joint2"])
     assert len(model.names) == 2
     motion, bare = states(6, 2), mujoco.MjSpec.from_string(DEGREES)

@@ -104,7 +104,7 @@ def test_descent_finds_the_best_gains_within_the_bound_and_random_search_may_cos
     assert panels[1].get_legend_handles_labels()[1] == ["as it is", "gradient", "random", "bound"]
 
 
-def test_the_bound_is_the_effort_of_the_law_as_it_is_unless_told(tmp_path):
+def test_the_bound_is_by_default_the_effort_of_the_law_as_it_is(tmp_path):
     result = tune(problem(), SEARCH, tmp_path, quiet=True)
     assert result["bound"] == pytest.approx(0.01, rel=0.1)
     assert result["numbers"]["gradient"]["rate"] <= 0.0101

@@ -66,7 +66,7 @@ def test_nothing_hidden_leaves_nothing(name):
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_motion_shows_what_it_has_to(name):
+def test_motion_rests_reverses_and_spans_its_range(name):
     log = run(MECHANISMS[name], [], 1)
     speed = np.gradient(log.wanted, log.time, axis=0)
     still = (np.abs(speed) < 1e-9).all(axis=1)
@@ -178,7 +178,7 @@ def test_grease_that_gets_warm_rubs_less():
     assert torques[-1] == pytest.approx(-0.1, abs=0.005)
 
 
-def test_friction_on_the_difference_of_two_speeds():
+def test_friction_between_two_joints_depends_on_the_difference_of_their_speeds():
     coupling = make(
         "coupled_joint_friction",
         0,
@@ -196,7 +196,7 @@ def test_friction_on_the_difference_of_two_speeds():
         ) < 0.05 * np.linalg.norm(wanted[moving])
 
 
-def test_motor_that_turns_two_joints():
+def test_a_coupled_motor_turns_both_joints():
     log = run(
         MECHANISMS["two_link"], [make("motor_coupling", 0, {"other": 1, "share": 0.1})], 4, SHORT
     )
@@ -245,7 +245,7 @@ def test_eccentric_encoder_reads_wrong_once_a_turn():
 
 
 @pytest.mark.parametrize("kind", ["coulomb", "viscous"])
-def test_position_dependent_kinds(kind):
+def test_position_dependent_friction_is_dry_or_viscous(kind):
     effect = make(
         "position_dependent_friction",
         0,
@@ -255,7 +255,7 @@ def test_position_dependent_kinds(kind):
     assert (effect.dry(0.25, 2.0, 0.0)[0] == pytest.approx(0.9)) == (kind == "coulomb")
 
 
-def test_friction_coupled_to_the_other_joint():
+def test_friction_varies_with_the_other_joints_position():
     parameters = {"other": 1, "level": 0.5, "variation": 0.9, "period": 1.5, "phase": 0.3}
     log = run(MECHANISMS["two_link"], [make("coupled_friction", 0, parameters)], 4, SHORT)
     error, _ = residual(MECHANISMS["two_link"], log)

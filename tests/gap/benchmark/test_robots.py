@@ -64,7 +64,7 @@ def report(*effects):
     return {"verdict": "named", "effects": list(effects), "ambiguous": [], "gap": gap}
 
 
-def test_arms_are_what_they_are_said_to_be():
+def test_random_arms_have_the_joints_and_masses_that_are_recorded():
     rng = np.random.default_rng(1)
     arms = [random_arm(rng) for _ in range(40)]
     assert {len(arm.masses) for arm in arms} == set(range(JOINTS[0], JOINTS[1] + 1))
@@ -177,7 +177,7 @@ def test_perfect_report_is_perfect(measured):
     assert result["links"]["median"] < 1e-3
 
 
-def test_wrong_names_cost(measured):
+def test_wrong_names_lower_precision_and_missing_ones_recall(measured):
     record = measured[3]
     good = [entry(h) for h in record["hidden"]]
     spring = {"effect": "spring", "joint": 0, "parameters": {}, "confidence": 0.9}
@@ -231,7 +231,7 @@ def test_scale_of_the_log_is_no_error(measured):
     ] == pytest.approx(0, abs=1e-9)
 
 
-def test_what_a_formula_contains_is_found(measured):
+def test_an_effect_that_a_named_one_contains_counts_as_found(measured):
     record = copy.deepcopy(measured[3])
     dry = next(h for h in record["hidden"] if (h["effect"], h["joint"]) == ("coulomb_friction", 0))
     record["hidden"] = [h for h in record["hidden"] if h["effect"] != "torque_scale"]
@@ -294,7 +294,7 @@ def test_rank_decides_which_link_errors_are_one():
 
 
 @pytest.mark.slow
-def test_folder_of_a_robot(measured, tmp_path):
+def test_a_robots_folder_holds_log_and_model_and_is_made_once(measured, tmp_path):
     robot, _, run, record = measured
     make_case(robot, tmp_path)
     folder = tmp_path / "cases" / robot.id

@@ -62,7 +62,7 @@ def test_wilson_interval_is_the_textbook_one():
     assert math.isnan(share([])["share"])
 
 
-def test_quartiles():
+def test_quartiles_are_the_textbook_ones():
     assert quartiles([4.0, 1.0, 2.0, 3.0, 5.0]) == {"n": 5, "q25": 2.0, "median": 3.0, "q75": 4.0}
     assert math.isnan(quartiles([])["median"])
 
@@ -88,7 +88,7 @@ def test_credit_of_a_single_effect(given, credit):
     assert judge.single_credit(hidden(), given) == credit
 
 
-def test_payload_is_nowhere_in_particular():
+def test_a_payload_counts_on_any_joint():
     load = hidden("payload", None, mass=0.2, com=[0, 0, -0.3])
     assert (
         judge.single_credit(load, report(("payload", None)))
@@ -127,7 +127,7 @@ def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
     assert not is_right(case(gear), report(load, motor), {"effect": "inertia_error", "joint": 0})
 
 
-def test_credits_of_a_pair():
+def test_each_effect_of_a_pair_has_its_own_credit():
     two = [hidden(), hidden("spring", 1, stiffness=3.0, rest=0.1)]
     assert judge.pair_credits(two, report(("spring", 1), C)) == [1.0, 1.0]
     assert judge.pair_credits(
@@ -137,7 +137,7 @@ def test_credits_of_a_pair():
     assert judge.pair_credits(two, None) == [0.0, 0.0]
 
 
-def test_what_no_log_can_tell_apart():
+def test_effects_that_no_log_can_tell_apart_are_tied():
     assert judge.tied(case(hidden("torque_scale", scale=1.2)))
     assert judge.tied(case(hidden("sensor_delay", delay=0.01), mechanism="pendulum"))
     assert not judge.tied(case(hidden("sensor_delay", delay=0.01), mechanism="two_link"))
@@ -160,11 +160,11 @@ def test_what_no_log_can_tell_apart():
         (None, "failed"),
     ],
 )
-def test_column_of_the_confusion_matrix(given, name):
+def test_a_report_has_one_column_of_the_confusion_matrix(given, name):
     assert judge.column(case(hidden()), given) == name
 
 
-def test_confusion_counts():
+def test_the_confusion_matrix_counts_reports():
     pairs = [
         (case(hidden()), report(C)),
         (case(hidden()), report(V)),
@@ -177,7 +177,7 @@ def test_confusion_counts():
     }
 
 
-def test_a_suspicion_is_no_name():
+def test_findings_of_low_confidence_are_not_names():
     doubtful = report(C, V)
     doubtful["effects"][1]["confidence"] = 0.79
     assert judge.single_credit(hidden(), doubtful) == 1.0
@@ -233,7 +233,7 @@ def test_calibration_counts_by_confidence_and_family():
     }
 
 
-def test_parameter_errors():
+def test_errors_of_parameters_are_relative_with_deviations_in_standard_errors():
     def errors(truth, **reported):
         return judge.parameter_errors(truth, {"parameters": reported}, "pendulum")
 
@@ -288,7 +288,7 @@ def test_parameters_that_go_by_another_name():
     assert errors(wave, level=table) == {}  # a table without its ends has no positions
 
 
-def test_share_of_the_gap_removed():
+def test_the_removed_share_of_the_gap_is_that_above_the_noise():
     assert judge.removed(case(hidden()), report(C)) == pytest.approx(0.75)
     whole = case(hidden("payload", None, mass=1.0))
     assert judge.removed(whole, report(("payload", None))) == pytest.approx(
@@ -299,7 +299,7 @@ def test_share_of_the_gap_removed():
     assert judge.removed(case(hidden()), report(C, gap=flat)) is None
 
 
-def test_whole_score():
+def test_the_whole_score_of_made_up_reports_is_as_they_were_made():
     truth = {
         "s1": case(hidden(), severity="weak"),
         "s2": case(hidden(), mechanism="pendulum"),
@@ -352,7 +352,7 @@ def test_whole_score():
     assert result["confusion"]["torque_scale"] == {"ambiguous": 1}
 
 
-def test_a_mechanism_that_its_controller_lost_is_no_case(tmp_path, monkeypatch):
+def test_a_mechanism_that_diverges_is_recorded_as_lost(tmp_path, monkeypatch):
     def lost(case, out):
         raise Diverged("joint 1 reads 2 where 0 is wanted")
 
