@@ -1,6 +1,4 @@
-"""The feedforward as a file: the same torques as in Python, in a process that knows nothing of this
-package.
-"""
+"""The feedforward as a file gives the torques of Python, in a process without this package."""
 
 from functools import partial
 
@@ -40,8 +38,9 @@ ROBOT = """
 
 @pytest.fixture(scope="module")
 def parts():
-    """Task, body, error model and weights: those of a network at its start, louder, so that they
-    reach their bound.
+    """Task, body, error model and weights.
+
+    The weights are three times those at the start, so that torques reach their bound.
     """
     params = jax.tree.map(lambda x: 3.0 * x, STUDY.error_model.init(jax.random.key(0)))
     return STUDY.task(), arm().plant.body, STUDY.error_model, params
@@ -121,16 +120,16 @@ def test_exported_feedforward_takes_circumstances_as_an_input():
     given = task, point_mass(105.0), error_model, error_model.init(jax.random.key(1))
     exported = jax.export.deserialize(bytearray(export_feedforward(*given, platforms=("cpu",))))
     state = np.random.default_rng(0).normal(size=(3, 2)).astype(np.float32)
-    told, untold = (
+    loaded, empty = (
         np.asarray(exported.call(*state, np.full(1, load, np.float32))) for load in (1.5, 0.0)
     )
     np.testing.assert_allclose(
-        told,
+        loaded,
         feedforward(*given)(*jnp.asarray(state, float), jnp.full(1, 1.5)),
         rtol=1e-5,
         atol=1e-4,
     )
-    assert np.abs(told - untold).min() > 1e-3
+    assert np.abs(loaded - empty).min() > 1e-3
 
 
 @pytest.mark.slow

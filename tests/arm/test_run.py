@@ -1,4 +1,4 @@
-"""The arm's experiments as a job: pieces that are kept, tables, figures, and the command."""
+"""The arm's experiments: kept pieces, tables, figures and the command."""
 
 import json
 from dataclasses import replace
@@ -17,7 +17,6 @@ from jaxidl.arm.setup import ArmStudy, Hidden, Load
 from jaxidl.arm.study import VARIABLES, ArmGrid, run_study, thinned
 from jaxidl.arm.table import as_text, falls, interval, ranking
 from jaxidl.errors import ConfigurationError, StoreError
-from jaxidl.jobs import Pieces
 from jaxidl.models import Training
 from jaxidl.plot import arm, arm_report, arm_tasks
 from tests.helpers.commands import refusal
@@ -66,34 +65,6 @@ def test_a_study_of_the_arm_is_computed_once_and_direct_data_for_one_kind_of_acc
         "joint",
     )
     assert kept["feedback_trace"].dtype == np.float32
-
-
-def test_pieces_of_other_settings_are_not_loaded_and_a_folder_is_for_one_process(tmp_path):
-    with Pieces(tmp_path, {"a": 1}) as parts:
-        parts.save("x", {"value": np.arange(3)})
-        with pytest.raises(StoreError, match="alone"), Pieces(tmp_path, {"a": 1}):
-            pass
-    with Pieces(tmp_path, {"a": 2}) as parts:
-        assert parts.load("x") is None
-        parts.save("x", {"value": np.zeros(1)})  # beside the other one, not in its place
-        parts.of({"b": 1}).save("y", {"value": np.arange(4)})
-        assert parts.load("y") is None
-        np.testing.assert_array_equal((parts.of({"b": 1}).load("y") or {})["value"], np.arange(4))
-    with Pieces(tmp_path, {"a": 1}) as parts:
-        np.testing.assert_array_equal((parts.load("x") or {})["value"], np.arange(3))
-
-
-def test_a_damaged_piece_is_not_loaded(tmp_path):
-    with Pieces(tmp_path, {"a": 1}) as parts:
-        parts.save("x", {"value": np.arange(40)})
-        whole = parts.path("x").read_bytes()
-        for at in range(0, len(whole), 7):
-            parts.path("x").write_bytes(whole[:at] + bytes([whole[at] ^ 0x55]) + whole[at + 1 :])
-            found = parts.load("x")
-            # some bytes of a zip file say nothing
-            assert found is None or np.array_equal(found["value"], np.arange(40))
-        parts.path("x").write_bytes(whole[: len(whole) // 2])
-        assert parts.load("x") is None
 
 
 def conditions() -> xr.Dataset:

@@ -137,8 +137,8 @@ def test_an_acceleration_made_afterwards_has_no_lag_and_a_causal_one_has():
 
 @pytest.mark.slow
 def test_a_load_is_there_just_while_the_circumstances_say_so():
-    """Each recorded step is taken again by an arm that always carries the load, and by one that
-    never does.
+    """Each recorded step is repeated by an arm that always carries the load and by one that never
+    does.
     """
     steps, plant = 60, Plant(arm().plant.body, (Payload(jnp.array(0.0), COM),))
     carried = jnp.where((jnp.arange(steps) >= 20) & (jnp.arange(steps) < 40), 2.0, 0.0)[:, None]

@@ -1,4 +1,4 @@
-"""The command line as a newcomer would use it, rightly and wrongly."""
+"""The command line, with right and wrong input."""
 
 import json
 import os

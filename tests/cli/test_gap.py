@@ -1,5 +1,5 @@
-"""What ``jaxidl gap`` says of logs, models and motors that do not fit: one line, status 2, nothing
-written.
+"""Logs, models and motors that do not fit: ``jaxidl gap`` refuses them in one line, with status 2,
+and writes nothing.
 """
 
 import pytest

@@ -1,6 +1,4 @@
-"""Whatever is typed on the command line or lies in a file that it reads: it runs, or it is refused
-in one clear line.
-"""
+"""Any command line and any file that it reads: it runs, or it is refused in one clear line."""
 
 import contextlib
 import io
@@ -120,8 +118,9 @@ class Said(NamedTuple):
 
 
 def say(words, encoding="utf-8") -> Said:
-    """Run a command line in this process, in a terminal of this encoding; a refusal must be one
-    clear line.
+    """Run a command line in this process, in a terminal of this encoding.
+
+    A refusal is one clear line.
     """
     streams = [
         io.TextIOWrapper(io.BytesIO(), encoding, errors)
@@ -147,8 +146,9 @@ def say(words, encoding="utf-8") -> Said:
 
 @pytest.fixture
 def asked(tmp_path, monkeypatch):
-    """Every (grid, study) that the command line would run, in an empty folder; runs take no
-    time.
+    """The (grid, study) of every sweep that the command line would run.
+
+    The folder is empty, and runs take no time.
     """
     # the first computation has been: the command line cannot change their number any more
     jax.devices()

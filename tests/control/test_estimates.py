@@ -1,4 +1,4 @@
-"""Estimates of motion from readings against what is known of them."""
+"""Estimates of motion from readings of a known motion."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Every effect of the catalogue, in one table: described, bounded, stored, and differentiable."""
+"""Every effect of the catalogue is described, bounded, stored and differentiable."""
 
 import json
 from dataclasses import fields

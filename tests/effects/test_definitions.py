@@ -1,5 +1,6 @@
-"""Every effect against its definition or a closed form, written down a second time. What holds for
-all: ``test_catalogue.py``.
+"""Every effect against its formula or a closed form.
+
+What holds for all effects is in ``test_catalogue.py``.
 """
 
 import jax
@@ -234,8 +235,8 @@ def test_friction_never_adds_energy(effect):
 
 @pytest.mark.parametrize("joints", [1, 2, 3, 5])
 def test_coupled_joints_brake_by_complementarity(joints):
-    """Within its level, at the level against what still moves, at rest otherwise; and energy is
-    lost.
+    """Each joint's friction stays within its level, equals it where the joint moves, and takes
+    energy.
     """
     rng = np.random.default_rng(joints)
     root = rng.normal(size=(200, joints, joints))

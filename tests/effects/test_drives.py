@@ -9,7 +9,7 @@ from tests.helpers.effects import DT, one, run
 
 
 def delivered(effect, tau):
-    """Torques (T,) that a mass on one axis feels, from what it does."""
+    """The torques (T,) that act on a mass on one axis, from its motion."""
     qd = run([effect], tau, mass=1.0)[1]
     return np.diff(qd) / DT
 

@@ -1,6 +1,4 @@
-"""Friction of gears and couplings of motors against their definitions, written down a second
-time.
-"""
+"""Friction of gears and couplings of motors against their formulas."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -44,7 +42,10 @@ def test_cold_friction_decays_exponentially():
 
 
 def test_sublinear_friction_bends_a_line_and_leaves_the_line_as_it_is():
-    """A line fitted to it up to full speed is zero; at rest and at full speed it lacks ``bend``."""
+    """A line fitted to it up to full speed is zero.
+
+    At rest and at full speed it is ``bend`` less.
+    """
     effect, speeds = fx.SublinearFriction(one(2.0), one(0.5)), np.linspace(0.0, 0.5, 4001)
     levels = np.array([effect.dry(ZERO, one(s), ZERO, one(1.0))[0] for s in speeds[::100]])
     np.testing.assert_allclose(

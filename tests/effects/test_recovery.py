@@ -1,5 +1,6 @@
-"""Effects found again in clean data: by linear least squares if they are linear, else by
-Gauss-Newton from their guesses.
+"""Effects are recovered from clean data.
+
+Linear ones by least squares, the others by Gauss-Newton from their guesses.
 """
 
 import jax
@@ -29,7 +30,7 @@ FIXED = {  # what sets the shape, or what a point mass cannot show
 
 @quick
 def record(effect, axes):
-    """What a point mass with the effect does under a rich torque: (T, J) each."""
+    """The motion (T, J) of a point mass with the effect under a torque of many tones."""
     joints = axes.shape[0]
     plant, rest = (
         Plant(PointMass(MASS[:joints]), (effect,)),
@@ -99,8 +100,9 @@ def test_least_squares_finds_a_linear_effect(effect):
 
 
 def unexplained(effect, log):
-    """What is left of accelerations and readings, (T, 2 J). Dry friction is known of joints that
-    slide or break away only.
+    """Accelerations and readings (T, 2 J) that the effect does not explain.
+
+    Dry friction is known only of joints that slide or break away.
     """
     body = effect.alter(PointMass(MASS[: log["q"].shape[1]]))
 

@@ -1,5 +1,5 @@
-"""How effects offer themselves to a search: starting shapes, amplitudes, plausible bounds, odds,
-and what they read.
+"""What effects give to a search: starting shapes, amplitudes, plausible bounds, odds, and whether
+they read the torque.
 """
 
 from typing import ClassVar
@@ -30,8 +30,8 @@ QDD = jnp.array([2.0, -3.0, 1.5])
 
 
 def added(effect):
-    """What an effect changes (7 J,): torque, dry friction sliding and at rest, its body, the
-    command over three steps.
+    """What an effect changes (7 J,): torque, dry friction in motion and at rest, the body's torque,
+    and the command over three steps.
     """
     body, zero = PointMass(jnp.array([2.0, 2.5, 1.0])), jnp.zeros(JOINTS)
     altered = effect.alter(body).inverse_dynamics(Q, QD, QDD) - body.inverse_dynamics(Q, QD, QDD)

@@ -1,5 +1,5 @@
-"""The gap workflow on a chain of four hinges: friction of every joint and a load; several runs;
-what changed between two logs.
+"""The gap workflow on a chain of four hinges: friction on every joint, a load, several runs, and
+two logs.
 """
 
 from pathlib import Path
@@ -48,8 +48,9 @@ def chain(load: float = 0.0) -> str:
 def moved(
     text: str, friction: float, seed: int = 0, still: tuple[int, ...] = ()
 ) -> dict[str, np.ndarray]:
-    """A log of a chain on smooth paths drawn with ``seed``, with this share of the friction; some
-    joints may stand ``still``.
+    """A log of a chain on smooth paths that are drawn with ``seed``.
+
+    ``friction`` is the share of the whole friction, joints in ``still`` rest.
     """
     model: Any = mujoco.MjModel.from_xml_string(text)  # pyright: ignore[reportAttributeAccessIssue]
     data: Any = mujoco.MjData(model)  # pyright: ignore[reportAttributeAccessIssue]
@@ -95,8 +96,9 @@ def saved(folder: Path, name: str, columns: dict[str, np.ndarray]) -> Path:
 
 
 def weighty(found: Diagnosis) -> dict[tuple[str, int | None], Finding]:
-    """Findings that make more than a fiftieth of the command: what filters leave of dry friction
-    looks like a bit of rotor.
+    """Findings of more than a fiftieth of the command.
+
+    What filters leave of dry friction looks like a small rotor.
     """
     return {(f.name, f.joint): f for f in found.findings if f.share > 0.02}
 
@@ -122,7 +124,7 @@ def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
 
 
 def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_path):
-    """Two halves of a log, each of another motion, as runs: time begins anew, positions jump."""
+    """Two runs of different motion: time begins again and positions jump."""
     halves = [moved(chain(LOAD), 1.0, seed) for seed in (0, 5)]
     half = round(SECONDS / DT / 2)
     columns = {
@@ -151,8 +153,9 @@ def test_nothing_is_named_on_a_joint_that_stands_still(files, tmp_path):
 
 
 def test_a_joint_without_torque_leaves_the_others_alone(files, tmp_path):
-    """As logged, nobody drives the last joint; what moves it is unknown, and nothing on the others
-    stands in for it.
+    """The last joint has no command.
+
+    What moves it is unknown, and no effect on the others may stand in for it.
     """
     columns = moved(chain(), 0.0)
     columns["tau"][:, 3] = 0.0

@@ -1,5 +1,6 @@
-"""Fits stay physical: bounds, friction that dissipates, links that could be built; and an effect
-beside its own parts.
+"""Fits stay physical: bounds hold, friction dissipates and links can exist.
+
+And effects beside those they contain.
 """
 
 import jax.numpy as jnp
@@ -51,15 +52,15 @@ def test_without_conditions_it_is_least_squares_and_bounds_hold():
 
 
 def test_friction_that_would_drive_is_cut_to_what_dissipates():
-    """Two levels that the fit wants at +2 and -1, and whose sum is seen alone somewhere: it may not
-    fall below zero.
+    """The fit wants two levels of +2 and -1, but their sum acts alone somewhere and may not be
+    negative.
     """
     found = best(np.eye(2), np.array([1.0, -2.0]), unequal=[[1.0, 0.0], [1.0, 1.0]])
     np.testing.assert_allclose(found, [1.5, -1.5], atol=1e-6)
 
 
 def test_an_impossible_inertia_becomes_a_possible_one():
-    """More mass is wanted taken from a link than it has."""
+    """The fit wants to take more mass from a link than it has."""
     nominal = np.array([2.0, 0.1, 0.0, 0.2, 0.05, 0.06, 0.04, 0.0, 0.0, 0.0])
     base, slopes = pseudo_inertia(nominal), pseudo_inertia(np.eye(10))
     wanted = np.zeros(10)
@@ -100,7 +101,7 @@ def test_a_load_changes_the_last_link_and_nothing_else(two_link):
 
 def test_beside_its_parts_an_effect_is_what_is_special_about_it():
     """Friction by direction beside plain friction and an offset: nothing of the dry part is left,
-    of the viscous one the half.
+    and half of the viscous part.
     """
     rng = np.random.default_rng(0)
     qd = rng.normal(size=(400, 1))
@@ -136,9 +137,7 @@ def test_beside_its_parts_an_effect_is_what_is_special_about_it():
 
 
 def swung(tau_of, shift=0.0, noise=1e-6):
-    """Log of the two links on a smooth path, their torques as a function of the model's torque,
-    speed and time.
-    """
+    """A log of the two links on a smooth path. Its torques are a function of the motion."""
     t = DT * np.arange(STEPS)
     f = np.array([[0.31, 0.83, 1.7], [0.47, 1.1, 2.3]])
     size, phase = np.array([0.5, 0.2, 0.06]), np.array([[0.0, 1.0, 2.0], [0.5, 2.5, 1.0]])
@@ -164,8 +163,9 @@ def needed(two_link, q, qd, qdd):
 
 
 def test_where_within_a_sample_a_torque_acts_is_no_finding(two_link):
-    """Torques logged half a sampling interval late: a convention of the logger's, fitted beside
-    everything and never named.
+    """The torques are logged half a sampling interval late.
+
+    That is the logger's convention: it is fitted, and never named.
     """
     log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)), 0.5 * DT, 1e-8)
     rows, found = found_in(
@@ -177,8 +177,9 @@ def test_where_within_a_sample_a_torque_acts_is_no_finding(two_link):
 
 
 def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
-    """A rotor is felt on its own joint, a heavier link below it, too: one program for both must not
-    cut the one to the other.
+    """A rotor acts on its own joint, a heavier link on the joints below, too.
+
+    One program for both must not cut the columns of one to the size of the other.
     """
     signals = prepare(
         from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))),
@@ -201,7 +202,7 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
 def test_where_ties_are_sought_effects_read_the_predicted_command(
     two_link,
 ):
-    """Not where it competes: there a command that is predicted well would explain itself."""
+    """Elsewhere they do not: a command that is predicted well would explain itself."""
     log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
     rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
     lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
@@ -219,8 +220,9 @@ def test_where_ties_are_sought_effects_read_the_predicted_command(
 
 
 def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
-    """At a limit; not where a share of it arrives, where it comes late, or through play, of which a
-    sample alone would say so.
+    """So it is at a limit.
+
+    It is not so where a share of the command arrives, where it is late, or through play.
     """
     log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
     signals = prepare(from_arrays(*log), two_link.plant.body)
@@ -243,8 +245,9 @@ def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
 def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(
     two_link, clean_catalogue
 ):
-    """It reads the torque that the model predicts with it, not the one without it: else its share
-    comes out wrong.
+    """It reads the torque that the model predicts with it.
+
+    With the one predicted without it, its share would be wrong.
     """
     register(Worm)
     share = np.array([0.3, 0.0])

@@ -100,9 +100,9 @@ def test_parameters_a_quarter_off_are_found_again(pendulum, signals):
     found = refine(pendulum.plant, effects(*WRONG), signals, FREE)
     assert found.accepted
     np.testing.assert_allclose(values(found.effects), list(TRUE.values()), rtol=0.01)
-    for truth, told, stderr in zip(TRUE.values(), found.refined, found.stderr, strict=True):
-        (name,) = told
-        assert abs(told[name][0] - truth) < 4.0 * stderr[name][0] < 0.02 * truth
+    for truth, refined, stderr in zip(TRUE.values(), found.refined, found.stderr, strict=True):
+        (name,) = refined
+        assert abs(refined[name][0] - truth) < 4.0 * stderr[name][0] < 0.02 * truth
     assert found.after.score < 0.1 * found.before.score
     assert found.after.torque_rms[0] < 0.5 * found.before.torque_rms[0]
     assert found.after.rollout_rms["0.5"][0] < 0.1 * found.before.rollout_rms["0.5"][0]
@@ -146,8 +146,8 @@ def test_what_encoders_do_is_undone_and_not_fitted(pendulum, signals):
 
 
 def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, problem):
-    """Plain friction and friction by direction: no motion tells the common part of the one from the
-    other.
+    """Plain friction and friction by direction: no motion shows which of the two the common
+    part belongs to.
     """
     uneven = OnJoint(AsymmetricFriction(*(jnp.array([x]) for x in (0.3, 0.3, 0.01, -0.01))), 0, 1)
     either = ("viscous_positive", "viscous_negative")
@@ -284,10 +284,10 @@ def test_command_line_fits_to_motion_and_reports_it(commanded):
         == set(record["before"])
         == set(record["after"])
     )
-    for told, found, written in zip(record["effects"], report["effects"], patch, strict=True):
-        ((name, values),) = told["parameters"].items()
+    for refined, found, written in zip(record["effects"], report["effects"], patch, strict=True):
+        ((name, values),) = refined["parameters"].items()
         assert set(values) == {"unit", "before", "after", "stderr"}
-        assert values["after"] == pytest.approx(TRUE[told["effect"]], rel=0.01)
+        assert values["after"] == pytest.approx(TRUE[refined["effect"]], rel=0.01)
         kept = values["after" if record["accepted"] else "before"]
         assert found["parameters"][name]["value"] == written["parameters"][name]["value"] == kept
     assert record["reason"] in (folder / "report.html").read_text()

@@ -1,5 +1,5 @@
-"""Sets of effects on made-up rows: their score against refits by brute force, the search, what may
-be named, how sure it is.
+"""Sets of effects on made-up rows: the score against refits, the search, what may be named, and
+confidence.
 """
 
 from dataclasses import replace
@@ -36,8 +36,9 @@ SHAPES = {  # by number of amplitudes; what they are called does not matter here
 
 
 def rows_with(gap, seed=0):
-    """Rows of which every second one of joint 1's rests do not count; the last quarter is kept
-    aside, in three blocks.
+    """Rows of two joints, of which some of the second one do not count.
+
+    The last quarter is held out, in three blocks.
     """
     rng = np.random.default_rng(seed)
     train = 3 * N // 4
@@ -73,7 +74,7 @@ def score_of(rows, items, **more):
 
 @pytest.fixture(scope="module")
 def planted():
-    """Items of one joint and of both, of which three make the gap; and their score."""
+    """Items of one joint and of both. Three of them make the gap."""
     rng = np.random.default_rng(1)
     pool = [item(f"one{k}", rng.normal(size=(1, N, 1)), (k % 2,)) for k in range(8)]
     pool += [
@@ -142,8 +143,9 @@ def test_error_on_blocks_left_out_is_that_of_refits_by_brute_force(planted):
 
 
 def test_a_score_made_from_another_one_is_the_same(planted):
-    """Items that stay, one that goes, one that comes, one whose columns change: the same Gram
-    matrices, the same solution.
+    """Some items stay, one goes, one is new and one has other columns.
+
+    Matrices and solution are the same.
     """
     rows, pool, _, score = planted
     changed = replace(pool[2], columns=1.3 * pool[2].columns)
@@ -191,8 +193,9 @@ def test_a_prior_on_coefficients_is_a_ridge(planted):
 
 
 def test_standard_errors_are_the_scatter_where_neighbours_say_the_same():
-    """Of 900 samples each 18 are one: what comes out scatters as the covariance says for 50 things,
-    over logs drawn anew.
+    """Every 18 of the 900 samples are the same.
+
+    Over logs that are drawn again, results scatter as the covariance says for 50 samples.
     """
     rng, alike = np.random.default_rng(5), 18
     drawn = lambda: np.repeat(rng.normal(size=N // alike + 1), alike)[:N]
@@ -296,9 +299,7 @@ def _made(members, found):
 
 
 def _nothing(design, last):
-    """The design of another log, in which the effects beside the common ones are not: its last
-    item's two columns.
-    """
+    """The design of another log, which does not have the effects of the last item's two columns."""
     x, y = design
     return np.concatenate([x[:, :-2], 0.0 * x[:, -2:]], 1), y
 
@@ -340,9 +341,7 @@ def test_the_search_finds_what_was_planted_from_any_start(planted):
 
 
 def test_one_takes_the_place_of_all_that_it_can_imitate():
-    """Three columns together are cheaper as one item, which no exchange of one or two for it would
-    show.
-    """
+    """Three columns cost less as one item. No exchange of one or two items shows it."""
     rng = np.random.default_rng(8)
     columns = rng.normal(size=(3, N, 1))
     parts = [item(f"part{k}", columns[k : k + 1], odds=-3.0) for k in range(3)]

@@ -1,5 +1,5 @@
-"""The gap workflow from a log to a diagnosis, on mechanisms in which an effect is hidden, and on a
-measured drive.
+"""The gap workflow from a log to a diagnosis, on mechanisms with a hidden effect and on a measured
+drive.
 """
 
 import json
@@ -83,15 +83,16 @@ def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp
 @pytest.mark.slow
 @LINKS
 def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
-    """Found first are a wrong inertia and Coulomb friction, each of which looks right as long as
-    the other is there.
+    """The search first finds a wrong inertia and Coulomb friction.
+
+    Each looks right as long as the other is there.
     """
     bearing = ("stribeck_friction", 0, {"sliding": 0.2, "excess": 0.25, "speed": 0.3})
     tool = ("payload", 0, {"mass": 0.2, "com": [0.1, 0.0, -0.3]})
     found = gap.diagnose(*hidden(tmp_path, "pendulum", bearing, tool, seed=7), rollouts=False)
     assert set(named(found)) == {("stribeck_friction", 0), ("payload", None)}
-    told = {f.name: f.parameters for f in found.findings}
-    assert told["stribeck_friction"]["excess"].value == pytest.approx(0.25, rel=0.1)
+    fitted = {f.name: f.parameters for f in found.findings}
+    assert fitted["stribeck_friction"]["excess"].value == pytest.approx(0.25, rel=0.1)
     (tool,) = (f.effect for f in found.findings if f.name == "payload")
     assert isinstance(tool, Payload)
     # all that one hinge shows of a load: no mass by itself
@@ -102,8 +103,9 @@ def test_two_effects_that_two_others_imitate_together_are_named(tmp_path):
 
 @pytest.mark.slow
 def test_friction_that_is_all_of_the_torque_is_not_taken_for_friction_under_load(tmp_path):
-    """A joint that hardly has inertia: its command is its friction, of which any share "explains"
-    the rest.
+    """A joint that has hardly any inertia.
+
+    Its command is its friction, and any share of it seems to explain the rest.
     """
     t = np.arange(8000) * 0.002
     tones = [(0.4, 0.25, 0.0), (0.25, 0.43, 1.0), (0.15, 0.71, 2.0)]

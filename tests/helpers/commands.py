@@ -4,7 +4,7 @@ from jaxidl.cli import main
 
 
 def refusal(capsys, *words: object) -> str:
-    """The one line with which a command line is refused: status 2, and nothing else is printed."""
+    """The line with which a command is refused. The status is 2 and nothing else is printed."""
     assert main([str(word) for word in words]) == 2
     said = capsys.readouterr()
     (line,) = said.err.splitlines()

@@ -1,6 +1,4 @@
-"""Effects that several files try out: one of each kind, a mass that they move, and one of a
-user's own.
-"""
+"""An example of every effect, a mass that they act on, and an effect of a user's own."""
 
 from functools import partial
 from typing import ClassVar
@@ -110,15 +108,16 @@ def _along(plant, start, tau, dt):
 
 
 def acceleration(effect, tau, q=0.0, qd=0.0, mass=2.0):
-    """Of a mass on one axis over one step."""
+    """The acceleration of a mass on one axis over one step."""
     return float(
         Plant(point_mass(mass, 1), (effect,)).acceleration(State(one(q), one(qd)), one(tau), DT)[0]
     )
 
 
 class Worm(Effect):
-    """Friction by a share of the torque that arrives: linear in its parameter, and reads the
-    torque.
+    """Friction that is a share of the delivered torque.
+
+    It is linear in its parameter and reads the torque.
     """
 
     share: jax.Array

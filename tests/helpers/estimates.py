@@ -1,4 +1,4 @@
-"""Estimators of motion, alone."""
+"""Estimators of motion, without a plant."""
 
 import jax
 import jax.numpy as jnp
@@ -9,8 +9,9 @@ DT = 1e-3
 
 
 def estimated(estimator, q, wanted):
-    """All motions (T - 1) that an estimator makes of readings ``q`` (T, J), one desired
-    acceleration for each step.
+    """All motions (T - 1) that an estimator makes of readings ``q`` (T, J).
+
+    There is one desired acceleration for each step.
     """
 
     def step(carry, inputs):

@@ -1,4 +1,4 @@
-"""Logs in which nothing is wrong, files of them, and what holds for whatever is read."""
+"""Sound logs, files of them, and checks of what was read."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ SAMPLES, DT = 300, 0.005
 
 
 def good(samples=SAMPLES, joints=2, dt=DT, **more):
-    """Columns of a log in which nothing is wrong."""
+    """The columns of a sound log."""
     time = np.arange(samples) * dt
     columns = {"time": time}
     columns |= {f"q{j}": np.sin((2 + j) * time) for j in range(joints)}
@@ -21,12 +21,12 @@ def good(samples=SAMPLES, joints=2, dt=DT, **more):
 
 
 def each_joint(columns, kind, joints) -> np.ndarray:
-    """One kind of columns side by side, (T, J), of these joints."""
+    """The columns of one kind, such as q, of these joints side by side (T, J)."""
     return np.stack([columns[f"{kind}{j}"] for j in joints], axis=1)
 
 
 def text(columns, delimiter=","):
-    """Them as CSV."""
+    """The columns as CSV."""
     lines = [delimiter.join(columns)]
     cells = [
         [c if isinstance(c, str) else repr(float(c)) for c in column] for column in columns.values()
@@ -49,7 +49,7 @@ def write(path: Path, columns) -> Path:
 
 
 def arrays(columns) -> Log:
-    """The same through memory."""
+    """The log of these columns, without a file."""
     time, run = columns["time"], columns.get("run")
     joints = range(sum(key.startswith("tau") for key in columns))
     q, tau = (each_joint(columns, kind, joints) for kind in ("q", "tau"))
@@ -57,7 +57,7 @@ def arrays(columns) -> Log:
 
 
 def check(log: Log):
-    """What holds for whatever was read."""
+    """Check what holds for every log."""
     T, J = log.q.shape
     assert log.samples == T >= 200 - 5
     assert log.joints == J >= 1
@@ -82,7 +82,7 @@ def check(log: Log):
 
 
 def refuse(call, *words):
-    """The call ends in one printable line with these words."""
+    """Check that the call is refused in one printable line with these words."""
     with pytest.raises(LogError) as caught:
         call()
     line = str(caught.value)
@@ -102,7 +102,7 @@ def titled(rename, columns=THREE):
 
 
 def as_robots_do(time="time", **titles):
-    """A log of three joints whose titles are formats of the joint's number or name."""
+    """The three joints under other titles, given as formats of the joint's number or name."""
 
     def rename(key):
         kind, number = key.rstrip("0123456789"), key.lstrip("timeqaud")
@@ -120,7 +120,7 @@ def as_robots_do(time="time", **titles):
 
 
 def same(log, columns=THREE, joints=(0, 1, 2)):
-    """It is these joints' columns that were read, in this order."""
+    """Check that these joints' columns were read, in this order."""
     check(log)
     for kind in ("q", "tau"):
         np.testing.assert_allclose(

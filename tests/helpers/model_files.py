@@ -69,8 +69,10 @@ BODY = '<body><joint axis="0 1 0"{}/><geom size="0.1"/>{}</body>'
 
 
 def scene(joint="", inside="", after="", option=""):
-    """Two bodies; attributes of the first one's joint, and elements inside it, after all, and
-    before.
+    """A model of two bodies.
+
+    The arguments are XML: attributes of the first joint, elements inside the first body, elements
+    after the bodies and options.
     """
     bodies = BODY.format(joint, inside) + BODY.format(' name="b"', "")
     return f"<mujoco>{option}<worldbody>{bodies}</worldbody>{after}</mujoco>"
@@ -118,8 +120,8 @@ ODD = [
 
 
 def damaged(text, rng):
-    """The text with flipped bytes, its end cut off, or attributes and elements deleted, doubled,
-    swapped or made odd.
+    """The text with one damage: flipped bytes, the end cut off, or an attribute or element that is
+    deleted, doubled, swapped or given an odd value.
     """
     kind, attributes = rng.randrange(12), list(re.finditer(r'\s\w+="[^"]*"', text))
     numbers, elements = (

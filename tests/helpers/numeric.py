@@ -1,4 +1,4 @@
-"""Derivatives compared: forward = reverse = numeric."""
+"""Derivatives forward, reverse and numeric, compared."""
 
 from functools import partial
 
@@ -29,8 +29,9 @@ def slopes(function, rebuild, x, fixed):
 
 
 def compare(function, arguments, fixed, smooth=True):
-    """The derivative forward, after comparing it with reverse mode and, if ``smooth``,
-    differences.
+    """The forward derivative.
+
+    It is compared with reverse mode and, if ``smooth``, with differences.
     """
     x, rebuild = ravel_pytree(arguments)
     x, size = np.asarray(x), 1e-3 + np.abs(value(function, rebuild, x, fixed))[:, None]

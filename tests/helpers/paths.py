@@ -1,4 +1,4 @@
-"""Where things lie."""
+"""Paths of the repository and of data that are not part of it."""
 
 import os
 from pathlib import Path

@@ -12,9 +12,9 @@ from tests.helpers.paths import ROOT
 def python(
     *words: object, cwd: Path = ROOT, **environment: str
 ) -> subprocess.CompletedProcess[str]:
-    """What ``python words`` says and how it ends; ``environment`` is added to this process's.
+    """Run ``python words``. ``environment`` is added to this process's.
 
-    In the repository's folder it finds the package and these tests.
+    The package and these tests can be imported, because the folder is the repository's.
     """
     return subprocess.run(
         [sys.executable, *map(str, words)],

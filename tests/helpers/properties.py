@@ -1,4 +1,4 @@
-"""What examples of properties are made of."""
+"""Ranges and settings of tests that draw their examples."""
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -13,7 +13,7 @@ NAMES = {"controllers": CONTROLLERS, "gains": GAINS, "sources": tuple(SOURCES)}
 
 
 def examples(count):
-    """The same examples every time; fixtures of a function serve all of them."""
+    """The same examples in every run. Fixtures of a function serve all of them."""
     slow = [HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
     return settings(max_examples=count, deadline=None, derandomize=True, suppress_health_check=slow)
 

@@ -1,4 +1,4 @@
-"""A catalogue that a test may add to."""
+"""A catalogue to which a test may add effects."""
 
 from jaxidl.effects import CATALOGUE, catalogue
 
@@ -6,7 +6,7 @@ STATES = (CATALOGUE, catalogue._never, catalogue._aside)
 
 
 def restored():
-    """The catalogue is afterwards what it was before: other tests count it."""
+    """Restore the catalogue afterwards, because other tests count its effects."""
     before = [state.copy() for state in STATES]
     yield
     for state, old in zip(STATES, before, strict=True):

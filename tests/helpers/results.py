@@ -15,8 +15,9 @@ GRID = Grid(noise=(1e-4, 8e-4), friction=(5.0,), stiction=(5.0,), epochs=(20,), 
 
 
 def results(error_of=lambda label, k: 1.0, finite_of=lambda label, k: True, grid=GRID):
-    """A results file in which run ``label`` has error ``error_of(label, k)`` in execution k, other
-    numbers 1.
+    """Results in which run ``label`` has the error ``error_of(label, k)`` in execution k.
+
+    All other numbers are 1.
     """
     rows = range(grid.executions)
     runs = {}
@@ -30,8 +31,8 @@ def results(error_of=lambda label, k: 1.0, finite_of=lambda label, k: True, grid
 
 
 def as_in_the_paper(label, k):
-    """Joint falls fastest, direct falls but jumps in high noise, indirect stays where it is with
-    low-gain PID.
+    """Errors as the paper reports them: joint falls fastest, direct falls but jumps where noise is
+    high, and indirect stays where it is with low-gain PID.
     """
     first = 1.0 if label.gain == "low" else 0.1
     rate = {"indirect": 0.05, "direct": 0.15, "joint": 0.3}[label.source]

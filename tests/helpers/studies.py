@@ -1,4 +1,4 @@
-"""The paper's study, small; one execution of it as it is."""
+"""A small version of the paper's study, and one execution of the whole one."""
 
 import jax
 import jax.numpy as jnp

@@ -1,6 +1,4 @@
-"""How programs are compiled: options that change no number, full precision, kept programs, many
-devices.
-"""
+"""How programs are compiled: options, precision, kept programs and many devices."""
 
 import json
 

@@ -1,6 +1,4 @@
-"""Only the catalogue knows its effects by name: those of a user have the same rights everywhere
-else.
-"""
+"""No module but the catalogue names an effect, so that users' own effects have the same rights."""
 
 import ast
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Chunks on a Ray cluster: the same bits as on this machine, whoever is lost on the way."""
+"""Sweeps on a Ray cluster give the same bits as on this machine, whichever node is lost."""
 
 import json
 import sys

@@ -1,4 +1,7 @@
-"""Sweeps of anything: what is computed, kept, refused; progress without a terminal; pools."""
+"""Sweeps of any function: what is computed, kept and refused.
+
+Progress without a terminal, and pools.
+"""
 
 import importlib.util
 import json
@@ -20,7 +23,7 @@ EXAMPLE = ROOT / "experiments" / "own_sweep.py"
 
 
 def product(*, a, b, power=2):
-    """A run of one's own: two numbers, one of them Python's where it is static."""
+    """A run of two numbers. One of them is a Python number where it is static."""
     return {"value": a * jnp.arange(3.0) ** power, "sum": a + b, "fits": b > 1.0}
 
 

@@ -69,7 +69,7 @@ EFFECTS = (
 
 
 def split(tree):
-    """The continuous leaves of a tree, and how it is made of them again."""
+    """The continuous leaves of a tree, and a function that makes the tree of them."""
     leaves, structure = jax.tree.flatten(tree)
     free = [
         jnp.issubdtype(jnp.result_type(leaf), jnp.floating) and bool(np.isfinite(leaf).all())
@@ -282,8 +282,9 @@ def test_a_width_of_zero_is_the_paper_to_the_bit():
 
 
 def test_where_the_sharp_form_misleads_and_the_smooth_one_does_not():
-    """More stiction, a later break-away: the sharp form's derivative is 0, the smooth one's is that
-    of the difference.
+    """More stiction means a later break-away.
+
+    The sharp form's derivative is 0, the smooth form's is that of the difference.
     """
     late = lambda level, widths: jnp.mean(
         jnp.abs(stuck_then_moving(level, widths=widths)[:, 0] - 0.05)
@@ -298,8 +299,9 @@ def test_where_the_sharp_form_misleads_and_the_smooth_one_does_not():
 
 
 def test_stiction_that_holds_a_share_withstands_a_share_of_the_torque():
-    """The unsigned form: between sticking and not, blurred, and no NaN at infinite and zero
-    borders.
+    """The unsigned form, blurred, between sticking and not.
+
+    At infinite and zero borders nothing is NaN.
     """
     q, zero = pair(0.0, 0.1), jnp.zeros(2)
     for below in (jnp.inf, 0.1, 0.0):
@@ -408,7 +410,7 @@ def test_asking_for_derivatives_changes_no_value():
 
 
 def test_sharp_activations_have_the_derivative_between_two_jumps():
-    """PReLU's kinks make the trained weights jump; between jumps the derivative is right."""
+    """At PReLU's kinks the trained weights jump. Between two jumps the derivative is right."""
     x = np.array(list(NAMES.values()))
     study = replace(SMALL, error_model=replace(SMALL.error_model, activation_width=0.0))
     run = partial(learned, controller="pid", source="joint", study=study)

@@ -280,11 +280,11 @@ def test_an_lqr_policy_takes_the_plant_to_its_target(horizon):
 
 @pytest.mark.parametrize("delay", [0, 1])
 def test_filtered_compares_with_what_was_wanted_when_the_estimate_was_true(delay):
-    """An obedient plant, prompt or one step late, looks at most half a step's change of the desired
-    acceleration wrong to DOOMED.
+    """What was wanted when the estimate was true is compared with the estimate.
 
-    Its learning feedback is minus the error that it was told of, here with a gain of one and no
-    memory.
+    A plant that obeys at once, or one step late, then looks wrong to DOOMED by at most half a
+    step's change of the desired acceleration. Its learning feedback is minus the error that it
+    sees, here with a gain of one and no memory.
     """
     wanted, rest = (
         10.0 * jnp.sin(2.0 * jnp.pi * jnp.arange(1000)[:, None] * DT),
@@ -310,11 +310,11 @@ def test_a_start_other_than_the_tasks_is_seen_from_the_first_step_on():
         dt=DT,
         steps=20,
     )
-    off, same, told = (
+    off, same, default = (
         execute(plant, plant.body, Doomed(0.0, 0.0, 0.1), task, noise, start=s)
         for s in (seen + 1e-4, seen, None)
     )
     np.testing.assert_array_equal(off.q[0], seen + 1e-4)
     np.testing.assert_array_equal(off.q_sensing[0], seen)
     np.testing.assert_array_equal(off.q_sensing[1:], off.q[1:])
-    np.testing.assert_array_equal(same.q, told.q)
+    np.testing.assert_array_equal(same.q, default.q)

@@ -1,6 +1,4 @@
-"""Logs as robots write them: titles of every kind, parts of a robot, units, clocks, rates, motors'
-data.
-"""
+"""Logs of real robots: titles of every kind, units, clocks, rates and motors' data."""
 
 import random
 
@@ -315,7 +313,7 @@ motor_positions: true
 
 
 def test_coupled_motors_keep_power(tmp_path):
-    """What motors put in comes out at the joints, and positions follow the kinematics."""
+    """The joints' power is the motors', and positions follow the kinematics."""
     (tmp_path / "m.yaml").write_text(COUPLED)
     motor = motor_side(ARM, tmp_path / "m.yaml")
     speeds = {f"qd{j}": np.gradient(THREE[f"q{j}"], DT) for j in range(3)}
@@ -372,9 +370,7 @@ def test_wrong_descriptions_of_motors_are_refused(tmp_path, content, words):
 
 
 def test_odd_headers_and_mappings_are_understood_or_refused(tmp_path):
-    """Of 400 logs whose titles were put together at random, each is read in full or refused in one
-    line.
-    """
+    """Each of 400 logs with random titles is read in full or refused in one line."""
     parts = [
         "q",
         "tau",

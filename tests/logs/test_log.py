@@ -1,5 +1,6 @@
-"""Measured logs: three formats, one complaint for each thing that can be wrong, and files damaged
-at random.
+"""Measured logs in three formats.
+
+Each possible mistake has a message, and damaged files are read or refused.
 """
 
 import dataclasses
@@ -33,7 +34,7 @@ def renamed(**names):
     return {names.get(key, key): column for key, column in good().items()}
 
 
-# What is right.
+# What is read.
 
 
 @pytest.mark.parametrize("ending", FORMATS)
@@ -104,7 +105,7 @@ def test_parquet_with_integers_and_labels_is_read(tmp_path):
     np.testing.assert_array_equal(log.tau[:, 1], np.arange(SAMPLES))
 
 
-# What is mended, or told.
+# What is repaired, with a note.
 
 
 def notes_of(columns):
@@ -553,7 +554,7 @@ def damaged_columns(rng, columns):
 
 
 def damaged_bytes(rng, content: bytes) -> bytes:
-    """Bytes turned, cut out, put in, or written over."""
+    """Content with up to five damages: bytes reversed, cut out, put in or overwritten."""
     data = bytearray(content)
     for _ in range(rng.integers(1, 6)):
         at = int(rng.integers(len(data) + 1))
@@ -595,9 +596,7 @@ def damaged_bytes(rng, content: bytes) -> bytes:
 
 @pytest.mark.parametrize("ending", FORMATS)
 def test_damaged_files_are_read_or_refused(tmp_path, ending):
-    """Of 300 damaged files of each format every one is either a consistent log or a complaint of
-    one line.
-    """
+    """Each of 300 damaged files is a sound log or refused in one line."""
     rng = np.random.default_rng(20)
     path, outcomes = tmp_path / f"a.{ending}", {"read": 0, "refused": 0}
     whole = write(path, good()).read_bytes()

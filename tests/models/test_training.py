@@ -120,8 +120,9 @@ def test_the_training_backward_pass_agrees_with_automatic_differentiation():
 
 @pytest.mark.parametrize(("dtype", "tolerance"), [(jnp.float64, 1e-9), (jnp.float32, 1e-3)])
 def test_fast_training_is_plain_training(dtype, tolerance):
-    """100 steps against automatic differentiation and textbook Adam with its division, tolerance
-    relative to the loss.
+    """96 steps against automatic differentiation and textbook Adam.
+
+    The tolerance is relative to the loss.
     """
     model, training = ErrorModel(layers=(40, 20, 1)), Training(epochs=8, batch=16, holdout_every=0)
     data = data_of(200, seed=7)

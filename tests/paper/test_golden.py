@@ -1,6 +1,4 @@
-"""Parity with the reference program, and with our own numbers where the program's are not at
-hand.
-"""
+"""Parity with the reference program, and with our own numbers where its data are not there."""
 
 from pathlib import Path
 

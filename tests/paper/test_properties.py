@@ -155,7 +155,10 @@ def test_training_leaves_out_every_so_many_rows_and_looks_at_the_first_and_the_l
 
 
 def bits(runs: Runs) -> dict:
-    """Runs in a form that is equal only bit for bit; the label's text tells 0.0 from -0.0."""
+    """Runs in a form that is equal only bit for bit.
+
+    The text of a label distinguishes 0.0 from -0.0.
+    """
     return {
         repr(tuple(label)): {
             name: (np.asarray(value).dtype.str, np.asarray(value).tobytes())

@@ -336,12 +336,12 @@ def test_every_verdict_has_its_page(tmp_path, number):
     }[d.verdict] in text
     files = json.loads((tmp_path / "out" / "report.json").read_text())["files"]["figures"]
     assert ("figures/parameters.png" in files) == bool(d.findings)
-    for told in (text, table(d)):
-        assert ("Coulomb friction (slide) and stiction (slide) and payload" in told) == bool(
+    for shown in (text, table(d)):
+        assert ("Coulomb friction (slide) and stiction (slide) and payload" in shown) == bool(
             d.ambiguous
         )
-        assert ("move at several constant speeds" in told) == bool(d.ambiguous)
-        assert "nan" not in told.lower()
+        assert ("move at several constant speeds" in shown) == bool(d.ambiguous)
+        assert "nan" not in shown.lower()
     if d.verdict == "unexplained" and not d.findings:
         assert "60.0 ± 5.0 % of it: a systematic part remains" in text
         assert (
@@ -407,12 +407,12 @@ def test_the_first_table_has_joints_and_kinds(tmp_path):
     assert "x 0.000 ± 0.010, y 0.100 ± 0.020, z 0.200 ± 0.030 m" in words
     assert f"in the frame of {d.frame}" in words
     assert d.frame
-    told = " ".join(table(d).split())
-    assert "(0.75 ± 0.12 Nm" in told
-    assert "mass 1.50 ± 0.10 kg" in told
-    assert f"in the frame of {d.frame}" in told
-    assert "shoulder_joint, mass: -1.000 ± 0.050 kg" in told
-    assert "viscous friction" in told
+    shown = " ".join(table(d).split())
+    assert "(0.75 ± 0.12 Nm" in shown
+    assert "mass 1.50 ± 0.10 kg" in shown
+    assert f"in the frame of {d.frame}" in shown
+    assert "shoulder_joint, mass: -1.000 ± 0.050 kg" in shown
+    assert "viscous friction" in shown
 
 
 def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):

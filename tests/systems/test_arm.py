@@ -1,4 +1,4 @@
-"""The seven-joint arm's body against MuJoCo in C, and where its tool is."""
+"""The seven-joint arm's body against MuJoCo in C, and the place of its tool."""
 
 import copy
 

@@ -1,5 +1,5 @@
-"""A patched plant written as MJCF and effects.json: read back it is the same, and MuJoCo in C moves
-as it does.
+"""A patched plant as MJCF and effects.json: it reads back the same, and MuJoCo in C moves it the
+same.
 """
 
 import json
@@ -90,7 +90,7 @@ equation = jax.jit(lambda body, q, qd: body.equation_of_motion(q, qd))
 
 
 def ingredients(plant, q, qd, tau, in_c):
-    """All that a plant's acceleration is made of: inertia, bias, torques, dry friction, delivered
+    """The parts of a plant's acceleration: inertia, bias, torques, dry friction and delivered
     torque.
     """
     memory, body, delivered = plant.start(q), plant.body, tau

@@ -1,4 +1,4 @@
-"""One vector of a plant's free parameters: values, names, units and bounds, in and out of compiled
+"""A plant's free parameters as one vector: values, names, units and bounds, in and out of compiled
 functions.
 """
 

@@ -1,5 +1,5 @@
-"""Links, loads and a base that are not as the model says: linear in inertial parameters, in MJX,
-along a log and in a file.
+"""Wrong links, loads and a tilted base: linear in inertial parameters, in MJX, along a log and in a
+file.
 """
 
 import jax
@@ -35,7 +35,7 @@ def body(tmp_path_factory):
 
 
 def heavier_in_c(b, numbers):
-    """The model whose body ``b`` has these inertial parameters more, put together by hand."""
+    """The model in which body ``b`` has these inertial parameters in addition, computed by hand."""
     model = mujoco.MjModel.from_xml_string(SLANTED)
     turn = np.zeros(9)
     mujoco.mju_quat2Mat(turn, model.body_iquat[b])
@@ -58,8 +58,8 @@ def heavier_in_c(b, numbers):
 
 @pytest.mark.parametrize("b", [1, 2, 3], ids=["lower", "upper", "flange"])
 def test_what_is_added_to_a_body_moves_as_in_c(body, b):
-    """At random states the torque is that of MuJoCo in C with the numbers written into its model:
-    in MJX and from the tables.
+    """At random states the torque is that of MuJoCo in C with the same numbers in its model, in MJX
+    and from the tables.
     """
     states = RNG.normal(size=(3, 6, JOINTS))
     true = heavier_in_c(b, ERROR)
@@ -202,7 +202,7 @@ def test_derivatives_by_every_inertial_parameter(body):
 
 
 def test_least_squares_finds_inertial_parameters_from_a_log(body):
-    """What a log shows of the links' numbers is found as the torque that they make."""
+    """The fit predicts the links' torque. Not each parameter is determined by the log."""
     states = RNG.normal(size=(3, 400, JOINTS))
     table = tables(body, *states)
     true = np.zeros((JOINTS, 10))
@@ -230,8 +230,9 @@ def test_a_point_mass_knows_mass_only():
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_load_settles_to_one_that_can_be_simulated(sign):
-    """A fit to a log with noise may find a principal moment a little below zero: it becomes zero,
-    the others stay.
+    """A fit to a noisy log may find a principal moment a little below zero.
+
+    It becomes zero, and the others stay.
     """
     load = fx.Payload(
         jnp.array(2.0),

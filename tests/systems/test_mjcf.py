@@ -1,6 +1,4 @@
-"""MJCF and URDF files read as plants: MJX against MuJoCo in C, derivatives, and what becomes of a
-file.
-"""
+"""MJCF and URDF files as plants: MJX against MuJoCo in C, derivatives, and a file's own effects."""
 
 import jax
 import jax.numpy as jnp

@@ -1,6 +1,4 @@
-"""Model files that are refused in one line, and damaged ones that are read or refused, whatever the
-damage.
-"""
+"""Model files that are refused in one line, and damaged ones, which are read or refused."""
 
 import copy
 import json
@@ -70,7 +68,7 @@ def test_missing_files_and_folders_are_refused(tmp_path):
 
 
 def read_or_refused(path):
-    """The model and nothing said, or no model and why; whatever else is raised is a failure."""
+    """The model and "", or None and why it is refused; any other error is a failure."""
     try:
         return read_model(path), ""
     except ModelError as error:
@@ -192,8 +190,8 @@ def test_effects_that_do_not_fit_the_model_are_refused(tmp_path):
 
 
 def test_damaged_urdf_of_robots_is_read_or_refused(tmp_path, capfd):
-    """Missing meshes, mimics, links without mass and impossible inertias, with something broken on
-    top, whole or in part.
+    """Missing meshes, mimics, links without mass and impossible inertias, with one more damage, as
+    a whole or in part.
     """
     text = urdf(shapes=SHAPES, mimic=MIMIC, inside={2: "", 3: FLAT.format(0.01, 0.01, 0.04, 0)})
     outcomes = [0, 0]

@@ -1,5 +1,5 @@
-"""Model files as robots come with them: missing meshes, links without mass, joints that mimic, and
-parts of a robot.
+"""Model files of real robots: missing meshes, links without mass, joints that mimic, and parts of a
+robot.
 """
 
 import mujoco
@@ -81,7 +81,7 @@ def test_a_patched_model_without_its_meshes_reads_back(tmp_path):
 
 
 def test_a_link_without_mass_between_two_joints(tmp_path):
-    """As wrists are drawn; what hangs on it has all the inertia there is."""
+    """Models of wrists have such links. The links beyond them have all the inertia."""
     for nothing in (
         "",
         (
@@ -112,8 +112,9 @@ def test_a_joint_without_any_inertia_is_named(tmp_path):
 
 
 def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
-    """The largest moment stays, the others become what they must be at least; slightly wrong is
-    slightly changed.
+    """The largest moment stays and the others are raised to the least that is possible.
+
+    What is slightly wrong changes slightly.
     """
     for least, most in ((0.01, 0.04), (0.01, 0.0201)):
         model = read_model(

@@ -1,4 +1,4 @@
-"""Gains by gradient: on a problem whose answer is known, and what the real ones are made of."""
+"""Gains tuned by gradient, on a problem whose answer is known."""
 
 import json
 
@@ -166,7 +166,7 @@ def test_seeds_that_compare_are_not_those_that_search():
 
 
 def test_gains_that_diverge_are_never_called_better(tmp_path):
-    """On fresh seeds, two of which throw the larger rate."""
+    """Two of the fresh seeds diverge at the larger rate."""
     fresh = Search(steps=60, runs=2, test_runs=6).test()
 
     def thrown(law, seed, smooth, derivative):

@@ -1,5 +1,5 @@
-"""Whole robots of the benchmark: the truth is true, roots are independent, and the score is fair to
-what a log cannot tell.
+"""Whole robots of the benchmark: the recorded truth is right, roots are independent, and the score
+allows for what a log cannot show.
 """
 
 import copy
@@ -40,7 +40,7 @@ def measured():
 
 
 def entry(hidden):
-    """What a perfect report says of a hidden effect."""
+    """A perfect report's entry for a hidden effect."""
     given = {}
     for name, value in expected(hidden).items():
         table = value(np.linspace(-1, 1, 30)) if callable(value) else np.asarray(value)
@@ -100,8 +100,8 @@ def test_everything_common_is_hidden_on_every_joint(measured):
 
 
 def test_hidden_torques_are_the_gap(measured):
-    """What the believed model lacks is the sum of what the effects were noted to do, and of what is
-    wrong about the links.
+    """The believed model lacks the torques that the hidden effects recorded, and those of its wrong
+    links.
     """
     _, drawn, run, _ = measured
     bodies = [
@@ -211,8 +211,8 @@ def test_wrong_names_lower_precision_and_missing_ones_recall(measured):
 
 
 def test_scale_of_the_log_is_no_error(measured):
-    """A coulomb friction seen through a motor constant 10 % too small is 10 % larger; unless the
-    constant is named.
+    """Seen through a motor constant that is 10 % too small, Coulomb friction is 10 % larger, unless
+    the constant is named.
     """
     record = copy.deepcopy(measured[3])
     scale = next(h for h in record["hidden"] if (h["effect"], h["joint"]) == ("torque_scale", 1))
@@ -254,8 +254,9 @@ def test_an_effect_that_a_named_one_contains_counts_as_found(measured):
 
 
 def test_rank_decides_which_link_errors_are_one():
-    """About its own vertical axis a first link's inertia is its rotor's, on joint 1 it is not; a
-    load is a wrong last link.
+    """About its own vertical axis, a first link's inertia is its rotor's; on joint 1 it is not.
+
+    A load is the same as a wrong last link.
     """
     xml = random_arm(np.random.default_rng(7)).xml
     joints = altered(xml, []).nv

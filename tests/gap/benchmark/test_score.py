@@ -98,7 +98,9 @@ def test_a_payload_counts_on_any_joint():
 
 
 def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
-    """Friction under load by direction is friction under load and a motor constant: exactly."""
+    """Directional friction under load is the same as plain friction under load and a motor
+    constant.
+    """
     gear = hidden("directional_load_friction", 0, driving=0.3, driven=0.1)
     load, motor, itself, mass = (
         (n, 0) for n in ("load_dependent_friction", "torque_scale", gear["effect"], "inertia_error")
