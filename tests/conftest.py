@@ -170,7 +170,7 @@ def emitters_of_users():
 @pytest.fixture
 def optimised(emitters_of_users):
     """For what runs longer than it compiles."""
-    before = jax.config.jax_disable_most_optimizations
+    before = jax.config.read("jax_disable_most_optimizations")
     jax.config.update("jax_disable_most_optimizations", False)
     yield
     jax.config.update("jax_disable_most_optimizations", before)
