@@ -13,6 +13,7 @@ from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
+from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
@@ -209,11 +210,7 @@ Objection = tuple[float, Item, str]
 
 def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list[Objection]:
     """Return the members that may not be named."""
-    found = [
-        (m, why)
-        for m in now.members
-        if (why := objection(score, now, m, min_gain, rows.signals.dt))
-    ]
+    found = [(m, why) for m in now.members if (why := objection(score, now, m, min_gain, rows))]
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
 
 
@@ -243,7 +240,7 @@ def price(score: Score, now: Solution, rows: Rows) -> float:
     )
 
 
-def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: float) -> str:
+def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows) -> str:
     """Return why a member may not be named; empty if it may."""
     if m.always:
         return ""
@@ -255,11 +252,15 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, interval: f
     if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
+    interval = rows.signals.dt
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return "it is hardly more than a sampling interval"
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
+    without_it, with_it = (in_units_of_noise(rows, residual(rows, s)) for s in (other, now))
+    if np.all(with_it[pick] > without_it[pick]):
+        return "it only makes noise smaller"
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""

@@ -1,0 +1,29 @@
+"""Whether an effect explains motion, or only makes the encoder's noise smaller.
+
+Noise of the encoder is in the measured acceleration, and so in the residual, where it grows with the
+square of the frequency. A drive with a spring takes the motor's inertia off the link, and the motor
+moves as its command says, not as the noisy encoder: that alone makes the residual smaller. So an
+effect has to make it smaller also in units of what noise causes at each frequency.
+"""
+
+import numpy as np
+from scipy.signal import welch
+
+from jaxidl.gap.rows import LEAST_FLOOR, Rows
+
+SEGMENT = 256  # rows
+
+
+def in_units_of_noise(rows: Rows, left: np.ndarray) -> np.ndarray:
+    """Return the mean over frequencies of a residual's (N, J) spectrum over that of noise, (J,).
+
+    Encoder noise that is white has a spectrum in the torque that grows with the frequency's fourth
+    power. No simulation is assumed to be better than a small white residual.
+    """
+    signals = rows.signals
+    interval = signals.dt * float(np.median(np.diff(signals.rows)))
+    used = np.where(rows.used, left, 0.0)
+    frequency, power = welch(used, 1.0 / interval, nperseg=min(SEGMENT, len(left)), axis=0)
+    encoder = 5.0 * signals.noise_floor**2 * frequency[:, None] ** 4 / signals.band**5
+    least = 2.0 * interval * (LEAST_FLOOR * rows.spread) ** 2
+    return np.mean(power / (encoder + least), axis=0)
