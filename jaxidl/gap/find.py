@@ -260,7 +260,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
         return "held-out data are predicted better without it"
     without_it, with_it = (in_units_of_noise(rows, residual(rows, s)) for s in (other, now))
     if np.all(with_it[pick] > without_it[pick]):
-        return "it only makes noise smaller"
+        return "it only makes the encoder's noise smaller"
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""

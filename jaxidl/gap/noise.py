@@ -1,9 +1,9 @@
 """Whether an effect explains motion, or only makes the encoder's noise smaller.
 
-Noise of the encoder is in the measured acceleration, and so in the residual, where it grows with the
-square of the frequency. A drive with a spring takes the motor's inertia off the link, and the motor
-moves as its command says, not as the noisy encoder: that alone makes the residual smaller. So an
-effect has to make it smaller also in units of what noise causes at each frequency.
+Noise of the encoder is in the measured acceleration, and so in the residual, where it grows with
+the square of the frequency. A drive with a spring takes the motor's inertia off the link, and the
+motor moves as its command says, not as the noisy encoder: that alone makes the residual smaller. So
+an effect has to make it smaller also in units of what noise causes at each frequency.
 """
 
 import numpy as np

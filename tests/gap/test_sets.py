@@ -21,6 +21,15 @@ from jaxidl.gap.values import _absorbed
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
+SIGNALS = SimpleNamespace(
+    dt=DT,
+    band=100.0,
+    noise_floor=np.zeros(JOINTS),
+    body=None,
+    qd=np.zeros((N, JOINTS)),
+    rows=np.arange(N),
+    rest_speed=np.ones(JOINTS),
+)
 SHAPES = {  # by number of amplitudes; what they are called does not matter here
     1: Shape(ConstantOffset, 0, JOINTS, ("offset",), {"offset": 0.0}, {}, {}),
     2: Shape(
@@ -48,7 +57,8 @@ def rows_with(gap, seed=0):
     used = np.ones((N, JOINTS), bool)
     used[100:140:2, 1] = False
     command = rng.normal(0.0, 2.0, (N, JOINTS))
-    return Rows(gap, command, used, block, np.full(JOINTS, 1e-3), np.ones(JOINTS), command, None)  # type: ignore[arg-type]
+    floor, spread = np.full(JOINTS, 1e-3), np.ones(JOINTS)
+    return Rows(gap, command, used, block, floor, spread, command, SIGNALS)  # type: ignore[arg-type]
 
 
 def item(name, columns, joints=(0,), low=-FAR, high=FAR, **more):
@@ -377,50 +387,62 @@ def test_what_is_always_there_stays_and_is_no_finding(planted):
 def test_each_objection_is_raised_where_it_holds(planted):
     rows, pool, truth, score = planted
     now = score.solve(truth)
-    assert [objection(score, now, m, 0.05, DT) for m in now.members] == [""] * 3
-    assert objection(score, now, pool[2], 0.9, DT) == "it removes less than 90% of the error"
+    assert [objection(score, now, m, 0.05, rows) for m in now.members] == [""] * 3
+    assert objection(score, now, pool[2], 0.9, rows) == "it removes less than 90% of the error"
     # what is there in every second block, and the opposite in the others
     sign = np.where(rows.block % 2 == 0, 1.0, -0.9)
-    swinging = score_of(
-        rows._replace(gap=rows.gap + (sign * pool[3].columns[0, :, 0])[:, None] * [0.0, 1.0]), pool
-    )
+    other = rows._replace(gap=rows.gap + (sign * pool[3].columns[0, :, 0])[:, None] * [0.0, 1.0])
+    swinging = score_of(other, pool)
     assert "exclude zero" in objection(
-        swinging, swinging.solve([*truth, pool[3]]), pool[3], 0.05, DT
+        swinging, swinging.solve([*truth, pool[3]]), pool[3], 0.05, other
     )
     bound = replace(pool[0], upper=np.array([0.4]))
     tight = score_of(rows, [bound, *truth[1:]])
-    assert objection(tight, tight.solve(tight.items), bound, 0.05, DT) == "its value is on a bound"
+    assert (
+        objection(tight, tight.solve(tight.items), bound, 0.05, rows) == "its value is on a bound"
+    )
     gap = rows.gap.copy()
     # the opposite, in the part kept aside
     gap[~rows.training, 0] -= 2.0 * pool[0].columns[0, ~rows.training, 0]
-    turned = score_of(rows._replace(gap=gap), pool)
+    other = rows._replace(gap=gap)
+    turned = score_of(other, pool)
     then = turned.solve(truth)
     assert (
-        objection(turned, then, pool[0], 0.05, DT)
+        objection(turned, then, pool[0], 0.05, other)
         == "held-out data are predicted better without it"
     )
     once = rows.gap.copy()
     # in one block only, which is no scatter
     once[rows.block == -2, 0] -= 2.0 * pool[0].columns[0, rows.block == -2, 0]
-    odd = score_of(rows._replace(gap=once), pool)
-    assert objection(odd, odd.solve(truth), pool[0], 0.05, DT) == ""
+    other = rows._replace(gap=once)
+    odd = score_of(other, pool)
+    assert objection(odd, odd.solve(truth), pool[0], 0.05, other) == ""
     share, stderr = worse_by(turned, turned.solve(truth[1:]), then, 0)
     assert share < -3.0 * stderr < 0.0
+
+
+@pytest.mark.parametrize(
+    ("noise", "why"), [(0.0, ""), (0.1, "it only makes the encoder's noise smaller")]
+)
+def test_an_effect_that_only_makes_noise_smaller_is_not_named(noise, why):
+    """It takes off what is at high frequencies and adds a little at low ones."""
+    rng, t = np.random.default_rng(1), np.arange(N) * DT
+    fast = np.sin(2.0 * np.pi * 90.0 * t + rng.normal(0.0, 0.1, N))
+    gap = rng.normal(0.0, 1e-3, (N, JOINTS))
+    gap[:, 0] += 0.1 * fast
+    rows = rows_with(gap)
+    rows = rows._replace(
+        signals=SimpleNamespace(**(vars(SIGNALS) | {"noise_floor": np.full(JOINTS, noise)}))
+    )
+    smoothing = item("smoothing", fast + 0.2 * np.sin(2.0 * np.pi * 3.0 * t))
+    score = score_of(rows, [smoothing])
+    assert objection(score, score.solve([smoothing]), smoothing, 0.05, rows) == why
 
 
 def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     rows, pool, truth, _ = planted
     bound = replace(pool[0], upper=np.array([0.4]))
     score = score_of(rows, [bound, *truth[1:]])
-    rows = rows._replace(
-        signals=SimpleNamespace(
-            dt=DT,
-            body=None,
-            qd=np.zeros((N, JOINTS)),
-            rows=np.arange(N),
-            rest_speed=np.ones(JOINTS),
-        )
-    )
     now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05)
     assert strong == {bound.group: "its value is on a bound"}
     assert weak == {}
@@ -432,15 +454,6 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
 
 def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
     rows, pool, truth, _ = planted
-    rows = rows._replace(
-        signals=SimpleNamespace(
-            dt=DT,
-            body=None,
-            qd=np.zeros((N, JOINTS)),
-            rows=np.arange(N),
-            rest_speed=np.ones(JOINTS),
-        )
-    )
     score = score_of(rows, pool)
     now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8)
     assert strong == {}
