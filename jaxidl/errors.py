@@ -5,6 +5,8 @@ The command line prints that line and exits with status 2. Inside jit nothing ra
 ``finite`` flag in the result.
 """
 
+import difflib
+
 
 class JaxidlError(Exception):
     """Base of every error that a user can cause and correct.
@@ -45,9 +47,11 @@ class StoreError(JaxidlError):
 
 
 def one_of(what: str, value: object, valid: object) -> ConfigurationError:
-    """Return the error for a name that is not among the valid ones."""
-    names = ", ".join(str(v) for v in valid)  # type: ignore[attr-defined]
-    return ConfigurationError(f"{what} to be one of {names}", repr(value), f"choose one of {names}")
+    """Return the error for a name that is not among the valid ones, with the one that is meant."""
+    names = [str(v) for v in valid]  # type: ignore[attr-defined]
+    meant = difflib.get_close_matches(str(value), names, n=1)
+    remedy = f"did you mean {meant[0]}?" if meant else "choose one of these"
+    return ConfigurationError(f"{what} to be one of {', '.join(names)}", repr(value), remedy)
 
 
 def needs_checkout(lacking: str) -> ConfigurationError:

@@ -90,8 +90,8 @@ def _stop(*_: object) -> None:
 
 def _leave() -> NoReturn:
     print(
-        "jaxidl: interrupted; what is finished of a sweep or benchmark is saved, and the same"
-        " command continues",
+        "jaxidl: interrupted; no file is half-written, and the same command computes only what is"
+        " left of a sweep or benchmark",
         file=sys.stderr,
     )
     sys.stderr.flush()

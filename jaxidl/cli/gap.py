@@ -112,7 +112,9 @@ def gap(
 
 def _load(plugin: str) -> None:
     """Import a Python file or module, whose effects register themselves."""
-    path = Path(plugin)
+    from jaxidl.effects import CATALOGUE
+
+    path, known = Path(plugin), set(CATALOGUE)
     try:
         if path.suffix == ".py":
             spec = importlib.util.spec_from_file_location(path.stem, path)
@@ -122,7 +124,7 @@ def _load(plugin: str) -> None:
             sys.modules[path.stem] = module
             spec.loader.exec_module(module)
         else:
-            importlib.import_module(plugin)
+            module = importlib.import_module(plugin)
     except JaxidlError:
         raise
     except Exception as error:  # whatever a user's module raises
@@ -130,6 +132,13 @@ def _load(plugin: str) -> None:
         raise ConfigurationError(
             f"a Python file or module in --plugin {plugin}", got, "correct its path or its code"
         ) from None
+    mine = any(cls.__module__ == module.__name__ for cls in CATALOGUE.values())
+    if not mine and known == set(CATALOGUE):
+        raise ConfigurationError(
+            f"an effect in --plugin {plugin}",
+            "none",
+            "put @jaxidl.effects.register above its class",
+        )
 
 
 _FAMILIES = ("single", "none", "pair", "outside", "robot")

@@ -270,7 +270,7 @@ def from_dict(record: dict[str, Any]) -> Effect:
         raise EffectError(
             f"an effect among {', '.join(CATALOGUE)}",
             repr(name),
-            "correct the name, or register your class",
+            "correct the name, or load the module that registers it (--plugin FILE.py)",
         )
     cls = CATALOGUE[name]
     missing = [key for key in cls.parameters if key not in record.get("parameters", {})]

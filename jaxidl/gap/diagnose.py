@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
@@ -43,6 +44,7 @@ MUCH = 0.04  # share of the command's spread from which a residual is reported
 SHOWN = 12  # most rivals reported
 # times the command: no model whose log is in the right units is wrong by so much
 ABSURD = 10.0
+BRIEF = 10.0  # [s]
 
 Watch = Callable[[str, float], None]
 Source = Log | str | Path | Sequence[str | Path]
@@ -89,13 +91,12 @@ def diagnose(
         watch("reading", 0.0)
         known = model if isinstance(model, Model) else read_model(model)
         measured = _log(log, known)
+        old = None if reference is None else _log(reference, known)
         before: Found | None = None
         common: tuple[Effect, ...] = ()
-        if reference is not None:
+        if old is not None:
             watch("searching the reference", 0.0)
-            before = _search(
-                _log(reference, known), known, (), names, 0.0, min_gain, watch, resample=False
-            )
+            before = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
             kept = (v.effect for v in _values(before, before.library.rows))
             common = tuple(effect for effect in kept if possible(effect))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
@@ -140,6 +141,10 @@ def diagnose(
             "effects": names,
             "min_gain": min_gain,
             "reference": reference is not None,
+            "log": measured.files,
+            "reference_log": () if old is None else old.files,
+            "model": str(known.path),
+            "version": __version__,
         },
         common=common,
         signals=rows.signals,
@@ -364,6 +369,12 @@ def _warnings(rows: Rows, known: Model) -> list[str]:
         notes.append(
             f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
             " command; check the units of positions and torques, and the model's masses"
+        )
+    duration = len(rows.signals.q) * rows.signals.dt
+    if duration < BRIEF:
+        notes.append(
+            f"the log has only {duration:.3g} s: values and confidences need {BRIEF:g} s or more of"
+            " varied motion"
         )
     work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
     if work.sum() < -0.3 * np.abs(work).sum():

@@ -152,7 +152,7 @@ class Store:
             raise ConfigurationError(
                 f"variables for all that a run returns ({', '.join(arrays)})",
                 ", ".join(self.variables),
-                "name each of them, or leave variables out",
+                "give each of them a Variable, or leave variables out",
             )
         for name, array in arrays.items():
             if array.ndim - 1 != len(self.variables[name].dims):

@@ -242,7 +242,13 @@ def _shapes(job: Job, first: Point) -> dict[str, Variable]:
     traced = {
         name: jax.ShapeDtypeStruct(x.shape[1:], x.dtype) for name, x in job.traced([first]).items()
     }
-    found = jax.eval_shape(lambda traced: dict(job.run(**dict(job.kind(first)), **traced)), traced)
+    found = jax.eval_shape(lambda traced: job.run(**dict(job.kind(first)), **traced), traced)
+    if not isinstance(found, Mapping) or not all(hasattr(x, "shape") for x in found.values()):
+        raise ConfigurationError(
+            "a run that returns a mapping of names to arrays",
+            f"a {type(found).__name__}",
+            'return {"name": array}',
+        )
     return {
         name: Variable(tuple(f"{name}_{k}" for k in range(len(leaf.shape))))
         for name, leaf in found.items()

@@ -42,6 +42,7 @@ class Log:
     notes: tuple[str, ...]  # remarks that are not errors
     # mean positions [m or rad] of the robot's joints that were not used, by name
     still: tuple[tuple[str, float], ...] = ()
+    files: tuple[str, ...] = ()  # that it was read from
 
     @property
     def joints(self) -> int:
@@ -112,7 +113,7 @@ def read(
                 f"{name_of(path)} twice",
                 "leave one of them out, otherwise held-out data would be known",
             )
-    return _assemble(tables, count, motor)
+    return replace(_assemble(tables, count, motor), files=tuple(map(str, files)))
 
 
 def from_arrays(
@@ -217,6 +218,8 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         (),
         tuple(still.items()),
     )
+    if log.qd is not None:
+        checks.speeds(log.q, log.qd, dt, log.segments())
     return replace(
         log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments()))
     )

@@ -118,7 +118,19 @@ def fragment(d: Diagnosis) -> str:
 
 def _head(d: Diagnosis, title: str) -> Html:
     joints = len(d.model.names)
-    about = f"{joints} joint{'s' * (joints != 1)}: {', '.join(map(oneline, d.model.names))}"
+    logs = {
+        "log": d.options.get("log", ()),
+        "reference": d.options.get("reference_log", ()),
+    }
+    about = "; ".join(
+        [
+            f"{what}: {', '.join(oneline(Path(name).name) for name in names)}"
+            for what, names in logs.items()
+            if names
+        ]
+        + [f"{joints} joint{'s' * (joints != 1)}: {', '.join(map(oneline, d.model.names))}"]
+    )
+    about = about[0].upper() + about[1:]
     mark = tag("span", badge(d), class_="badge", style=f"background:var(--{d.verdict})")
     return tag(
         "header",

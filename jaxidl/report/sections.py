@@ -2,6 +2,7 @@
 
 import re
 import shlex
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -365,7 +366,7 @@ def remains(d: Diagnosis) -> Html:
 def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Html:
     """Return advice, and how to use the patched model."""
     model = str(folder / "model.xml")
-    command = f"jaxidl gap LOG --model {shlex.quote(model)}"
+    command = f"jaxidl gap LOG --model {shlex.quote(model)}{_plugins(record)}"
     python = f"from jaxidl.gap import read_model\n\nplant = read_model({model!r}).plant"
     beside = "Keep effects.json beside model.xml: MuJoCo simulates only model.xml, jaxidl both."
     inside = "All effects are in model.xml, so MuJoCo simulates them too." if record else None
@@ -386,6 +387,14 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
     )
 
 
+def _plugins(record: Sequence[Mapping[str, Any]]) -> str:
+    """Return the option that loads the user's own effects among those of ``effects.json``."""
+    modules = dict.fromkeys(CATALOGUE[entry["effect"]].__module__ for entry in record)
+    own = [name for name in modules if not name.startswith("jaxidl.")]
+    files = [str(getattr(sys.modules.get(name), "__file__", None) or name) for name in own]
+    return f" --plugin {shlex.join(files)}" if files else ""
+
+
 def method(d: Diagnosis) -> Html:
     """Return what was compared, and how."""
     rows, aside = len(d.traces.time), int(np.sum(d.traces.kept_aside))
@@ -394,7 +403,13 @@ def method(d: Diagnosis) -> Html:
         float(np.sum(step[(step > 0.0) & (step <= 3.0 * np.median(step))])) if rows > 1 else 0.0
     )
     offered = ", ".join(readable(str(name)) for name in d.options.get("effects", ()))
+    named = {
+        "Log": d.options.get("log", ()),
+        "Reference log": d.options.get("reference_log", ()),
+        "Model": [d.options["model"]] if "model" in d.options else (),
+    }
     facts = [
+        *(f"{what}: {', '.join(map(oneline, files))}." for what, files in named.items() if files),
         (
             f"{short(length)} s of motion, compared at {rows} instants;"
             f" {percent(aside / max(rows, 1))} of them were not used for fitting and choosing."
@@ -417,5 +432,6 @@ def method(d: Diagnosis) -> Html:
             else []
         ),
         *(f"{note[:1].upper()}{note[1:]}." for note in d.notes),
+        *([f"Made by jaxidl {d.options['version']}."] if "version" in d.options else []),
     ]
     return tag("ul", (tag("li", fact) for fact in facts))

@@ -85,7 +85,9 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         _check(text, compiled, numbers, model.path)
     return text, {
         "model": MODEL,
-        "effects": [_with_drive(entry, joints, bool(made)).to_dict() for entry in entries],
+        "effects": [
+            _with_drive(entry, joints, bool(made)).to_dict(model.kinds) for entry in entries
+        ],
     }
 
 

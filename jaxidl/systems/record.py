@@ -5,6 +5,7 @@ It says which of them the model's own file does not contain.
 
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 
 from jaxidl.effects import Effect, OnJoint, from_dict
 from jaxidl.errors import EffectError, ModelError
+from jaxidl.systems.free import unit_of
 from jaxidl.types import Joints, Scalar
 
 EFFECTS = "effects.json"
@@ -26,9 +28,17 @@ class Entry(NamedTuple):
     in_mjcf: bool  # true if reading the model's file restores it
     mjcf: str | None  # the attribute that it is written to
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return the effect's record and where it is written, ready for JSON."""
-        return {**self.effect.to_dict(), "in_mjcf": self.in_mjcf, "mjcf": self.mjcf}
+    def to_dict(self, kinds: Sequence[str]) -> dict[str, Any]:
+        """Return the effect's record and where it is written, ready for JSON.
+
+        Units are those of its joint, or of all ``kinds`` (J,) of joints.
+        """
+        record = self.effect.to_dict()
+        joint: int | None = record.get("joint")
+        on: Sequence[str] = kinds if joint is None else [kinds[joint]]
+        for value in record["parameters"].values():
+            value["unit"] = " or ".join(dict.fromkeys(unit_of(value["unit"], kind) for kind in on))
+        return {**record, "in_mjcf": self.in_mjcf, "mjcf": self.mjcf}
 
 
 def read_record(path: Path, joints: int) -> list[Entry]:

@@ -14,6 +14,7 @@ import pytest
 from flax import struct
 
 from jaxidl import gap, report
+from jaxidl.cli.gap import _load as load_plugin
 from jaxidl.effects import (
     CATALOGUE,
     Effect,
@@ -30,11 +31,26 @@ from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.gap.projection import ALIGNMENT
+from jaxidl.report.sections import _plugins as plugins
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.paths import ROOT
 
 SCRIPT = ROOT / "experiments" / "own_effect.py"
+PLUGIN = """import jax
+from jaxidl.effects import Effect, Parameter, register
+
+
+@register
+class PluggedMagnet(Effect):
+    pull: jax.Array
+    name = "plugged_magnet"
+    sentence = "a magnet pulls in one direction"
+    parameters = {"pull": Parameter("N", 0.0, 1e3, "the pull")}
+
+    def torque(self, q, qd, tau):
+        return self.pull + 0.0 * qd
+"""
 
 
 @pytest.fixture(scope="module")
@@ -324,5 +340,26 @@ def test_effects_of_the_package_stay_as_they_are(clean_catalogue):
 
 
 def test_the_record_of_an_effect_that_is_not_registered_says_what_to_do():
-    with pytest.raises(EffectError, match="'magnet'; correct the name, or register your class"):
+    with pytest.raises(EffectError, match="'magnet'; correct the name, or load the module"):
         from_dict(magnet()(jnp.ones(1)).to_dict())
+
+
+# on the command line
+
+
+@pytest.mark.parametrize("text", ["", "from jaxidl.effects import CoulombFriction\n"])
+def test_a_plugin_without_an_effect_is_refused(clean_catalogue, tmp_path, text):
+    plugin = tmp_path / "nothing.py"
+    plugin.write_text(text)
+    with pytest.raises(ConfigurationError, match=r"register above its class"):
+        load_plugin(str(plugin))
+
+
+def test_the_reports_command_loads_the_users_effects(clean_catalogue, tmp_path):
+    plugin = tmp_path / "my_magnet.py"
+    plugin.write_text(PLUGIN)
+    load_plugin(str(plugin))
+    load_plugin(str(plugin))  # again, as a notebook would
+    record = [{"effect": "plugged_magnet"}, {"effect": "coulomb_friction"}]
+    assert plugins(record) == f" --plugin {plugin}"
+    assert plugins(record[1:]) == ""

@@ -128,6 +128,13 @@ def test_what_does_not_fit_is_refused_before_anything_is_written(tmp_path, axes,
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.parametrize("returned", [lambda x: x, lambda x: {"x": {"y": x}}])
+def test_a_run_that_returns_no_mapping_of_arrays_is_refused(tmp_path, returned):
+    with pytest.raises(ConfigurationError, match="mapping of names to arrays"):
+        sweep(lambda x: returned(x), {"x": [1.0, 2.0]}, tmp_path / "r.nc", quiet=True)
+    assert not list(tmp_path.iterdir())
+
+
 def test_the_example_runs_stops_and_continues(tmp_path, monkeypatch):
     spec = importlib.util.spec_from_file_location("own_sweep", EXAMPLE)
     assert spec is not None

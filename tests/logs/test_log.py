@@ -623,3 +623,23 @@ def test_damaged_files_are_read_or_refused(tmp_path, ending):
             )
             outcomes["refused"] += 1
     assert min(outcomes.values()) > 10, outcomes
+
+
+@pytest.mark.parametrize(
+    ("positions", "speeds", "word"),
+    [
+        (180.0 / np.pi, 1.0, "give q1 in radians"),
+        (1.0, 180.0 / np.pi, "give qd1 in radians per second"),
+        (1.0, -1.0, "correct their units or signs"),
+        (1.0, 9.0, "or leave qd1 out"),
+    ],
+)
+def test_speeds_in_other_units_than_positions_are_refused(positions, speeds, word):
+    """Noise of the encoder, which its derivative multiplies, must not hide it."""
+    c, rng = good(samples=2000, joints=2), np.random.default_rng(0)
+    q, tau = (each_joint(c, kind, (0, 1)) for kind in ("q", "tau"))
+    qd = np.gradient(q, c["time"], axis=0)
+    q = q + rng.normal(0.0, 1e-3, q.shape)
+    assert from_arrays(c["time"], q, tau, qd).qd is not None
+    odd, fast = q * [1.0, positions], qd * [1.0, speeds]
+    refuse(lambda: from_arrays(c["time"], odd, tau, fast), word)

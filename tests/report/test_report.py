@@ -272,6 +272,31 @@ def test_the_folder_is_as_the_contract_says(tmp_path):
     ]
 
 
+def test_units_in_the_record_are_those_of_the_joint(tmp_path):
+    """The joints are a slide and a hinge."""
+    level = CoulombFriction(jnp.array([0.5]))
+    both = CoulombFriction(jnp.array([0.5, 0.25]))
+    d = made_up(tmp_path, common=(OnJoint(level, 0, 2), OnJoint(level, 1, 2), both))
+    save(replace(d, findings=()), tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "effects.json").read_text())["effects"]
+    assert [e["parameters"]["level"]["unit"] for e in record] == ["N", "Nm", "N or Nm"]
+
+
+def test_the_page_says_from_which_files_it_is(tmp_path):
+    d = made_up(tmp_path)
+    files = {"log": ["runs/today.csv"], "reference_log": ["january.csv"], "version": "9.8.7"}
+    d = replace(d, options=d.options | files | {"model": "robots/arm.xml"})
+    text = Elements(page(d, {}, (), tmp_path)).text
+    for words in (
+        "Log: today.csv; reference: january.csv; 2 joints: ",
+        "Log: runs/today.csv.",
+        "Reference log: january.csv.",
+        "Model: robots/arm.xml.",
+        "Made by jaxidl 9.8.7.",
+    ):
+        assert words in text
+
+
 def test_the_page_is_self_contained_escapes_and_has_the_numbers(tmp_path):
     d = made_up(tmp_path, names=(NASTY, "a$b$_{"))
     save(d, tmp_path / "out")
