@@ -29,6 +29,8 @@ def main(folder: Path) -> None:
         folder / "log.csv", table, fmt="%.8g", delimiter=",", header=",".join(columns), comments=""
     )
     (folder / "model.xml").write_text(MECHANISMS["pendulum"])
+    print(f"wrote {folder / 'log.csv'} and {folder / 'model.xml'}; try")
+    print(f"jaxidl gap {folder / 'log.csv'} --model {folder / 'model.xml'} --out report")
 
 
 if __name__ == "__main__":

@@ -31,7 +31,7 @@ class BenchmarkError(JaxidlError):
 
 
 def bench(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...")] = (),
+    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = (),
     /,
     *,
     out: Path = Path("out/bench"),

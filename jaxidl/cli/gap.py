@@ -16,23 +16,33 @@ Names = tuple[str, ...]
 
 
 def gap(
-    logs: Annotated[tuple[Path, ...], tyro.conf.Positional, arg(metavar="LOG ...")],
+    logs: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        arg(metavar="LOG ...", help_behavior_hint="(required)"),
+    ],
     /,
     *,
     model: Annotated[Path, arg(metavar="ROBOT.xml")],
     out: Annotated[Path, arg(metavar="DIR")] = Path("gap"),
     held_out: float = 0.3,
     min_gain: float = 0.05,
-    reference: Annotated[tuple[Path, ...], arg(metavar="OLD ...")] = (),
-    effects: Annotated[Names, arg(metavar="NAME ...")] = (),
-    exclude: Annotated[Names, arg(metavar="NAME ...")] = (),
-    plugin: Annotated[Names, arg(metavar="FILE.py ...")] = (),
+    reference: Annotated[
+        tuple[Path, ...], arg(metavar="OLD ...", help_behavior_hint="(optional)")
+    ] = (),
+    effects: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
+    exclude: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
+    plugin: Annotated[Names, arg(metavar="FILE.py ...", help_behavior_hint="(optional)")] = (),
     refine: bool = False,
-    joints: Annotated[Names, arg(metavar="NAME ...")] = (),
-    columns: Annotated[Names, arg(metavar="KEY=TITLE ...")] = (),
-    motor: Annotated[Path | None, arg(metavar="FILE.yaml")] = None,
-    torque_constant: Annotated[tuple[float, ...], arg(metavar="NM/A ...")] = (),
-    gear_ratio: Annotated[tuple[float, ...], arg(metavar="RATIO ...")] = (),
+    joints: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
+    columns: Annotated[Names, arg(metavar="KEY=TITLE ...", help_behavior_hint="(optional)")] = (),
+    motor: Annotated[Path | None, arg(metavar="FILE.yaml", help_behavior_hint="(optional)")] = None,
+    torque_constant: Annotated[
+        tuple[float, ...], arg(metavar="NM/A ...", help_behavior_hint="(optional)")
+    ] = (),
+    gear_ratio: Annotated[
+        tuple[float, ...], arg(metavar="RATIO ...", help_behavior_hint="(optional)")
+    ] = (),
     topic: Annotated[str | None, arg(metavar="NAME")] = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect,

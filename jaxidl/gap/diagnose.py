@@ -270,7 +270,7 @@ def _gap(
     later = (
         side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
     )
-    return Gap(list(known.units), before, later, rows.floor.tolist())
+    return Gap(list(known.units), before, later, signals.noise_floor.tolist())
 
 
 def _envelope(made: Library, compared: Gap) -> Envelope:

@@ -99,17 +99,13 @@ def headline(
         )
         return f"{nothing}: no effect of the catalogue makes the model clearly better."
     if verdict == "ambiguous":
-        other = (
-            f"{suspected} effect{'s are' if suspected != 1 else ' is'} possible, but this log does"
-            " not determine which of them"
-        )
         if not suspected:
             return f"{lacks}, but this log does not fully determine which."
-        return (
-            f"{lacks}; {other}."
-            if sure
-            else f"{other[0].upper()}{other[1:]} {'has changed' if reference else 'is missing'}."
-        )
+        more = f"{suspected} {'more ' if sure else ''}effect{'s are' if suspected != 1 else ' is'}"
+        other = f"{more} suspected, which this log cannot distinguish from others"
+        if sure:
+            return f"{lacks} for certain; {other}."
+        return f"Something {'has changed' if reference else 'is missing'}: {other}."
     return f"{lacks}." + (
         f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
         if suspected
