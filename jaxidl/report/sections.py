@@ -67,16 +67,12 @@ def found(d: Diagnosis) -> Iterator[Html]:
     yield tag(
         "p", tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}")
     )
-    if any(cell for row in m.rows for cell in row):
-        head = [
-            "joint",
-            *(
-                [kind, tag("br"), tag("small", unit)] if unit else kind
-                for kind, unit in zip(KINDS, m.units, strict=True)
-            ),
-        ]
+    columns = [k for k in range(len(KINDS)) if any(row[k] for row in m.rows)]
+    if columns:
+        units = {k: [tag("br"), tag("small", m.units[k])] if m.units[k] else [] for k in columns}
+        head = ["joint", *([KINDS[k], *units[k]] for k in columns)]
         rows = [
-            [_name(name), *(_cell(cell) for cell in row)]
+            [_name(name), *(_cell(row[k]) for k in columns)]
             for name, row in zip(d.model.names, m.rows, strict=True)
         ]
         yield table(head, rows, class_="kinds")
