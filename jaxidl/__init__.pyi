@@ -5,6 +5,7 @@ from .control import Doomed, LqrPolicy, PdPolicy, Pid, PidGains, lqr
 from .effects import CATALOGUE, Effect
 from .errors import ConfigurationError, EffectError, JaxidlError, StoreError
 from .learning.execute import Task, desired_trajectory, execute
+from .learning.guard import Guard
 from .learning.iterate import Metrics, Setting, learn, measure
 from .learning.sources import SOURCES, direct, indirect, joint
 from .models import ErrorModel, Training
@@ -28,6 +29,7 @@ __all__ = [
     "EffectError",
     "ErrorModel",
     "Grid",
+    "Guard",
     "JaxidlError",
     "LqrPolicy",
     "Metrics",

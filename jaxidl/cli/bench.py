@@ -31,7 +31,11 @@ class BenchmarkError(JaxidlError):
 
 
 def bench(
-    names: Annotated[tuple[str, ...], tyro.conf.Positional, arg(metavar="NAME ...", help_behavior_hint="(default: all)")] = (),
+    names: Annotated[
+        tuple[str, ...],
+        tyro.conf.Positional,
+        arg(metavar="NAME ...", help_behavior_hint="(default: all)"),
+    ] = (),
     /,
     *,
     out: Path = Path("out/bench"),

@@ -18,6 +18,7 @@ def sweep(
     out: Annotated[Path, arg(metavar="RESULTS.nc")],
     noise_levels: Annotated[str, arg(metavar="program|printed")] = "program",
     train_on: Annotated[str, arg(metavar="true_state|sensed_state")] = "true_state",
+    guard: bool = False,
 ) -> None:
     """Run a grid of learning runs; continue where an interrupted one stopped.
 
@@ -28,8 +29,11 @@ def sweep(
         noise_levels: the four noise scales of the reference program, or those printed in the paper;
             --noise overrides.
         train_on: the state that the networks are trained on.
+        guard: limit learned torques to the range of their data, and fade them out where the robot
+            strays from the desired trajectory.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
+    from jaxidl.learning.guard import Guard
     from jaxidl.paper.runs import run_sweep
     from jaxidl.paper.study import PaperStudy
 
@@ -39,7 +43,8 @@ def sweep(
         )
     if axes.noise == Axes().noise:
         axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
-    grid, study = Grid(**vars(axes)), PaperStudy(train_on=train_on)
+    grid = Grid(**vars(axes))
+    study = PaperStudy(train_on=train_on, guard=Guard() if guard else None)
     choose_devices(running.devices)
     run_sweep(grid, out, study, **running.keywords())
     print(f"wrote {out}")

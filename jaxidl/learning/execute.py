@@ -85,6 +85,7 @@ def execute(
     feedforward: Feedforward | None = None,
     start: Joints | None = None,
     *,
+    fade: Callable[[State, State], Joints | Scalar] | None = None,
     checkpoint: bool = False,
 ) -> Trajectory:
     """Run the task once (Algorithm 1) as a scan over control steps.
@@ -98,6 +99,8 @@ def execute(
         feedforward: the error model's torque at the sensed state and desired acceleration; None
             before any learning.
         start: (J,) true initial position of the mechanism. Default: the task's.
+        fade: share of the error model's torque that is applied, from the sensed and the desired
+            state; see :mod:`jaxidl.learning.guard`. Default: all of it.
         checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode
             needs hardly any memory.
 
@@ -128,6 +131,8 @@ def execute(
                     task.feedforward_limit,
                 )
             )
+            if fade:
+                tau_ff = fade(sensed, desired) * tau_ff
         tau = tau_rbd + applied + tau_ff
 
         present = task.plant(plant, now)

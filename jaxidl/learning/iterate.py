@@ -13,7 +13,8 @@ from flax import struct
 from jaxtyping import Array, Bool, Float, Int
 
 from jaxidl.control import FeedbackLaw
-from jaxidl.learning.execute import Task, execute
+from jaxidl.learning.execute import Task, desired_trajectory, execute
+from jaxidl.learning.guard import Best, Guard, distance
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
@@ -67,6 +68,7 @@ def learn(
     kept: int = 0,
     refine: Callable[[Trajectory], Trajectory] = lambda run: run,
     learner: Learner | None = None,
+    guard: Guard | None = None,
     derivative: str | None = None,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
     """Run K executions with K − 1 trainings between them.
@@ -85,6 +87,8 @@ def learn(
             need its future.
         learner: the initial learner, with your own weights or from an earlier call. Default: a new
             one.
+        guard: limits what a new model may do; see :mod:`jaxidl.learning.guard`. Default: none, as
+            in the paper.
         derivative: "forward" or "reverse" if the result is to be differentiated in that mode, by
             anything continuous in ``setting``, ``training.learning_rate``, ``learner``, ``noise``
             or ``starts``: through all executions and all training steps. The values are the same
@@ -99,7 +103,9 @@ def learn(
         learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
     checkpoint = derivative == "reverse"
 
-    def run_once(inputs: Any, feedforward: Any = None) -> tuple[Any, Any]:
+    desired = None if guard is None else desired_trajectory(setting.task).q
+
+    def run_once(inputs: Any, feedforward: Any = None, fade: Any = None) -> tuple[Any, Any, Any]:
         draws, begin = inputs
         run = execute(
             setting.plant,
@@ -109,15 +115,15 @@ def learn(
             draws,
             feedforward,
             begin,
+            fade=fade,
             checkpoint=checkpoint,
         )
         data = SOURCES[source](refine(run), train_on)
-        return data, (measure(run, setting.reference), run if keep else None)
+        strayed = None if desired is None else distance(run.q_sensing, desired)
+        return data, (measure(run, setting.reference), run if keep else None), strayed
 
-    def iteration(
-        carry: tuple[Learner, Dataset], inputs: Any
-    ) -> tuple[tuple[Learner, Dataset], Any]:
-        learner, memory = carry
+    def iteration(carry: Any, inputs: Any) -> tuple[Any, Any]:
+        learner, memory, best = carry
         k, *now = inputs
         known = recall(memory, k)
         rows = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
@@ -131,21 +137,29 @@ def learn(
             executions=1 + kept,
             derivative=derivative,
         )
-        data, (metrics, run) = run_once(now, partial(error_model.torque, learner.params))
+        feedforward: Any = partial(error_model.torque, learner.params)
+        fade = None
+        if guard is not None:
+            region = guard.region(known, best)
+            feedforward, fade = region.feedforward(error_model, learner.params), region.fade
+        data, (metrics, run), strayed = run_once(now, feedforward, fade)
         # a failed training makes a failed iteration
         finite = metrics.finite & jnp.isfinite(progress.validation)
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
-        return (learner, memory), (metrics._replace(finite=finite), run)
+        if guard is not None:
+            best = best.after(strayed)
+        return (learner, memory, best), (metrics._replace(finite=finite), run)
 
     everything = noise, starts
-    data, first = run_once(jax.tree.map(lambda x: x[0], everything))
+    data, first, strayed = run_once(jax.tree.map(lambda x: x[0], everything))
+    best = None if guard is None else Best.of(strayed)
     rest = jax.tree.map(lambda x: x[1:], everything)
     memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
-    (learner, _), later = jax.lax.scan(
-        iteration, (learner, memory), (jnp.arange(1, noise.shape[0]), *rest)
+    last, later = jax.lax.scan(
+        iteration, (learner, memory, best), (jnp.arange(1, noise.shape[0]), *rest)
     )
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
-    return metrics, learner, runs
+    return metrics, last[0], runs
 
 
 def recall(memory: Dataset, k: Int[Array, ""]) -> Dataset:

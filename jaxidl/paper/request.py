@@ -30,3 +30,6 @@ class Request:
     """Executions of the learning run (default: 20)."""
     epochs: int = 20
     """Training epochs of each iteration."""
+    guard: bool = False
+    """Limit learned torques to the range of their data, and fade them out where the robot strays
+    from the desired trajectory."""

@@ -114,6 +114,7 @@ class LearningRun:
                 train_on=study.train_on,
                 keep=keep,
                 kept=study.kept,
+                guard=study.guard,
             )
         return metrics, runs
 

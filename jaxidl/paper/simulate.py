@@ -1,6 +1,7 @@
 """One execution, or one learning run, from the command line into a file of arrays."""
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from jaxtyping import Float
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.files import write_bytes
 from jaxidl.learning.execute import execute
+from jaxidl.learning.guard import Guard
 from jaxidl.paper.grid import CONTROLLERS, GAINS, Grid
 from jaxidl.paper.request import Request
 from jaxidl.paper.runs import LearningRun
@@ -25,6 +27,8 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
         StoreError: if ``out`` cannot be written.
     """
     study = study or PaperStudy()
+    if request.guard:
+        study = replace(study, guard=Guard())
     at = _checked(request)
     executions = 1 if request.source is None else request.executions or 20
     with jax.enable_x64(True):
@@ -53,6 +57,10 @@ def _checked(request: Request) -> dict[str, Any]:
     if request.source is None and request.executions is not None:
         raise ConfigurationError(
             "--source with --executions", "no --source", "name the data source to learn from"
+        )
+    if request.source is None and request.guard:
+        raise ConfigurationError(
+            "--source with --guard", "no --source", "name the data source to learn from"
         )
     grid = Grid(
         (request.controller,),

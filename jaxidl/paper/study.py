@@ -13,6 +13,7 @@ from jaxidl.control import Doomed, FeedbackLaw, PdPolicy, Pid, PidGains
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.execute import Task, execute
+from jaxidl.learning.guard import Guard
 from jaxidl.learning.iterate import Setting
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
@@ -59,6 +60,7 @@ class PaperStudy:
     friction_width: float = 0.0  # of the friction's borders [m]; 0: sharp
     stiction_width: float = 0.0  # of the stiction's, as a share of each [-]; 0: sharp
     kept: int = 0  # earlier executions whose data are learned from, too, beside the last one's
+    guard: Guard | None = None  # of the learned torques; the paper has none
     error_model: ErrorModel = field(default_factory=ErrorModel)
     training: Training = field(default_factory=Training)  # its epochs are an axis of the grid
 
@@ -88,7 +90,10 @@ class PaperStudy:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers, nested, ready for JSON; with a condition they determine a result."""
-        return asdict(self)
+        numbers = asdict(self)
+        if self.guard is None:  # as in results from before there was one
+            del numbers["guard"]
+        return numbers
 
     def task(self) -> Task:
         rest = State(jnp.zeros(2), jnp.zeros(2))

@@ -1,0 +1,107 @@
+"""A guard for learned torques: a model drives only where it is known to hold.
+
+It uses what a robot has: the rows that the model was trained on, and how far earlier executions
+strayed from the desired trajectory.
+
+1. The model's inputs are clipped to the range of its training inputs, its torque to the range of
+   its training targets: a network does not extrapolate.
+2. Its torque fades with the distance of the sensed position from the desired trajectory, from full
+   at ``near`` times the largest one of the best execution so far to none at ``far`` times. The best
+   execution is the one that strayed least on average.
+
+So a bad model costs part of one execution: where it leads the robot astray, feedback alone goes on.
+What is taken from it is measured in :doc:`/explanation/trust`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from flax import struct
+from jaxtyping import Array, Float
+
+from jaxidl.errors import ConfigurationError
+from jaxidl.models import ErrorModel, Params
+from jaxidl.types import Circumstances, Dataset, History, Joints, Scalar, State
+
+
+class Best(NamedTuple):
+    """The execution that strayed least so far: distances from the desired trajectory."""
+
+    mean: Scalar  # [m or rad]
+    largest: Scalar  # [m or rad]
+
+    @classmethod
+    def of(cls, strayed: Float[Array, " T"]) -> "Best":
+        """Return the best of one execution, which ``strayed`` (T,) [m or rad]."""
+        return cls(strayed.mean(), strayed.max())
+
+    def after(self, strayed: Float[Array, " T"]) -> "Best":
+        """Return the better of the best so far and another execution; NaN is never better."""
+        other = Best.of(strayed)
+        return jax.tree.map(lambda a, b: jnp.where(other.mean < self.mean, a, b), other, self)
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The guard's settings, as multiples of the best execution's largest distance.
+
+    Raises:
+        ConfigurationError: unless 0 < near < far.
+    """
+
+    near: float = 1.2  # up to here the whole torque of the model is applied
+    far: float = 2.4  # from here on none
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.near < self.far < jnp.inf:
+            raise ConfigurationError(
+                "a guard with 0 < near < far", f"near={self.near}, far={self.far}", "correct it"
+            )
+
+    def region(self, data: Dataset, best: Best) -> "Region":
+        """Return where a model that was trained on ``data`` (N rows) may drive."""
+        x, y = data
+        return Region(x.min(0), x.max(0), y.min(0), y.max(0), best.largest, self.near, self.far)
+
+
+class Region(struct.PyTreeNode):
+    """Where a model may drive."""
+
+    lowest: Float[Array, " F"]  # inputs
+    highest: Float[Array, " F"]
+    least: Joints  # (J,) torque [N or Nm]
+    most: Joints
+    reach: Scalar  # largest distance of the best execution [m or rad]
+    near: float = struct.field(pytree_node=False)
+    far: float = struct.field(pytree_node=False)
+
+    def feedforward(
+        self, model: ErrorModel, params: Params
+    ) -> Callable[[State, Joints, Circumstances | None], Joints]:
+        """Return the model's torque (J,) with inputs and outputs in the range of its data.
+
+        It is a function of state, acceleration (J,) and circumstances (C,).
+        """
+
+        def torque(state: State, qdd: Joints, circumstances: Circumstances | None) -> Joints:
+            told = () if circumstances is None else (circumstances,)
+            x = jnp.clip(jnp.concatenate([*state, qdd, *told]), self.lowest, self.highest)
+            q, qd, qdd, inside = jnp.split(x, [len(qdd), 2 * len(qdd), 3 * len(qdd)])
+            tau = model.torque(params, State(q, qd), qdd, inside if told else None)
+            return jnp.clip(tau, self.least, self.most)
+
+        return torque
+
+    def fade(self, sensed: State, desired: State) -> Scalar:
+        """Return the share of the model's torque that is applied, from 1 to 0."""
+        # an execution that never strayed leaves no room at all
+        strayed = distance(sensed.q, desired.q) / jnp.maximum(self.reach, 1e-12)
+        return jnp.clip((self.far - strayed) / (self.far - self.near), 0.0, 1.0)
+
+
+def distance(q: History, desired: History) -> Float[Array, "*T"]:
+    """Return the distance (*T) of positions (*T, J) from the desired ones, over all joints."""
+    return jnp.sqrt(jnp.sum((q - desired) ** 2, axis=-1))
