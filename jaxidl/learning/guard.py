@@ -24,6 +24,7 @@ from jaxtyping import Array, Float
 
 from jaxidl.errors import ConfigurationError
 from jaxidl.models import ErrorModel, Params
+from jaxidl.models.training import root
 from jaxidl.types import Circumstances, Dataset, History, Joints, Scalar, State
 
 
@@ -104,4 +105,4 @@ class Region(struct.PyTreeNode):
 
 def distance(q: History, desired: History) -> Float[Array, "*T"]:
     """Return the distance (*T) of positions (*T, J) from the desired ones, over all joints."""
-    return jnp.sqrt(jnp.sum((q - desired) ** 2, axis=-1))
+    return root(jnp.sum((q - desired) ** 2, axis=-1))
