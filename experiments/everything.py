@@ -86,6 +86,11 @@ EVERYTHING = {
         ),
         3,
     ),
+    "guard": Made(
+        ("guard.*",),
+        (f"{EXPERIMENTS}/guard.py figures --sweeps {WORK}/guard",),
+        8,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (

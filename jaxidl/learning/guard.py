@@ -10,7 +10,7 @@ strayed from the desired trajectory.
    execution is the one that strayed least on average.
 
 So a bad model costs part of one execution: where it leads the robot astray, feedback alone goes on.
-What is taken from it is measured in :doc:`/explanation/trust`.
+What it is worth, and what did not help: :doc:`/explanation/trust`.
 """
 
 from collections.abc import Callable
