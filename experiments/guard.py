@@ -1,8 +1,8 @@
 """What a guard on learned torques is worth: ``python experiments/guard.py FOLDER``.
 
 The same learning runs with and without :mod:`jaxidl.learning.guard`, in conditions and with seeds
-that were not used to make it: both controllers, both gains, noise of 0.2 and 0.4 mm, friction 5 and
-8. FOLDER gets guard.md and guard.json, guard.png and guard.pdf; the sweeps themselves stay in
+that were not used to make it: both controllers, both gains, noise of 0.15 and 0.6 mm, friction 6
+and 7. FOLDER gets guard.md and guard.json, guard.png and guard.pdf; the sweeps themselves stay in
 FOLDER/guard_off.nc and guard_on.nc (``--sweeps`` names another folder for these), and an
 interrupted run continues.
 """
@@ -26,7 +26,13 @@ from jaxidl.paper.runs import run_sweep
 from jaxidl.paper.study import PaperStudy
 from jaxidl.plot.style import CONTROLLER_NAME, SOURCE_STYLE, house_style, save
 
-GRID = Grid(noise=(2e-4, 4e-4), friction=(5.0, 8.0), stiction=(5.0,), seeds=(11, 12, 13))
+GRID = Grid(
+    noise=(1.5e-4, 6e-4),
+    friction=(6.0, 7.0),
+    stiction=(6.0,),
+    epochs=(20,),
+    seeds=(21, 22, 23, 24, 25),
+)
 LAST = 5  # executions of which the final error is the mean
 Key = tuple[str, str, str]
 

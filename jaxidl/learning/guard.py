@@ -6,8 +6,9 @@ strayed from the desired trajectory.
 1. The model's inputs are clipped to the range of its training inputs, its torque to the range of
    its training targets: a network does not extrapolate.
 2. Its torque fades with the distance of the sensed position from the desired trajectory, from full
-   at ``near`` times the largest one of the best execution so far to none at ``far`` times. The best
-   execution is the one that strayed least on average.
+   at ``near`` times its reach to none at ``far`` times. The reach is the geometric mean of the
+   largest distances of the first execution, before any learning, and of the best so far, the one
+   that strayed least on average.
 
 So a bad model costs part of one execution: where it leads the robot astray, feedback alone goes on.
 What it is worth, and what did not help: :doc:`/explanation/trust`.
@@ -28,26 +29,33 @@ from jaxidl.models.training import root
 from jaxidl.types import Circumstances, Dataset, History, Joints, Scalar, State
 
 
-class Best(NamedTuple):
-    """The execution that strayed least so far: distances from the desired trajectory."""
+class Strayed(NamedTuple):
+    """How far executions strayed from the desired trajectory [m or rad]."""
 
-    mean: Scalar  # [m or rad]
-    largest: Scalar  # [m or rad]
+    first: Scalar  # largest distance of the first execution
+    best: Scalar  # largest distance of the best one
+    mean: Scalar  # mean distance of the best one
 
     @classmethod
-    def of(cls, strayed: Float[Array, " T"]) -> "Best":
-        """Return the best of one execution, which ``strayed`` (T,) [m or rad]."""
-        return cls(strayed.mean(), strayed.max())
+    def of(cls, first: Float[Array, " T"]) -> "Strayed":
+        """Return it after the first execution, whose distances are ``first`` (T,)."""
+        return cls(first.max(), first.max(), first.mean())
 
-    def after(self, strayed: Float[Array, " T"]) -> "Best":
-        """Return the better of the best so far and another execution; NaN is never better."""
-        other = Best.of(strayed)
-        return jax.tree.map(lambda a, b: jnp.where(other.mean < self.mean, a, b), other, self)
+    def after(self, later: Float[Array, " T"]) -> "Strayed":
+        """Return it after another execution; one with NaN is never the best."""
+        better = later.mean() < self.mean
+        where = lambda a, b: jnp.where(better, a, b)
+        return Strayed(self.first, where(later.max(), self.best), where(later.mean(), self.mean))
+
+    @property
+    def reach(self) -> Scalar:
+        """The geometric mean of the largest distances of the first and the best execution."""
+        return root(self.first * self.best)
 
 
 @dataclass(frozen=True)
 class Guard:
-    """The guard's settings, as multiples of the best execution's largest distance.
+    """The guard's settings, as multiples of its reach.
 
     Raises:
         ConfigurationError: unless 0 < near < far.
@@ -62,10 +70,10 @@ class Guard:
                 "a guard with 0 < near < far", f"near={self.near}, far={self.far}", "correct it"
             )
 
-    def region(self, data: Dataset, best: Best) -> "Region":
+    def region(self, data: Dataset, strayed: Strayed) -> "Region":
         """Return where a model that was trained on ``data`` (N rows) may drive."""
         x, y = data
-        return Region(x.min(0), x.max(0), y.min(0), y.max(0), best.largest, self.near, self.far)
+        return Region(x.min(0), x.max(0), y.min(0), y.max(0), strayed.reach, self.near, self.far)
 
 
 class Region(struct.PyTreeNode):
@@ -75,7 +83,7 @@ class Region(struct.PyTreeNode):
     highest: Float[Array, " F"]
     least: Joints  # (J,) torque [N or Nm]
     most: Joints
-    reach: Scalar  # largest distance of the best execution [m or rad]
+    reach: Scalar  # [m or rad]
     near: float = struct.field(pytree_node=False)
     far: float = struct.field(pytree_node=False)
 

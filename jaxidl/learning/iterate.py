@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, desired_trajectory, execute
-from jaxidl.learning.guard import Best, Guard, distance
+from jaxidl.learning.guard import Guard, Strayed, distance
 from jaxidl.learning.sources import SOURCES
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
@@ -123,7 +123,7 @@ def learn(
         return data, (measure(run, setting.reference), run if keep else None), strayed
 
     def iteration(carry: Any, inputs: Any) -> tuple[Any, Any]:
-        learner, memory, best = carry
+        learner, memory, past = carry
         k, *now = inputs
         known = recall(memory, k)
         rows = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
@@ -140,23 +140,23 @@ def learn(
         feedforward: Any = partial(error_model.torque, learner.params)
         fade = None
         if guard is not None:
-            region = guard.region(known, best)
+            region = guard.region(known, past)
             feedforward, fade = region.feedforward(error_model, learner.params), region.fade
         data, (metrics, run), strayed = run_once(now, feedforward, fade)
         # a failed training makes a failed iteration
         finite = metrics.finite & jnp.isfinite(progress.validation)
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
         if guard is not None:
-            best = best.after(strayed)
-        return (learner, memory, best), (metrics._replace(finite=finite), run)
+            past = past.after(strayed)
+        return (learner, memory, past), (metrics._replace(finite=finite), run)
 
     everything = noise, starts
     data, first, strayed = run_once(jax.tree.map(lambda x: x[0], everything))
-    best = None if guard is None else Best.of(strayed)
+    past = None if guard is None else Strayed.of(strayed)
     rest = jax.tree.map(lambda x: x[1:], everything)
     memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
     last, later = jax.lax.scan(
-        iteration, (learner, memory, best), (jnp.arange(1, noise.shape[0]), *rest)
+        iteration, (learner, memory, past), (jnp.arange(1, noise.shape[0]), *rest)
     )
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
     return metrics, last[0], runs

@@ -9,7 +9,7 @@ import pytest
 
 from jaxidl.errors import ConfigurationError
 from jaxidl.learning.execute import desired_trajectory, execute
-from jaxidl.learning.guard import Best, Guard, distance
+from jaxidl.learning.guard import Guard, Strayed, distance
 from jaxidl.learning.iterate import learn
 from jaxidl.models import ErrorModel
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
@@ -22,7 +22,7 @@ REACH = 0.3
 
 
 def region_of(x, y, reach=REACH):
-    return Guard().region(Dataset(jnp.asarray(x), jnp.asarray(y)), Best(0.1, reach))
+    return Guard().region(Dataset(jnp.asarray(x), jnp.asarray(y)), Strayed(reach, reach, 0.1))
 
 
 @pytest.fixture(scope="module")
@@ -82,11 +82,14 @@ def test_nothing_that_never_strayed_may_stray():
     assert float(region.fade(State(still, still), State(still, still))) == 1.0
 
 
-def test_the_best_execution_is_the_one_that_strays_least_on_average():
-    best = Best.of(jnp.array([0.0, 1.0, 2.0]))
-    assert best == (1.0, 2.0)
-    better = best.after(jnp.array([0.0, 0.0, 2.5]))
-    np.testing.assert_allclose(better, (2.5 / 3, 2.5))
+def test_the_reach_is_that_of_the_first_and_the_best_execution():
+    """The best is the one that strays least on average."""
+    first = Strayed.of(jnp.array([0.0, 1.0, 8.0]))
+    assert first == (8.0, 8.0, 3.0)
+    assert float(first.reach) == 8.0
+    better = first.after(jnp.array([0.0, 0.0, 2.0]))
+    np.testing.assert_allclose(better, (8.0, 2.0, 2 / 3))
+    np.testing.assert_allclose(better.reach, 4.0)
     assert better.after(jnp.array([0.9, 0.9, 0.9])) == better
     assert better.after(jnp.array([0.0, jnp.nan, 0.0])) == better
 
@@ -105,7 +108,7 @@ def test_a_model_that_leads_astray_is_left_alone_with_its_torque():
     rows = Dataset(
         jnp.concatenate([first.q, first.qd, first.qdd_actual], 1), first.tau_feedback_applied
     )
-    region = Guard().region(rows, Best.of(strayed))
+    region = Guard().region(rows, Strayed.of(strayed))
     bad = lambda state, qdd, now: jnp.full(2, 4000.0)
     unguarded = distance(once(bad).q, desired)
     faded = once(bad, fade=region.fade)
