@@ -22,7 +22,9 @@ REACH = 0.3
 
 
 def region_of(x, y, reach=REACH):
-    return Guard().region(Dataset(jnp.asarray(x), jnp.asarray(y)), Strayed(reach, reach, 0.1))
+    return Guard().region(
+        Dataset(jnp.asarray(x), jnp.asarray(y)), Strayed(*jnp.array([reach, reach, 0.1]))
+    )
 
 
 @pytest.fixture(scope="module")
