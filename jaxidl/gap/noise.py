@@ -26,4 +26,6 @@ def in_units_of_noise(rows: Rows, left: np.ndarray) -> np.ndarray:
     frequency, power = welch(used, 1.0 / interval, nperseg=min(SEGMENT, len(left)), axis=0)
     encoder = 5.0 * signals.noise_floor**2 * frequency[:, None] ** 4 / signals.band**5
     least = 2.0 * interval * (LEAST_FLOOR * rows.spread) ** 2
-    return np.mean(power / (encoder + least), axis=0)
+    # neither noise nor a command: whatever is there is far above both
+    nothing = 1e-12 * power.max(axis=0) + np.finfo(float).tiny
+    return np.mean(power / (encoder + least + nothing), axis=0)

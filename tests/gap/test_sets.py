@@ -13,6 +13,7 @@ from jaxidl.effects import AsymmetricFriction, ConstantOffset, StribeckFriction
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
 from jaxidl.gap.gram import Anchor, Item
+from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import search
@@ -419,6 +420,16 @@ def test_each_objection_is_raised_where_it_holds(planted):
     assert objection(odd, odd.solve(truth), pool[0], 0.05, other) == ""
     share, stderr = worse_by(turned, turned.solve(truth[1:]), then, 0)
     assert share < -3.0 * stderr < 0.0
+
+
+def test_a_joint_without_noise_and_command_has_a_residual_in_units_of_nothing():
+    rows = rows_with(np.zeros((N, JOINTS)))._replace(spread=np.zeros(JOINTS))
+    left = np.zeros((N, JOINTS))
+    left[:, 0] = np.random.default_rng(0).normal(size=N)
+    some, none = in_units_of_noise(rows, left)
+    assert np.isfinite(some)
+    assert some > 1e9
+    assert none == 0.0
 
 
 @pytest.mark.parametrize(
