@@ -40,8 +40,8 @@ Key = tuple[str, str, str]
 def sweeps(folder: Path) -> dict[str, xr.Dataset]:
     """Return the results without and with a guard."""
     return {
-        name: run_sweep(GRID, folder / f"guard_{name}.nc", PaperStudy(guard=guard))
-        for name, guard in (("off", None), ("on", Guard()))
+        name: run_sweep(GRID, folder / f"guard_{name}.nc", PaperStudy(guard=name))
+        for name in ("off", "on")
     }
 
 

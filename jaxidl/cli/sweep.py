@@ -33,7 +33,6 @@ def sweep(
             strays from the desired trajectory.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
-    from jaxidl.learning.guard import Guard
     from jaxidl.paper.runs import run_sweep
     from jaxidl.paper.study import PaperStudy
 
@@ -44,7 +43,7 @@ def sweep(
     if axes.noise == Axes().noise:
         axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
     grid = Grid(**vars(axes))
-    study = PaperStudy(train_on=train_on, guard=Guard() if guard else None)
+    study = PaperStudy(train_on=train_on, guard="on" if guard else "off")
     choose_devices(running.devices)
     run_sweep(grid, out, study, **running.keywords())
     print(f"wrote {out}")

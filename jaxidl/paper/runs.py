@@ -21,7 +21,7 @@ from jaxidl.jobs.programs import Job
 from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.paper.example import example
 from jaxidl.paper.grid import AXES, GAINS, Grid
-from jaxidl.paper.study import Condition, PaperStudy, draw_noise
+from jaxidl.paper.study import GUARDS, Condition, PaperStudy, draw_noise
 from jaxidl.paper.vary import check, traced, varied
 from jaxidl.types import Trajectory
 
@@ -114,7 +114,7 @@ class LearningRun:
                 train_on=study.train_on,
                 keep=keep,
                 kept=study.kept,
-                guard=study.guard,
+                guard=GUARDS[study.guard],
             )
         return metrics, runs
 

@@ -12,7 +12,6 @@ from jaxtyping import Float
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.files import write_bytes
 from jaxidl.learning.execute import execute
-from jaxidl.learning.guard import Guard
 from jaxidl.paper.grid import CONTROLLERS, GAINS, Grid
 from jaxidl.paper.request import Request
 from jaxidl.paper.runs import LearningRun
@@ -28,7 +27,7 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
     """
     study = study or PaperStudy()
     if request.guard:
-        study = replace(study, guard=Guard())
+        study = replace(study, guard="on")
     at = _checked(request)
     executions = 1 if request.source is None else request.executions or 20
     with jax.enable_x64(True):

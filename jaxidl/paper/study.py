@@ -21,6 +21,7 @@ from jaxidl.paper.grid import CONTROLLERS
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Scalar, State
 
+GUARDS = {"off": None, "on": Guard()}
 WIDTHS = ("friction_width", "stiction_width")
 
 
@@ -60,13 +61,15 @@ class PaperStudy:
     friction_width: float = 0.0  # of the friction's borders [m]; 0: sharp
     stiction_width: float = 0.0  # of the stiction's, as a share of each [-]; 0: sharp
     kept: int = 0  # earlier executions whose data are learned from, too, beside the last one's
-    guard: Guard | None = None  # of the learned torques; the paper has none
+    guard: str = "off"  # of the learned torques; "on" is not the paper's
     error_model: ErrorModel = field(default_factory=ErrorModel)
     training: Training = field(default_factory=Training)  # its epochs are an axis of the grid
 
     def __post_init__(self) -> None:
         if self.train_on not in TRAIN_ON:
             raise one_of("train_on", self.train_on, TRAIN_ON)
+        if self.guard not in GUARDS:
+            raise one_of("guard", self.guard, GUARDS)
         for name in ("true_mass", "dt", "torque_limit"):
             _check(name, getattr(self, name), above=0.0)
         for name in (
@@ -91,7 +94,7 @@ class PaperStudy:
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers, nested, ready for JSON; with a condition they determine a result."""
         numbers = asdict(self)
-        if self.guard is None:  # as in results from before there was one
+        if self.guard == "off":  # as in results from before there was one
             del numbers["guard"]
         return numbers
 

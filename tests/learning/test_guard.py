@@ -168,7 +168,9 @@ def test_learning_goes_on_under_a_guard_and_can_be_differentiated():
 
 def test_a_study_without_a_guard_is_the_one_from_before_there_was_one():
     assert "guard" not in PaperStudy().to_dict()
-    assert PaperStudy(guard=Guard(1.0, 2.0)).to_dict()["guard"] == {"near": 1.0, "far": 2.0}
+    assert PaperStudy(guard="on").to_dict()["guard"] == "on"
+    with pytest.raises(ConfigurationError, match="guard to be one of off, on"):
+        PaperStudy(guard="of")
 
 
 @pytest.mark.parametrize("bounds", [(0.0, 1.0), (2.0, 1.0), (1.0, 1.0), (1.0, np.nan)])
