@@ -15,6 +15,11 @@ from jaxidl.errors import ConfigurationError, JaxidlError, needs_checkout
 Names = tuple[str, ...]
 
 
+def _optional(metavar: str) -> Any:
+    """An option whose default, nothing, says nothing in a help text."""
+    return arg(metavar=metavar, help_behavior_hint="(optional)")
+
+
 def gap(
     logs: Annotated[
         tuple[Path, ...],
@@ -27,22 +32,16 @@ def gap(
     out: Annotated[Path, arg(metavar="DIR")] = Path("gap"),
     held_out: float = 0.3,
     min_gain: float = 0.05,
-    reference: Annotated[
-        tuple[Path, ...], arg(metavar="OLD ...", help_behavior_hint="(optional)")
-    ] = (),
-    effects: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
-    exclude: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
-    plugin: Annotated[Names, arg(metavar="FILE.py ...", help_behavior_hint="(optional)")] = (),
+    reference: Annotated[tuple[Path, ...], _optional("OLD ...")] = (),
+    effects: Annotated[Names, _optional("NAME ...")] = (),
+    exclude: Annotated[Names, _optional("NAME ...")] = (),
+    plugin: Annotated[Names, _optional("FILE.py ...")] = (),
     refine: bool = False,
-    joints: Annotated[Names, arg(metavar="NAME ...", help_behavior_hint="(optional)")] = (),
-    columns: Annotated[Names, arg(metavar="KEY=TITLE ...", help_behavior_hint="(optional)")] = (),
-    motor: Annotated[Path | None, arg(metavar="FILE.yaml", help_behavior_hint="(optional)")] = None,
-    torque_constant: Annotated[
-        tuple[float, ...], arg(metavar="NM/A ...", help_behavior_hint="(optional)")
-    ] = (),
-    gear_ratio: Annotated[
-        tuple[float, ...], arg(metavar="RATIO ...", help_behavior_hint="(optional)")
-    ] = (),
+    joints: Annotated[Names, _optional("NAME ...")] = (),
+    columns: Annotated[Names, _optional("KEY=TITLE ...")] = (),
+    motor: Annotated[Path | None, _optional("FILE.yaml")] = None,
+    torque_constant: Annotated[tuple[float, ...], _optional("NM/A ...")] = (),
+    gear_ratio: Annotated[tuple[float, ...], _optional("RATIO ...")] = (),
     topic: Annotated[str | None, arg(metavar="NAME")] = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect,

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
@@ -95,11 +96,10 @@ class Region(struct.PyTreeNode):
         """
 
         def torque(state: State, qdd: Joints, circumstances: Circumstances | None) -> Joints:
-            told = () if circumstances is None else (circumstances,)
-            x = jnp.clip(jnp.concatenate([*state, qdd, *told]), self.lowest, self.highest)
-            q, qd, qdd, inside = jnp.split(x, [len(qdd), 2 * len(qdd), 3 * len(qdd)])
-            tau = model.torque(params, State(q, qd), qdd, inside if told else None)
-            return jnp.clip(tau, self.least, self.most)
+            given = (*state, qdd) if circumstances is None else (*state, qdd, circumstances)
+            x = jnp.clip(jnp.concatenate(given), self.lowest, self.highest)
+            q, qd, *rest = jnp.split(x, np.cumsum([len(part) for part in given[:-1]]))
+            return jnp.clip(model.torque(params, State(q, qd), *rest), self.least, self.most)
 
         return torque
 

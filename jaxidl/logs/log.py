@@ -22,6 +22,7 @@ from jaxidl.logs.header import KINDS
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.sampling import LEAST_RUN, interval, pieces, resample
+from jaxidl.logs.speeds import check_speeds
 from jaxidl.logs.tables import Table, expanded, listed, load, name_of, reason
 
 
@@ -219,7 +220,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         tuple(still.items()),
     )
     if log.qd is not None:
-        checks.speeds(log.q, log.qd, dt, log.segments())
+        check_speeds(log.q, log.qd, dt, log.segments())
     return replace(
         log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments()))
     )
