@@ -1,15 +1,15 @@
 """Accelerations without lag: what is estimated after an execution may use its future."""
 
 from dataclasses import replace
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from jaxidl.control.estimate import share
+from jaxidl.control.filters import average_around
 from jaxidl.learning.execute import Task
 from jaxidl.systems import RigidBody
-from jaxidl.types import History, Scalar, Trajectory
+from jaxidl.types import Scalar, Trajectory
 
 
 def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.0) -> Trajectory:
@@ -20,22 +20,6 @@ def zero_phase(run: Trajectory, model: RigidBody, task: Task, band: Scalar = 30.
     q = run.q_sensing
     # at both ends it goes on as it went
     longer = jnp.concatenate([2 * q[:1] - q[1:2], q, 2 * q[-1:] - q[-2:-1]])
-    qdd = low_pass_both_ways(jnp.diff(longer, 2, axis=0) / task.dt**2, share(band, task.dt))
+    qdd = average_around(jnp.diff(longer, 2, axis=0) / task.dt**2, share(band, task.dt))
     tau = jax.vmap(lambda *now: task.clip(model.inverse_dynamics(*now)))(q, run.qd_sensing, qdd)
     return replace(run, qdd_actual=qdd, tau_inverse_actual=tau)
-
-
-def low_pass_both_ways(x: History, weight: Scalar) -> History:
-    """Filter ``x`` (T, J) by a first-order low pass forwards, then backwards.
-
-    ``weight`` is that of a new sample [-].
-    """
-
-    def along(x: History, reverse: bool) -> History:
-        def step(value: Any, sample: Any) -> tuple[Any, Any]:
-            value = value + weight * (sample - value)
-            return value, value
-
-        return jax.lax.scan(step, x[-1] if reverse else x[0], x, reverse=reverse)[1]
-
-    return along(along(x, False), True)

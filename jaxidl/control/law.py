@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from jaxidl.types import Joints, State
+from jaxidl.types import Joints, Scalar, State
 
 
 class Feedback(NamedTuple):
@@ -19,6 +19,11 @@ class FeedbackLaw(Protocol):
     ``init`` is called once, then in every control step ``act`` before the plant moves and
     ``observe`` after it.
     """
+
+    @property
+    def smoothing(self) -> Scalar:
+        """Return the weight of a new sample in the learning feedback [-]; 1: not filtered."""
+        ...
 
     def init(self, q: Joints) -> Any:
         """Return the memory at the start of an execution at position ``q`` (J,)."""

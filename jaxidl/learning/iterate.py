@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.guard import Guard, Strayed, distance
-from jaxidl.learning.sources import SOURCES
+from jaxidl.learning.sources import rows
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
 from jaxidl.types import Dataset, History, Key, Trajectory
@@ -78,7 +78,8 @@ def learn(
         noise: (K, T, J) standard-normal draws, one slice per execution.
         key: root of the initial weights and of every iteration's batches; iteration k uses
             ``fold_in(key, k)``.
-        source: "indirect", "direct" or "joint".
+        source: "indirect", "direct", "joint" or "weighted".
+        train_on: "true_state" or "sensed_state"; weighted data are always of the sensed one.
         keep: also return every execution.
         starts: (K, J) true initial position of each execution. Default: the task's.
         kept: number of earlier executions whose data are learned from in addition to the last
@@ -118,7 +119,7 @@ def learn(
             fade=fade,
             checkpoint=checkpoint,
         )
-        data = SOURCES[source](refine(run), train_on)
+        data = rows(source, refine(run), setting.law, train_on)
         strayed = None if desired is None else distance(run.q_sensing, desired)
         return data, (measure(run, setting.reference), run if keep else None), strayed
 
@@ -126,8 +127,8 @@ def learn(
         learner, memory, past = carry
         k, *now = inputs
         known = recall(memory, k)
-        rows = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
-        batches = draw_batches(jax.random.fold_in(key, k), rows, training)
+        size = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
+        batches = draw_batches(jax.random.fold_in(key, k), size, training)
         learner, progress = fit(
             error_model,
             training,

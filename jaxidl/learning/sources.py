@@ -1,12 +1,18 @@
-"""The three data sources: training data from one execution for the error of the modelled body."""
+"""The data sources: training data from one execution for the error of the modelled body.
+
+Three are the paper's; ``weighted`` is ours.
+"""
 
 from collections.abc import Callable
+from functools import partial
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from jaxidl.control import FeedbackLaw
+from jaxidl.control.filters import average_along, average_around
 from jaxidl.errors import one_of
-from jaxidl.types import Dataset, History, Trajectory
+from jaxidl.types import Dataset, History, Scalar, Trajectory
 
 TRAIN_ON = ("true_state", "sensed_state")
 
@@ -46,8 +52,53 @@ def joint(run: Trajectory, train_on: str = "true_state") -> Dataset:
     return Dataset(*(jnp.concatenate(parts) for parts in pair))
 
 
-SOURCES: dict[str, Callable[..., Dataset]] = {
+def weighted(run: Trajectory, smoothing: Scalar) -> Dataset:
+    """Return 2T − 1 rows of what the last model said, corrected by both sources without delay.
+
+    The last feedforward is kept as it is. Only corrections are averaged over time, by weights that
+    look as far ahead as back::
+
+        Δ = G(qdd_desired − qdd_actual)
+        indirect rows: (q, qd, qdd_desired − Δ) → feedforward + G(tau − feedforward − tau_inverse)
+        direct rows:   (q, qd, qdd_desired)     → feedforward + B(learning feedback one step later)
+
+    B is the filter of the learning feedback run backwards: it takes out the delay that the filter
+    made running forwards, (1 − smoothing) / smoothing steps. G runs it forwards and backwards, so
+    that both sources see the same average, with weights (1 − smoothing)^|k| at k steps.
+
+    States are the sensed ones: it uses only what a robot has. Why this and not weights of rows:
+    :doc:`/explanation/trust`.
+
+    Args:
+        run: the execution.
+        smoothing: weight of a new sample in the learning feedback [-].
+    """
+    x, feedforward = _inputs(run, run.qdd_desired, "sensed_state"), run.tau_feedforward
+    around = partial(average_around, alpha=smoothing)
+    short = around(run.qdd_desired - run.qdd_actual)
+    joints = short.shape[1]
+    missed = jnp.zeros_like(x).at[:, 2 * joints : 3 * joints].set(short)
+    happened = feedforward + around(run.tau - feedforward - run.tau_inverse_actual)
+    wanted = average_along(run.tau_feedback, smoothing, reverse=True)[1:] + feedforward[:-1]
+    return Dataset(jnp.concatenate([x - missed, x[:-1]]), jnp.concatenate([happened, wanted]))
+
+
+PAPER: dict[str, Callable[..., Dataset]] = {
     "indirect": indirect,
     "direct": direct,
     "joint": joint,
 }
+SOURCES = (*PAPER, "weighted")
+
+
+def rows(source: str, run: Trajectory, law: FeedbackLaw, train_on: str = "true_state") -> Dataset:
+    """Return the training data that ``source`` takes from an execution under ``law``.
+
+    Raises:
+        ConfigurationError: for an unknown source.
+    """
+    if source == "weighted":
+        return weighted(run, law.smoothing)
+    if source not in PAPER:
+        raise one_of("source", source, SOURCES)
+    return PAPER[source](run, train_on)

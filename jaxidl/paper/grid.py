@@ -10,7 +10,8 @@ from jaxidl.errors import ConfigurationError, EffectError, one_of
 
 CONTROLLERS = ("pid", "doomed")
 GAINS = ("low", "high")
-SOURCES = ("indirect", "direct", "joint")
+SOURCES = ("indirect", "direct", "joint")  # the paper's
+EVERY_SOURCE = (*SOURCES, "weighted")  # imports nothing heavy: a test compares it
 NOISE_LEVELS = {
     "program": (1e-4, 5e-4, 7e-4, 8e-4),  # what the reference program used
     # what the paper prints: accelerations of 10^4 m/s^2 by finite differences
@@ -44,7 +45,7 @@ class Axes:
     seeds: tuple[int, ...] = tuple(range(1, 11))
     """Run seeds."""
     sources: tuple[str, ...] = SOURCES
-    """Data sources: indirect, direct, joint."""
+    """Data sources: indirect, direct, joint, weighted."""
     executions: int = 20
     """Executions of each learning run; not an axis of configurations but of the results."""
 
@@ -93,7 +94,11 @@ class Grid(Axes):
                 raise ConfigurationError(
                     f"each value of {name} once", str(list(values)), "drop the repeated ones"
                 )
-        for name, valid in (("controllers", CONTROLLERS), ("gains", GAINS), ("sources", SOURCES)):
+        for name, valid in (
+            ("controllers", CONTROLLERS),
+            ("gains", GAINS),
+            ("sources", EVERY_SOURCE),
+        ):
             for value in getattr(self, name):
                 if value not in valid:
                     raise one_of(name, value, valid)

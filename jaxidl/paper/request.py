@@ -25,7 +25,7 @@ class Request:
     standard_normal: Path | None = None
     """File of (1000, 2) or (executions, 1000, 2) draws to use instead of the seed's."""
     source: str | None = None
-    """Data source to learn from: indirect, direct or joint."""
+    """Data source to learn from: indirect, direct, joint or weighted."""
     executions: int | None = None
     """Executions of the learning run (default: 20)."""
     epochs: int = 20

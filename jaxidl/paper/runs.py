@@ -212,5 +212,6 @@ def _cost(study: PaperStudy, executions: int, kind: Mapping[str, Any]) -> float:
     more = {name: value for name, value in kind.items() if name not in AXES}
     study = varied(study, more)
     rows = {"indirect": study.steps, "direct": study.steps - 1, "joint": 2 * study.steps - 1}
+    rows["weighted"] = rows["joint"]
     train_rows = (1 + study.kept) * study.training.train_mask(rows[kind["source"]]).sum()
     return executions * (kind["epochs"] * (train_rows // study.training.batch) + 0.02 * study.steps)

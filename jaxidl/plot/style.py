@@ -17,6 +17,7 @@ SOURCE_STYLE: dict[str, dict[str, Any]] = {
     "indirect": {"color": "#D55E00", "linestyle": "--", "marker": "s"},
     "direct": {"color": "#0072B2", "linestyle": "-.", "marker": "^"},
     "joint": {"color": "#009E73", "linestyle": "-", "marker": "o"},
+    "weighted": {"color": "#CC79A7", "linestyle": ":", "marker": "D"},
 }
 CONTROLLER_NAME = {"pid": "PID", "doomed": "DOOMED"}
 

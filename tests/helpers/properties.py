@@ -9,7 +9,7 @@ from jaxidl.paper.grid import CONTROLLERS, GAINS
 # the grid's axes: ranges of numbers, and names
 FLOATS = {"noise": (0.0, 1.0), "friction": (0.0, 12.0), "stiction": (0.0, 1000.0)}
 COUNTS = {"epochs": (1, 100_000), "seeds": (0, 2**31), "executions": (1, 10_000)}
-NAMES = {"controllers": CONTROLLERS, "gains": GAINS, "sources": tuple(SOURCES)}
+NAMES = {"controllers": CONTROLLERS, "gains": GAINS, "sources": SOURCES}
 
 
 def examples(count):

@@ -28,7 +28,7 @@ from jaxidl.control import (
 from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.iterate import learn
-from jaxidl.learning.sources import SOURCES
+from jaxidl.learning.sources import SOURCES, rows
 from jaxidl.models import ErrorModel, Training, start
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.paper.vary import varied
@@ -102,19 +102,19 @@ def execution(
 
 
 def outcome(of, values, noise, checkpoint=False):
-    """The whole trajectory, thinned out, and the data of all three sources."""
+    """The whole trajectory, thinned out, and the data of all sources."""
     plant, model, law, task, weights = of(values)
     run = execute(
         plant, model, law, task, noise, partial(MODEL.torque, weights), checkpoint=checkpoint
     )
-    rows = [leaf[::7] for source in SOURCES.values() for leaf in source(run)]
+    data = [leaf[::7] for source in SOURCES for leaf in rows(source, run, law)]
     scale = 1e-2 * jnp.ones(())  # compared relative to 1e-3 of it
     return ravel_pytree(
         (
             run.q[::7],
             scale * run.tau[::7],
             scale * run.tau_feedback[::7],
-            jax.tree.map(lambda x: scale * x, rows),
+            jax.tree.map(lambda x: scale * x, data),
         )
     )[0]
 

@@ -7,12 +7,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from jaxidl.control import Doomed, Filtered, PdPolicy, Pid, PidGains, lqr
 from jaxidl.effects import ActuatorDelay, ConstantOffset, ViscousFriction
 from jaxidl.learning.execute import Task, _warn_of_single_precision, desired_trajectory, execute
 from jaxidl.learning.iterate import Setting, learn
-from jaxidl.learning.sources import SOURCES, direct, indirect, joint
+from jaxidl.learning.sources import SOURCES, direct, indirect, joint, weighted
 from jaxidl.models import ErrorModel, Training
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.systems import Plant, integrate, point_mass
@@ -199,6 +200,37 @@ def test_direct_targets_equal_the_closed_form():
     np.testing.assert_allclose(direct(run).x[:, 4:], run.qdd_desired[:-1])
 
 
+def test_weighted_data_keep_the_feedforward_and_correct_it_without_delay():
+    """Both halves against SciPy's filter, run forwards and backwards over what was not filtered."""
+    plant, model = PROBES["mass error"]
+    setting = probe(plant, model, STIFF)
+    noise = jnp.asarray(np.random.default_rng(4).normal(0.0, 1.0, (400, 2)))
+    given = lambda state, qdd, now: 3.0 * state.qd + 0.2 * qdd
+    run = execute(plant, model, STIFF, setting.task, noise, given)
+    data = weighted(run, 0.1)
+
+    def around(x):
+        start = 0.9 * np.asarray(x)[:1]
+        there, _ = lfilter([0.1], [1.0, -0.9], x, axis=0, zi=start)
+        back, _ = lfilter([0.1], [1.0, -0.9], there[::-1], axis=0, zi=0.9 * there[-1:])
+        return back[::-1]
+
+    q, qd, qdd = run.q_sensing, run.qd_sensing, run.qdd_desired
+    happened = run.tau_feedforward + around(run.tau - run.tau_feedforward - run.tau_inverse_actual)
+    x = np.hstack([q, qd, qdd - around(qdd - run.qdd_actual)])
+    np.testing.assert_allclose(data.x, np.vstack([x, np.hstack([q, qd, qdd])[:-1]]), atol=1e-9)
+    np.testing.assert_allclose(data.y[:400], happened, rtol=1e-10, atol=1e-9)
+    wanted = desired_trajectory(setting.task)
+    e, rate = wanted.q - q, wanted.qd - qd
+    unfiltered = 500 * e + 50 * rate + 0.01 * e + jnp.cumsum(0.01 * e, axis=0) - 0.01 * e
+    asked = run.tau_feedforward[:-1] + around(unfiltered)[1:]
+    np.testing.assert_allclose(data.y[400:], asked, rtol=1e-9, atol=1e-8)
+    # no rule may look at what a robot does not have
+    blind = replace(run, q=jnp.full_like(run.q, jnp.nan), qd=jnp.full_like(run.qd, jnp.nan))
+    for one, other in zip(data, weighted(blind, 0.1), strict=True):
+        np.testing.assert_array_equal(one, other)
+
+
 @pytest.mark.parametrize("source", SOURCES)
 @pytest.mark.parametrize("name", PROBES)
 def test_the_learner_removes_what_is_known_to_be_missing(name, source):
@@ -221,7 +253,7 @@ def test_the_learner_removes_what_is_known_to_be_missing(name, source):
     # the direct target is the *filtered* feedback, ten steps late: where the missing torque changes
     # fast it contradicts the indirect target, and a network trained on both can only settle between
     # them
-    left = {"indirect": 0.05, "direct": 0.35, "joint": 0.6}[source]
+    left = {"indirect": 0.05, "direct": 0.35, "joint": 0.6, "weighted": 0.2}[source]
     assert metrics.feedback_applied[-1] < left * metrics.feedback_applied[0]
 
 
