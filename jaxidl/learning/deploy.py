@@ -64,17 +64,19 @@ def feedforward(
             and ``task.torque_limit``; with ``parts`` (2, J), these two one below the other.
     """
 
+    def bounded(tau: Joints) -> Joints:
+        return task.clip(jnp.clip(tau, -task.feedforward_limit, task.feedforward_limit))
+
     def torque(q: Joints, qd: Joints, qdd_desired: Joints, *more: Array) -> Array:
         tau_rbd = task.clip(model.inverse_dynamics(q, qd, qdd_desired))
         if region is None:
             learned = error_model.torque(params, State(q, qd), qdd_desired, *more)
         else:
-            circumstances = more[1] if len(more) > 1 else None
+            desired, *circumstances = more
             drive = region.feedforward(error_model, params)
-            learned = drive(State(q, qd), qdd_desired, circumstances)
-        tau_ff = task.clip(jnp.clip(learned, -task.feedforward_limit, task.feedforward_limit))
-        if region is not None:
-            tau_ff = region.fade(State(q, qd), State(more[0], qd)) * tau_ff
+            learned = drive(State(q, qd), qdd_desired, *(circumstances or (None,)))
+            learned = region.fade(State(q, qd), State(desired, qd)) * bounded(learned)
+        tau_ff = bounded(learned)
         return jnp.stack([tau_rbd, tau_ff]) if parts else tau_rbd + tau_ff
 
     return torque

@@ -122,7 +122,7 @@ CONTROL = {
     "tau_feedback_applied": "tau",
     "tau_feedforward": "tau",
 }
-UNITS |= {name: UNITS[kind] for name, kind in CONTROL.items()}
+UNITS.update({name: UNITS[kind] for name, kind in CONTROL.items()})
 SYNONYMS = {
     **dict.fromkeys(("des", "target", "targets", "ref", "reference", "setpoint"), "desired"),
     "ff": "feedforward",

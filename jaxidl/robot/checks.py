@@ -3,6 +3,8 @@
 What a user has to correct is a ``LogError`` that names signal and row.
 """
 
+from typing import Any
+
 import numpy as np
 
 from jaxidl.errors import LogError
@@ -54,7 +56,8 @@ def step_of(found: Samples) -> float:
 def plausible(found: Samples, model: Model, dt: float) -> None:
     """Raise LogError where positions or accelerations are not those of this robot in SI units."""
     table, q, wanted = found.table, found.signals["q"], found.signals["qdd_desired"]
-    source = model.plant.body.source
+    body: Any = model.plant.body  # a MujocoBody
+    source = body.source
     for j, (low, high) in enumerate(source.jnt_range):
         room = BEYOND * (high - low)
         out = np.flatnonzero((q[:, j] < low - room) | (q[:, j] > high + room))

@@ -6,7 +6,7 @@ was made of. Titles, units and formats are those of :mod:`jaxidl.logs`; the name
 """
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -27,12 +27,13 @@ from jaxidl.logs.speeds import check_speeds
 from jaxidl.logs.tables import listed, load, name_of
 from jaxidl.robot.checks import balanced, plausible, step_of
 from jaxidl.robot.gains import feedback_of
-from jaxidl.robot.motion import moved
+from jaxidl.robot.motion import Moved, moved
 from jaxidl.systems import Plant, tables
 from jaxidl.systems.mjcf import Model
 from jaxidl.types import State, Trajectory
 
 TOLERANCE = 0.05  # of a joint's largest torque: so much may be missing in the sum of its parts
+Clip = Callable[[np.ndarray], np.ndarray]
 BLOCK = 1024  # rows are padded to a multiple, so that logs of similar length share a program
 
 
@@ -100,36 +101,39 @@ def read_execution(
         notes.append(f"no tau_feedforward in {name}: taken as zero")
     if law is not None:
         _add_feedback(signals, law, estimate, dt, clip)
-    sensed = State(signals["q"], estimate.qd)
-    _sums(found, signals, sensed, model, clip, tolerance)
-    plant = model.plant
-    rigid, actual = (
-        clip(along(plant, sensed, qdd)) for qdd in (signals["qdd_desired"], estimate.qdd)
-    )
+    _sums(found, signals, estimate.qd, model, clip, tolerance)
+    motions = (estimate.qdd, signals["qdd_desired"])
+    actual, rigid = (clip(along(model.plant, signals["q"], estimate.qd, x)) for x in motions)
+    logged = {
+        name: jnp.asarray(signals[name])
+        for name in (
+            "qdd_desired",
+            "tau",
+            "tau_feedback",
+            "tau_feedback_applied",
+            "tau_feedforward",
+        )
+    }
+    q, qd = jnp.asarray(signals["q"]), jnp.asarray(estimate.qd)
     run = Trajectory(
-        q=sensed.q,
-        qd=sensed.qd,
-        q_sensing=sensed.q,
-        qd_sensing=sensed.qd,
-        qdd_desired=signals["qdd_desired"],
-        qdd_actual=estimate.qdd,
-        tau=signals["tau"],
-        tau_inverse_desired=rigid,
-        tau_inverse_actual=actual,
-        tau_feedback=signals["tau_feedback"],
-        tau_feedback_applied=signals["tau_feedback_applied"],
-        tau_feedforward=signals["tau_feedforward"],
+        q=q,
+        qd=qd,
+        q_sensing=q,
+        qd_sensing=qd,
+        qdd_actual=jnp.asarray(estimate.qdd),
+        tau_inverse_desired=jnp.asarray(rigid),
+        tau_inverse_actual=jnp.asarray(actual),
+        **logged,
     )
     sha = hashlib.sha256(path.read_bytes()).hexdigest()
-    run = jax.tree.map(jnp.asarray, run)
     return Execution(run, signals.get("q_desired"), dt, sha, name, tuple(notes))
 
 
-def along(plant: Plant, state: State, qdd: np.ndarray) -> np.ndarray:
-    """Return a plant's inverse dynamics (T, J) along states and accelerations (T, J)."""
+def along(plant: Plant, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Return a plant's inverse dynamics (T, J) along states and accelerations (T, J) each."""
     rows = len(qdd)
     pad = partial(np.pad, pad_width=((0, -rows % BLOCK), (0, 0)), mode="edge")
-    return np.asarray(_along(plant, *(pad(np.asarray(part)) for part in (*state, qdd))))[:rows]
+    return np.asarray(_along(plant, *(pad(part) for part in (q, qd, qdd))))[:rows]
 
 
 @jax.jit
@@ -164,7 +168,9 @@ def _odd(found: Samples, dt: float) -> list[str]:
     return notes
 
 
-def _add_feedback(signals: dict[str, np.ndarray], law, estimate, dt: float, clip) -> None:
+def _add_feedback(
+    signals: dict[str, np.ndarray], law: FeedbackLaw, estimate: Moved, dt: float, clip: Clip
+) -> None:
     """Compute the feedback (T, J) that was not logged, from the law's gains."""
     sensed = State(jnp.asarray(signals["q"]), jnp.asarray(estimate.qd))
     desired = sensed
@@ -180,17 +186,19 @@ def _add_feedback(signals: dict[str, np.ndarray], law, estimate, dt: float, clip
 def _sums(
     found: Samples,
     signals: dict[str, np.ndarray],
-    sensed: State,
+    qd: np.ndarray,
     model: Model,
-    clip,
+    clip: Clip,
     tolerance: float,
 ) -> None:
     """Raise LogError unless the command is the sum of its parts."""
-    state = (np.asarray(sensed.q), np.asarray(sensed.qd), signals["qdd_desired"])
-    if model.plant.effects:
-        rigid = along(model.plant, sensed, signals["qdd_desired"])
-    else:  # MuJoCo in C: nothing to compile for a log that is refused
-        rigid = tables.inverse_dynamics(model.plant.body, *state)
+    state = signals["q"], qd, signals["qdd_desired"]
+    # without effects MuJoCo in C will do: nothing to compile for a log that is refused
+    rigid = (
+        along(model.plant, *state)
+        if model.plant.effects
+        else tables.inverse_dynamics(model.plant.body, *state)
+    )
     more = signals["tau_feedback_applied"] + signals["tau_feedforward"]
     logged = signals.get("tau_inverse_desired")
     check = partial(balanced, found, tolerance=tolerance, model=model)

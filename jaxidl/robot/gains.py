@@ -111,7 +111,5 @@ def _numbers(said: Mapping[str, Any], key: str, joints: int, path: Path) -> Join
 def _weight(said: Mapping[str, Any], key: str, path: Path) -> float:
     value = said[key]
     if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value <= 1:
-        raise ConfigurationError(
-            f"0 < {key} <= 1 in {path}", repr(value)[:60], "correct the file"
-        )
+        raise ConfigurationError(f"0 < {key} <= 1 in {path}", repr(value)[:60], "correct the file")
     return float(value)

@@ -8,7 +8,8 @@ rounding.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +49,18 @@ class Wish:
     motion: str | None = None
 
 
+class Settings(NamedTuple):
+    """What is decided of an iteration; see :class:`Wish`."""
+
+    source: str
+    kept: int
+    seed: int
+    guard: Guard | None
+    torque_limit: np.ndarray  # (J,) [N or Nm]
+    feedforward_limit: np.ndarray
+    motion: str
+
+
 def learn_from(
     executions: Sequence[Execution],
     model: Model,
@@ -74,12 +87,13 @@ def learn_from(
         ConfigurationError: if executions, model and wish do not fit each other or the last
             iteration, or training does not stay finite.
     """
-    wish, guard = _settled(wish, previous, len(model.names))
+    settings = _settled(wish, previous, len(model.names))
+    guard = settings.guard
     _fitting(executions, model, previous)
     iteration = 1 if previous is None else previous.iteration + 1
-    sets = [SOURCES[wish.source](e.run, "sensed_state") for e in executions]
-    known, executions_known = _known(sets, wish.kept, iteration)
-    key = jax.random.key(wish.seed)
+    sets = [SOURCES[settings.source](e.run, "sensed_state") for e in executions]
+    known, executions_known = _known(sets, settings.kept, iteration)
+    key = jax.random.key(settings.seed)
     if previous is not None:
         error_model, training = previous.error_model, previous.training
     if error_model is None:
@@ -99,7 +113,7 @@ def learn_from(
     apart = train(new, rows, jax.random.fold_in(key, iteration), 1)
     judged: dict[str, Any] = {
         "iteration": iteration,
-        "log": executions[-1].name,
+        "log": Path(executions[-1].name).name,
         "rows": len(known.x),
         "lacking": rms(sets[-1].y),
         "left": rms(left_by(error_model, learner.params, sets[-1])),
@@ -120,18 +134,13 @@ def learn_from(
         error_model,
         learner,
         training,
-        wish.source,
-        iteration,
-        wish.seed,
-        wish.kept,
-        executions[-1].dt,
-        *(_bounds(w, len(model.names)) for w in (wish.torque_limit, wish.feedforward_limit)),
-        wish.motion,
-        (*seen, *(e.sha for e in executions if e.sha not in seen)),
-        (*earlier, judged),
-        strayed,
-        guard,
-        None if guard is None else guard.region(known, strayed),
+        iteration=iteration,
+        dt=executions[-1].dt,
+        logs=(*seen, *(e.sha for e in executions if e.sha not in seen)),
+        history=(*earlier, judged),
+        strayed=strayed,
+        region=None if guard is None or strayed is None else guard.region(known, strayed),
+        **settings._asdict(),
     )
 
 
@@ -163,7 +172,8 @@ def scaled(data: Dataset, layers: tuple[int, ...] = LAYERS) -> ErrorModel:
         float(np.quantile(np.abs(part), QUANTILE, axis=0).max())
         for part in (*parts, np.asarray(data.y))
     ]
-    return ErrorModel(joints, layers, *(float(f"{size:.2g}") or 1.0 for size in sizes))
+    q, qd, qdd, tau = (float(f"{size:.2g}") or 1.0 for size in sizes)
+    return ErrorModel(joints, layers, q, qd, qdd, tau)
 
 
 def sensible(rows: int) -> Training:
@@ -199,27 +209,27 @@ def _trained(
     return learner
 
 
-def _settled(wish: Wish, previous: Learned | None, joints: int) -> tuple[Any, Guard | None]:
-    """Return the wish with everything decided, and the guard."""
-    limit = lambda before: None if before is None else tuple(before.tolist())
-    fixed = {
-        "source": ("joint", previous and previous.source),
-        "kept": (0, previous and previous.kept),
-        "seed": (0, previous and previous.seed),
-        "torque_limit": ((np.inf,), previous and limit(previous.torque_limit)),
-        "feedforward_limit": ((np.inf,), previous and limit(previous.feedforward_limit)),
-        "motion": ("offline", previous and previous.motion),
+def _settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
+    """Return the settings: what is wished, else as before, else the default."""
+    if previous is None:
+        before = Settings("joint", 0, 0, None, *bounds_of(joints), "offline")
+    else:
+        before = Settings(*(getattr(previous, name) for name in Settings._fields))
+    limits = {
+        name: bounds(wished, joints, name)
+        for name in ("torque_limit", "feedforward_limit")
+        if (wished := getattr(wish, name)) is not None
     }
-    decided = {
-        name: next(x for x in (getattr(wish, name), before, default) if x is not None)
-        for name, (default, before) in fixed.items()
+    plain = {
+        name: wished
+        for name in ("source", "kept", "seed", "guard", "motion")
+        if (wished := getattr(wish, name)) is not None
     }
-    if decided["source"] not in SOURCES:
-        raise one_of("--source", decided["source"], SOURCES)
-    if decided["kept"] < 0:
-        raise ConfigurationError("--kept >= 0", str(decided["kept"]), "correct it")
-    for name in ("torque_limit", "feedforward_limit"):
-        _bounds(decided[name], joints, name)
+    settings = before._replace(**limits, **plain)
+    if settings.source not in SOURCES:
+        raise one_of("--source", settings.source, SOURCES)
+    if settings.kept < 0:
+        raise ConfigurationError("--kept >= 0", str(settings.kept), "correct it")
     if wish.layers is not None and (
         previous is not None or wish.layers[-1:] != (1,) or min(wish.layers) < 1
     ):
@@ -228,12 +238,20 @@ def _settled(wish: Wish, previous: Learned | None, joints: int) -> tuple[Any, Gu
             f"{wish.layers}" + " with --continue" * (previous is not None),
             "leave it out, or begin anew",
         )
-    guard = wish.guard or (previous and previous.guard)
-    return Wish(**(vars(wish) | decided)), guard
+    return settings
 
 
-def _bounds(limits: Any, joints: int, name: str = "") -> np.ndarray:
-    """Return limits (J,) from one for all or one for each."""
+def bounds_of(joints: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return no limits (J,) of torque and feedforward."""
+    return np.full(joints, np.inf), np.full(joints, np.inf)
+
+
+def bounds(limits: Sequence[float], joints: int, name: str) -> np.ndarray:
+    """Return limits (J,) from one for all or one for each.
+
+    Raises:
+        ConfigurationError: if there are others, or one is not positive.
+    """
     if len(limits) not in (1, joints) or not all(limit > 0 for limit in limits):
         raise ConfigurationError(
             f"one --{name.replace('_', '-')} > 0, or {joints}",

@@ -1,6 +1,6 @@
 """Velocities and accelerations of an execution, where the log has only positions."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -82,7 +82,7 @@ def _filtered(q: np.ndarray, wanted: np.ndarray, dt: float) -> Moved:
     """Return what :class:`jaxidl.control.Filtered` makes of readings ``q`` (N, J), from rest."""
     estimator = Filtered()
 
-    def step(carry: tuple[State, object], row: tuple[jax.Array, jax.Array]):
+    def step(carry: tuple[State, Any], row: tuple[jax.Array, jax.Array]):
         sensed, memory = carry
         motion, memory = estimator.update(memory, sensed, *row, dt)
         return (motion.sensed, memory), (sensed.qd, motion.qdd, motion.qdd_desired)
