@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from jaxidl.effects import ViscousFriction
-from jaxidl.errors import ConfigurationError, LogError
+from jaxidl.errors import ConfigurationError
 from jaxidl.learning.execute import desired_trajectory, execute
 from jaxidl.logs import read
 from jaxidl.robot.execution import read_execution
