@@ -19,7 +19,7 @@ def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
     one, two = tmp_path / "1", tmp_path / "2"
     given = ["--model", gantry.path, "--source", "direct", "--guard", "--feedforward-limit", "20"]
     assert learn(logs[0], *given, "--out", one, *SMALL) == 0
-    assert "x: lacked" in capsys.readouterr().out
+    assert "bridge: lacked" in capsys.readouterr().out
     assert learn(logs[1], "--continue", one, "--out", two) == 0
     record = json.loads((two / "feedforward.json").read_text())
     assert record["iteration"] == 2

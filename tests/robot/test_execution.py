@@ -1,6 +1,7 @@
 """What is read of an execution's log, and what is said about a wrong one."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -155,7 +156,7 @@ def test_the_same_log_is_one_for_the_gap_finder(by_pid, gantry, tmp_path):
             lambda c: c.update({f"q{j}": np.rad2deg(c[f"q{j}"]) for j in (0, 1)}),
             ["change", "as fast"],
         ),
-        (lambda c: c["tau1"].__setitem__(70, 90.0), ["row 71", "instead of", "for y"]),
+        (lambda c: c["tau1"].__setitem__(70, 90.0), ["row 71", "instead of", "for carriage"]),
         (lambda c: c.update(q2=c["q1"]), ["the model's 2 joints"]),
         (lambda c: c["tau_feedback0"].__setitem__(3, np.nan), ["tau_feedback0", "row 4"]),
     ],
@@ -171,7 +172,7 @@ def test_effects_of_the_model_are_part_of_the_command(by_pid, gantry, tmp_path):
     """The model's file may have friction; a robot that does not command it is not that model's."""
     run, desired = by_pid
     log = write(tmp_path / "log.csv", columns_of(run, DT, desired))
-    rubbing = gantry.plant.replace(effects=(ViscousFriction(np.array([50.0, 50.0])),))
+    rubbing = gantry.plant.replace(effects=(ViscousFriction(jnp.array([50.0, 50.0])),))
     refuse(
         lambda: read_execution(log, gantry._replace(plant=rubbing)), "inverse dynamics", "--model"
     )
