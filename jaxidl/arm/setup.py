@@ -25,6 +25,7 @@ from jaxidl.effects import (
 )
 from jaxidl.errors import one_of
 from jaxidl.learning.execute import Task, desired_trajectory
+from jaxidl.learning.guard import Guard
 from jaxidl.learning.iterate import Setting, learn
 from jaxidl.models import ErrorModel, Learner, Training
 from jaxidl.systems import Plant
@@ -97,6 +98,7 @@ class ArmStudy:
     delay: float = 1e-3  # of the actuators [s]
     dt: float = 1e-3  # [s]
     acceleration: str = "causal"  # of the indirect data, see ACCELERATIONS
+    guard: bool = False  # of the learned torques; the paper has none
     error_model: ErrorModel = field(
         default_factory=lambda: ErrorModel(
             joints=JOINTS,
@@ -115,7 +117,10 @@ class ArmStudy:
 
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers, nested, ready for JSON."""
-        return asdict(self) | {"hidden": self.hidden._asdict()}
+        numbers = asdict(self) | {"hidden": self.hidden._asdict()}
+        if not self.guard:  # as in results from before there was one
+            del numbers["guard"]
+        return numbers
 
     @property
     def steps(self) -> int:
@@ -206,6 +211,7 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions:
         keep=True,
         starts=task.start.q[None] + off,
         refine=refine if study.acceleration == "zero_phase" else lambda run: run,
+        guard=Guard() if study.guard else None,
     )
     assert runs is not None
     return Learned(learner, runs, metrics.finite)
