@@ -83,7 +83,9 @@ class InC:
         (folder / "robot.h").write_text(code.header)
         (folder / "robot.c").write_text(code.source)
         self.type = np.float32 if "-DROBOT_SINGLE" in options else np.float64
-        library = build(compiler(), folder, "robot.so", "-O1", "-shared", "-fPIC", *options)
+        # a library of the same name would be taken for the one that is loaded already
+        name = f"robot{len(list(folder.glob('*.so')))}.so"
+        library = build(compiler(), folder, name, "-O1", "-shared", "-fPIC", *options)
         self.library, self.joints = ctypes.CDLL(str(library)), len(own.joints)
         self.fields = _fields(code.header)
         self.state = ctypes.create_string_buffer(1 << 14)

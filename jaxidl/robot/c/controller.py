@@ -44,7 +44,7 @@ class Controller:
 
     task: Task  # its limits, estimator and time step count
     model: RigidBody | Plant  # the modelled rigid body, or a corrected model with its effects
-    law: FeedbackLaw
+    law: FeedbackLaw | None  # None: the robot has feedback of its own
     joints: tuple[str, ...]  # names (J,)
     error_model: ErrorModel | None = None
     params: Params | None = None  # its weights; None: nothing was learned

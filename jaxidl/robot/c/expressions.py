@@ -46,7 +46,7 @@ _CALLS = {
 _BOOLEAN = ("gt", "ge", "lt", "le", "eq", "ne", "and", "or", "not")
 _SAME = ("convert_element_type", "copy", "copy_p", "stop_gradient")
 _MOVING = ("reshape", "slice", "squeeze", "broadcast_in_dim", "concatenate", "gather", "scatter")
-_MOVING += ("transpose", "rev", "dynamic_slice", "dynamic_update_slice", "expand_dims", "pad")
+_MOVING += ("transpose", "rev", "dynamic_slice", "dynamic_update_slice", "pad", "split")
 
 
 class Node(NamedTuple):
@@ -116,7 +116,7 @@ def _equation(eqn: Any, given: list[np.ndarray]) -> list[np.ndarray]:
     if name in _SAME:
         return [given[0]]
     if name in _MOVING:
-        return [_moved(eqn, given)]
+        return _moved(eqn, given)
     if name in ("reduce_sum", "reduce_max", "reduce_min"):
         return [_reduced(name.removeprefix("reduce_"), given[0], params["axes"])]
     if name == "select_n":
@@ -142,7 +142,7 @@ def _each(function: Callable[..., Any], *given: np.ndarray) -> np.ndarray:
     return _array([function(*row) for row in zip(*rows, strict=True)], shape)
 
 
-def _moved(eqn: Any, given: list[np.ndarray]) -> np.ndarray:
+def _moved(eqn: Any, given: list[np.ndarray]) -> list[np.ndarray]:
     """Return what a primitive makes of arrays that it only moves: it is applied to numbers."""
     values: list[Any] = []
     labels: list[Any] = []
@@ -154,10 +154,11 @@ def _moved(eqn: Any, given: list[np.ndarray]) -> np.ndarray:
             continue
         labels.append(jax.numpy.asarray(len(values) + np.arange(float(x.size)).reshape(x.shape)))
         values += x.ravel().tolist()
-    found = np.asarray(eqn.primitive.bind(*labels, **eqn.params))
-    if not np.isfinite(found).all():
+    out = eqn.primitive.bind(*labels, **eqn.params)
+    parts = [np.asarray(x) for x in (out if eqn.primitive.multiple_results else [out])]
+    if not all(np.isfinite(part).all() for part in parts):
         raise _Unknown(f"{eqn.primitive.name} beyond an array's end")
-    return _array([values[int(i)] for i in found.ravel()], found.shape)
+    return [_array([values[int(i)] for i in part.ravel()], part.shape) for part in parts]
 
 
 def _reduced(name: str, x: np.ndarray, axes: Sequence[int]) -> np.ndarray:

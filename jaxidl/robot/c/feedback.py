@@ -97,12 +97,20 @@ _DOOMED_OBSERVE = """    for (j = 0; j < J; j++) {
 """
 
 
-def law(given: FeedbackLaw, joints: int) -> Part:
+_NO_ACT = """    (void)q_desired;
+    (void)qd_desired;
+    for (j = 0; j < J; j++) s->tau_feedback[j] = s->tau_learning[j] = 0; /* no feedback law */
+"""
+
+
+def law(given: FeedbackLaw | None, joints: int) -> Part:
     """Return the feedback law: code of ``act``, and of ``observe``, which may be empty.
 
     Raises:
         ConfigurationError: for a law that has no C, or with gains that are not finite.
     """
+    if given is None:
+        return Part("", (), (_NO_ACT, ""))
     if isinstance(given, Pid):
         gains = {name: getattr(given.applied, name) for name in ("kp", "kd", "ki")}
         gains |= {f"learner_{name}": getattr(given.learner, name) for name in ("kp", "kd", "ki")}
