@@ -60,7 +60,7 @@ def robot(name, folder):
 def test_rigid_bodies_and_the_effects_of_their_files(name, tmp_path):
     model = robot(name, tmp_path)
     joints = len(model.names)
-    own = Controller(task_of(joints), model.plant, None, model.names)
+    own = Controller.of(task_of(joints), model.plant, None, model.names)
     motions = states(joints)
     expected = np.asarray(quick(jax.vmap(model.plant.inverse_dynamics))(*motions))
     for options, tolerance in (
@@ -101,7 +101,7 @@ def test_every_effect_is_computed_or_refused(tmp_path):
     """Alone on one joint, on both, and all that can be computed together."""
     body, kept, refused = point_mass(2.0), [], set()
     for name, effect in {**EXAMPLES, "wave": Wave(jnp.array(1.5))}.items():
-        own = Controller(task_of(2), Plant(body, (effect,)), None, ("a", "b"))
+        own = Controller.of(task_of(2), Plant(body, (effect,)), None, ("a", "b"))
         try:
             generate(own, "robot", "")
         except ConfigurationError as error:
@@ -116,7 +116,7 @@ def test_every_effect_is_computed_or_refused(tmp_path):
     }  # fmt: skip
     alone = fx.OnJoint(EXAMPLES["stribeck_friction"].replace(**_first("stribeck_friction")), 1, 2)
     plant = Plant(body, (*kept, alone))
-    in_c = InC(Controller(task_of(2), plant, None, ("a", "b")), tmp_path)
+    in_c = InC(Controller.of(task_of(2), plant, None, ("a", "b")), tmp_path)
     for scale in (1.0, 0.1):
         q, qd, qdd = scale * states(2)
         qd[::3, 0], qdd[::6, 0] = 0.0, 0.0  # friction of a joint at rest
@@ -131,7 +131,7 @@ def _first(name):
 
 
 def test_an_effect_without_a_formula_is_refused_in_one_line():
-    own = Controller(task_of(2), Plant(point_mass(1.0), (Counting(),)), None, ("a", "b"))
+    own = Controller.of(task_of(2), Plant(point_mass(1.0), (Counting(),)), None, ("a", "b"))
     with pytest.raises(ConfigurationError, match=r"counting .*got JAX's operation .*; take it out"):
         generate(own, "robot", "")
 
@@ -147,7 +147,7 @@ def test_networks_within_the_range_of_their_data(width, tmp_path):
     load = np.random.default_rng(5).normal(size=(200, 1)) * 5.0
     for given, folder in ((region, "guarded"), (None, "free")):
         (tmp_path / folder).mkdir()
-        parts = Controller(task_of(2), point_mass(1.0), None, ("a", "b"), model, params, given)
+        parts = Controller.of(task_of(2), point_mass(1.0), None, ("a", "b"), model, params, given)
         in_c = InC(parts, tmp_path / folder)
 
         def torque(q, qd, qdd, load, given=given):
@@ -210,7 +210,7 @@ def test_an_execution_of_the_papers_plant_is_replayed(controller, filtered, tmp_
     shares = np.asarray(jax.vmap(region.fade)(State(run.q_sensing, run.qd_sensing), desired))
     assert shares.min() < 0.9 < shares.max()
     assert (np.abs(run.tau_feedforward) > 39.9).any()
-    in_c = InC(Controller(task, model, law, ("x", "y"), PAIR, params, region), tmp_path)
+    in_c = InC(Controller.of(task, model, law, ("x", "y"), PAIR, params, region), tmp_path)
     replayed(in_c, run, desired, 1e-9)
 
 
@@ -228,7 +228,7 @@ def test_an_execution_of_the_arm_is_replayed_with_the_weights_as_trained(tmp_pat
         run = quick(
             lambda noise, f=torque: execute(setting.plant, corrected, setting.law, task, noise, f)
         )(noise)
-        own = Controller(task, corrected, setting.law, arm().names, error_model, params)
+        own = Controller.of(task, corrected, setting.law, arm().names, error_model, params)
         replayed(InC(own, tmp_path), run, desired, tolerance)
     in_c = InC(own, tmp_path, "-DROBOT_SINGLE_NETWORKS")
     replayed(in_c, run, desired, 1e-5)

@@ -22,6 +22,7 @@ from jaxidl.models import ErrorModel, Params
 from jaxidl.robot.c import body, effects, feedback, networks, program
 from jaxidl.robot.c.text import commented, helpers, number, table
 from jaxidl.systems import Plant, RigidBody
+from jaxidl.types import Joints, Scalar
 
 _KEYWORDS = """auto break case char const continue default do double else enum extern float for goto
 if inline int long register restrict return short signed sizeof static struct switch typedef union
@@ -42,13 +43,41 @@ class Controller:
     J joints.
     """
 
-    task: Task  # its limits, estimator and time step count
     model: RigidBody | Plant  # the modelled rigid body, or a corrected model with its effects
     law: FeedbackLaw | None  # None: the robot has feedback of its own
+    estimator: Estimator
     joints: tuple[str, ...]  # names (J,)
+    dt: float  # control step [s]
+    torque_limit: Joints | Scalar  # of each of feedback, rigid body and networks [N or Nm]
+    feedforward_limit: Joints | Scalar  # of the networks [N or Nm]
     error_model: ErrorModel | None = None
     params: Params | None = None  # its weights; None: nothing was learned
     region: Region | None = None  # of the guard, if there is one
+
+    @classmethod
+    def of(
+        cls,
+        task: Task,
+        model: RigidBody | Plant,
+        law: FeedbackLaw | None,
+        joints: tuple[str, ...],
+        error_model: ErrorModel | None = None,
+        params: Params | None = None,
+        region: Region | None = None,
+    ) -> "Controller":
+        """Return the controller of a task's executions: limits, estimator and step are its own."""
+        return cls(
+            model,
+            law,
+            task.estimator,
+            joints,
+            task.dt,
+            task.torque_limit,
+            task.feedforward_limit,
+            error_model,
+            params,
+            region,
+        )
 
     def __post_init__(self) -> None:
         count = len(self.joints)
@@ -64,8 +93,13 @@ class Controller:
             raise ConfigurationError(
                 "an error model and its weights, or neither", "one of them", "give both"
             )
-        if not (np.isfinite(self.task.dt) and self.task.dt > 0.0):
-            raise ConfigurationError("dt > 0 (s)", str(self.task.dt), "correct the time step")
+        if not 0.0 < self.dt < np.inf:
+            raise ConfigurationError("dt > 0 (s)", str(self.dt), "correct the time step")
+        for name in ("torque_limit", "feedforward_limit"):
+            if not np.all(np.asarray(getattr(self, name)) >= 0.0):  # NaN fails too
+                raise ConfigurationError(
+                    f"{name} >= 0", str(np.asarray(getattr(self, name)).tolist()), "correct it"
+                )
 
 
 def generate(controller: Controller, name: str, source: str) -> Code:
@@ -93,21 +127,21 @@ def generate(controller: Controller, name: str, source: str) -> Code:
 
 
 def _generate(own: Controller, name: str, source: str) -> Code:
-    joints, task = len(own.joints), own.task
+    joints = len(own.joints)
     given = own.model.effects if isinstance(own.model, Plant) else ()
     bare = own.model.body if isinstance(own.model, Plant) else own.model
     _check_joints(bare, joints)
     for effect in given:
         bare = effect.alter(bare)
-    estimator, law = feedback.estimator(task.estimator, task.dt), feedback.law(own.law, joints)
+    estimator, law = feedback.estimator(own.estimator, own.dt), feedback.law(own.law, joints)
     added = effects.effects(given, joints)
     model = own.error_model
     circumstances = len(model.circumstance_scales) if model else 0
-    limits = table("torque_limit", feedback.each(task.torque_limit, joints), "[Nm or N]")
+    limits = table("torque_limit", feedback.each(own.torque_limit, joints), "[Nm or N]")
     learned = ""
     if model is not None:
         learned = networks.learned(model, own.params, own.region)
-        bound = feedback.each(task.feedforward_limit, joints)
+        bound = feedback.each(own.feedforward_limit, joints)
         limits += table("learned_limit", bound, "of the networks' torque [Nm or N]")
     sections = [
         ("Limits, estimator and feedback law", limits + estimator.tables + law.tables),
@@ -132,7 +166,7 @@ def _generate(own: Controller, name: str, source: str) -> Code:
     about = "\n".join(f" * {commented(line)}" for line in source.splitlines())
     names = ", ".join(map(commented, own.joints))
     memory = (*estimator.memory, *law.memory)
-    header = program.header(name, about, names, joints, number(task.dt), circumstances, memory)
+    header = program.header(name, about, names, joints, number(own.dt), circumstances, memory)
     opening = program.opening(name, about, networks=bool(learned))
     return Code(header, f"{opening}\n{helpers(text)}\n{text}")
 
