@@ -17,7 +17,7 @@ from jaxidl.learning.guard import Region
 from jaxidl.models import ErrorModel
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.robot.c import Controller, generate
-from jaxidl.systems import Plant, point_mass
+from jaxidl.systems import Plant, PointMass, point_mass
 from jaxidl.systems.arm import arm
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import State
@@ -214,6 +214,15 @@ def test_an_execution_of_the_papers_plant_is_replayed(controller, filtered, tmp_
     replayed(in_c, run, desired, 1e-9)
 
 
+class Corrected(PointMass):
+    """A corrected model as a rigid body."""
+
+    plant: Plant
+
+    def inverse_dynamics(self, q, qd, qdd):
+        return self.plant.inverse_dynamics(q, qd, qdd)
+
+
 @pytest.mark.slow
 def test_an_execution_of_the_arm_is_replayed_with_the_weights_as_trained(tmp_path):
     """DOOMED, filters, seven networks; with weights in double precision within 1e-9."""
@@ -223,10 +232,11 @@ def test_an_execution_of_the_arm_is_replayed_with_the_weights_as_trained(tmp_pat
     trained = error_model.init(jax.random.key(3))
     desired, noise = desired_trajectory(task), jax.random.normal(jax.random.key(0), (1500, 7))
     corrected = Plant(setting.model, study.effects(0.0)[:6])
+    body = Corrected(jnp.ones(7), corrected)
     for params, tolerance in ((double(trained), 1e-9), (trained, 1e-5)):
         torque = lambda state, qdd, _, p=params: error_model.torque(p, state, qdd)
         run = quick(
-            lambda noise, f=torque: execute(setting.plant, corrected, setting.law, task, noise, f)
+            lambda noise, f=torque: execute(setting.plant, body, setting.law, task, noise, f)
         )(noise)
         own = Controller.of(task, corrected, setting.law, arm().names, error_model, params)
         replayed(InC(own, tmp_path), run, desired, tolerance)

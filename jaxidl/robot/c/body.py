@@ -128,9 +128,9 @@ def rigid_body(body: RigidBody) -> str:
     Raises:
         ConfigurationError: for a kind of body that has no C.
     """
-    if isinstance(body, PointMass):
+    if type(body) is PointMass:
         return f"{table('mass', np.asarray(body.mass, float), 'mass of each axis')}\n{_POINT}"
-    if not isinstance(body, MujocoBody):
+    if type(body) is not MujocoBody:
         raise ConfigurationError(
             "a point mass or a rigid body read from MJCF or URDF",
             type(body).__name__,

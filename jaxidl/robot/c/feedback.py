@@ -47,9 +47,9 @@ def estimator(given: Estimator, dt: float) -> Part:
     Raises:
         ConfigurationError: for an estimator that has no C.
     """
-    if isinstance(given, FiniteDifference):
+    if type(given) is FiniteDifference:
         return Part("", (), (_DIFFERENCE,))
-    if not isinstance(given, Filtered):
+    if type(given) is not Filtered:
         raise _unknown("an estimator", "Filtered or FiniteDifference", given)
     with jax.enable_x64(True):
         shares = [float(share(band, dt)) for band in (given.velocity_band, given.acceleration_band)]
@@ -111,7 +111,7 @@ def law(given: FeedbackLaw | None, joints: int) -> Part:
     """
     if given is None:
         return Part("", (), (_NO_ACT, ""))
-    if isinstance(given, Pid):
+    if type(given) is Pid:
         gains = {name: getattr(given.applied, name) for name in ("kp", "kd", "ki")}
         gains |= {f"learner_{name}": getattr(given.learner, name) for name in ("kp", "kd", "ki")}
         memory = (
@@ -123,7 +123,7 @@ def law(given: FeedbackLaw | None, joints: int) -> Part:
             memory,
             (_PID_ACT, ""),
         )
-    if not isinstance(given, Doomed):
+    if type(given) is not Doomed:
         raise _unknown("a feedback law", "Pid or Doomed", given)
     gains = {"rate": given.rate, "learner_gain": given.learner_gain}
     tables = (

@@ -94,5 +94,5 @@ def whole(name: str, numbers: Sequence[int], comment: str) -> str:
 
 def commented(text: str) -> str:
     """Return words that a C comment can hold: one line of ASCII that does not end it."""
-    plain = " ".join(text.split()).encode("ascii", "replace").decode()
+    plain = "".join(c if " " <= c <= "~" else "?" for c in " ".join(text.split()))
     return plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
