@@ -23,6 +23,7 @@ from jaxidl import __version__
 from jaxidl.cli.ablate import ablate
 from jaxidl.cli.arm import arm
 from jaxidl.cli.bench import bench
+from jaxidl.cli.export import export
 from jaxidl.cli.gap import gap, gap_benchmark
 from jaxidl.cli.simulate import simulate
 from jaxidl.cli.study import claims, figures, reproduce
@@ -40,6 +41,7 @@ COMMANDS = {
     "ablate": ablate,
     "tune": tune,
     "arm": arm,
+    "export": export,
     "gap": gap,
     "gap-benchmark": gap_benchmark,
     "bench": bench,
