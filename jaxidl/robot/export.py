@@ -4,6 +4,8 @@ import hashlib
 import re
 from pathlib import Path
 
+import jax.numpy as jnp
+
 from jaxidl import __version__
 from jaxidl.control import FeedbackLaw, Filtered, FiniteDifference
 from jaxidl.errors import ConfigurationError
@@ -66,8 +68,8 @@ def as_c(
         estimator,
         learned.model.names,
         learned.dt,
-        learned.torque_limit,
-        learned.feedforward_limit,
+        jnp.asarray(learned.torque_limit),
+        jnp.asarray(learned.feedforward_limit),
         learned.error_model,
         learned.learner.params,
         learned.region,

@@ -97,9 +97,7 @@ class InC:
         """Call a function of the header; a float is a time, anything else an array."""
         arrays = [x if isinstance(x, float) else self._array(x) for x in given]
         words = [
-            ctypes.c_double(x)
-            if isinstance(x, float)
-            else x.ctypes.data_as(ctypes.c_void_p)
+            ctypes.c_double(x) if isinstance(x, float) else x.ctypes.data_as(ctypes.c_void_p)
             for x in arrays
         ]
         self.last = arrays[-1]

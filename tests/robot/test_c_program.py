@@ -31,7 +31,9 @@ PID = Pid(PidGains(20.0, jnp.array([3.0, 2.0]), 0.01), PidGains(60.0, 5.0, 0.02)
 DOOMED = Doomed(jnp.array([0.1, 0.2]), 0.5, 0.2, limit=jnp.array([5.0, jnp.inf]))
 DRY = fx.AsymmetricFriction(*jnp.array([[1.5, 0.7], [0.9, 1.1], [2.0, 3.0], [1.0, 4.0]]))
 TABLE = fx.OnJoint(
-    fx.PositionDependentFriction(*jnp.array([[[0.5, 0.9]], [[1.0, 2.0]]]), *jnp.array([[0.0], [1.0]])),
+    fx.PositionDependentFriction(
+        *jnp.array([[[0.5, 0.9]], [[1.0, 2.0]]]), *jnp.array([[0.0], [1.0]])
+    ),
     1,
     2,
 )  # fmt: skip
@@ -61,9 +63,7 @@ int main(void)
 
 
 def controller(body, law=PID, **rest):
-    task = Task(
-        STILL, PdPolicy(STILL.q, 1.0, 1.0), jnp.array([50.0, 30.0]), 8.0, Filtered(), dt=DT
-    )
+    task = Task(STILL, PdPolicy(STILL.q, 1.0, 1.0), jnp.array([50.0, 30.0]), 8.0, Filtered(), dt=DT)
     region = Region(*jnp.array([[-4.0] * 7, [4.0] * 7]), *jnp.array([[-9.0] * 2, [9.0] * 2]),
                     jnp.array(0.02), 0.5, 2.0)  # fmt: skip
     params = NETWORK.init(jax.random.key(0))
@@ -96,15 +96,15 @@ def unwarned(commands, own, folder):
     folder, found = written(own, folder), {}
     for name, command in commands.items():
         for options in (("-O2",), ("-O2", "-ffast-math"), ("-O2", "-DROBOT_SINGLE"),
-                        ("-O2", "-DROBOT_SINGLE_NETWORKS",)):  # fmt: skip
+                        ("-O2", "-DROBOT_DOUBLE_NETWORKS")):  # fmt: skip
             found[name, *options] = run(build(command, folder, "program", *options))
     first, *others = found.values()
     assert np.isfinite(first).all()
     assert np.ptp(first[:, 0]) > 5.0
     for (_, *options), rows in zip(list(found)[1:], others, strict=True):
         # a difference of readings over the step squared has few digits in single precision
-        single = {"-DROBOT_SINGLE": 2e-2, "-DROBOT_SINGLE_NETWORKS": 1e-4}
-        tolerance = max((single.get(option, 1e-9) for option in options), default=1e-9)
+        rough = {"-DROBOT_SINGLE": 2e-2, "-DROBOT_DOUBLE_NETWORKS": 1e-4, "-ffast-math": 1e-6}
+        tolerance = max((rough.get(option, 1e-6) for option in options), default=1e-6)
         np.testing.assert_allclose(rows, first, rtol=0.0, atol=tolerance * 50.0)
 
 
@@ -127,9 +127,10 @@ def test_it_runs_on_a_machine_of_32_bits(body, tmp_path):
     if not command:
         pytest.skip("no compiler for 32 bits: install gcc-multilib, or ziglang (JAXIDL_ZIG)")
     folder = written(controller(body, DOOMED), tmp_path)
-    wide = run(build(compiler(), folder, "wide", "-O2"))
+    double = "-DROBOT_DOUBLE_NETWORKS"
+    wide = run(build(compiler(), folder, "wide", "-O2", double))
     for options in (("-O2",), ("-O2", "-ffast-math")):
-        narrow = run(build(command, folder, "narrow", *options))
+        narrow = run(build(command, folder, "narrow", *options, double))
         np.testing.assert_allclose(narrow, wide, rtol=0.0, atol=1e-9)
 
 
@@ -140,7 +141,7 @@ def test_sanitizers_find_nothing(law, body, tmp_path):
     folder = written(controller(body, law), tmp_path)
     flags = ("-g", "-fsanitize=address,undefined,float-divide-by-zero", "-fno-sanitize-recover=all")
     clean = run(build(compilers()["gcc"], folder, "clean", *flags))
-    np.testing.assert_allclose(clean, run(build(compilers()["gcc"], folder, "plain")), atol=1e-9)
+    np.testing.assert_allclose(clean, run(build(compilers()["gcc"], folder, "plain")), atol=1e-4)
     # and they would: an index beyond a table's end
     source = (folder / "robot.c").read_text()
     (folder / "robot.c").write_text(source.replace("j < J; j++) tau", "j <= J; j++) tau", 1))
@@ -179,9 +180,9 @@ def test_a_late_reading_is_reported(body, tmp_path):
     in_c = InC(controller(body), tmp_path)
     motion = [np.zeros(2)] * 3 + [np.zeros(1)]
     in_c.init(np.zeros(2))
-    for time, status in ((7.0, 0), (7.0 + DT, 0), (7.0 + 2.4 * DT, 0), (7.0 + 4 * DT, 1),
-                         (7.0 + 5 * DT, 0), (7.0 + 5.2 * DT, 1), (6.0, 1), (6.0 + DT, 0)):  # fmt: skip
-        assert in_c.step(np.zeros(2), time, *motion)[0] == status
+    late = {0: 0, 1: 0, 2.4: 0, 4: 1, 5: 0, 5.2: 1, -500: 1, -499: 0}
+    for steps, status in late.items():
+        assert in_c.step(np.zeros(2), 7.0 + steps * DT, *motion)[0] == status
 
 
 def test_the_text_is_the_same_every_time_and_says_where_it_comes_from(body):
@@ -196,8 +197,8 @@ def test_the_text_is_the_same_every_time_and_says_where_it_comes_from(body):
     assert re.search(r"asymmetric_friction: friction that differs between", first.source)
     assert "position_dependent_friction, joint 2" in first.source
     public = re.findall(r"^(?:int|void) (\w+)\(", first.header, re.MULTILINE)
-    assert public == [f"arm_1_{end}" for end in
-                      ("init", "step", "sense", "command", "inverse_dynamics", "learned")]  # fmt: skip
+    ends = ("init", "step", "sense", "command", "inverse_dynamics", "learned")
+    assert public == [f"arm_1_{end}" for end in ends]
 
 
 class Strange(PointMass):
@@ -223,6 +224,8 @@ class Odd(Doomed):
     ],
 )
 def test_what_has_no_c_is_refused_in_one_line(name, change, said, body):
-    with pytest.raises(ConfigurationError, match="^expected [^\n]+; got [^\n]+; [^\n]+$") as caught:
+    with pytest.raises(
+        ConfigurationError, match=r"^expected [^\n]+; got [^\n]+; [^\n]+$"
+    ) as caught:
         generate(replace(controller(body), **change), name, "")
     assert said in str(caught.value)

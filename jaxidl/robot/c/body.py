@@ -12,7 +12,8 @@ from jaxidl.systems import PointMass, RigidBody
 from jaxidl.systems.chain import Chain, chain
 from jaxidl.systems.mujoco_body import MujocoBody
 
-_POINT = """static void rigid_body(const real q[J], const real qd[J], const real qdd[J], real tau[J])
+_POINT = """\
+static void rigid_body(const real q[J], const real qd[J], const real qdd[J], real tau[J])
 {
     int j;
     (void)q;

@@ -20,13 +20,16 @@ from jaxidl.learning.execute import Task
 from jaxidl.learning.guard import Region
 from jaxidl.models import ErrorModel, Params
 from jaxidl.robot.c import body, effects, feedback, networks, program
+from jaxidl.robot.c.header import header as header_of
 from jaxidl.robot.c.text import commented, helpers, number, table
 from jaxidl.systems import Plant, RigidBody
 from jaxidl.types import Joints, Scalar
 
-_KEYWORDS = """auto break case char const continue default do double else enum extern float for goto
-if inline int long register restrict return short signed sizeof static struct switch typedef union
-unsigned void volatile while class delete new template this""".split()
+_KEYWORDS = frozenset(
+    "auto break case char const continue default do double else enum extern float for goto if"  # noqa: SIM905
+    " inline int long register restrict return short signed sizeof static struct switch typedef"
+    " union unsigned void volatile while class delete new template this".split()
+)
 
 
 class Code(NamedTuple):
@@ -101,6 +104,12 @@ class Controller:
                     f"{name} >= 0", str(np.asarray(getattr(self, name)).tolist()), "correct it"
                 )
 
+    @property
+    def single(self) -> bool | None:
+        """Whether the networks are computed in single precision; None: there are none."""
+        leaves = jax.tree.leaves(self.params)
+        return bool(leaves[0].dtype == jnp.float32) if leaves else None
+
 
 def generate(controller: Controller, name: str, source: str) -> Code:
     """Return a controller as C99.
@@ -166,8 +175,8 @@ def _generate(own: Controller, name: str, source: str) -> Code:
     about = "\n".join(f" * {commented(line)}" for line in source.splitlines())
     names = ", ".join(map(commented, own.joints))
     memory = (*estimator.memory, *law.memory)
-    header = program.header(name, about, names, joints, number(own.dt), circumstances, memory)
-    opening = program.opening(name, about, networks=bool(learned))
+    header = header_of(name, about, names, joints, number(own.dt), circumstances, memory)
+    opening = program.opening(name, about, own.single)
     return Code(header, f"{opening}\n{helpers(text)}\n{text}")
 
 

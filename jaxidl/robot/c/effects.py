@@ -47,9 +47,7 @@ def effects(given: Sequence[Effect], joints: int) -> str:
     Raises:
         ConfigurationError: for an effect that is not a function of the state at one instant.
     """
-    q, qd, qdd, tau, direction = (
-        symbols(name, joints) for name in ("q", "qd", "qdd", "tau", "direction")
-    )
+    q, qd, tau, direction = (symbols(name, joints) for name in ("q", "qd", "tau", "direction"))
     writer, torques, grips = Writer("effect"), [], []
     for number, effect in enumerate(given):
         own = inner(effect)

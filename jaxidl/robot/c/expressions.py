@@ -45,8 +45,10 @@ _CALLS = {
 }
 _BOOLEAN = ("gt", "ge", "lt", "le", "eq", "ne", "and", "or", "not")
 _SAME = ("convert_element_type", "copy", "copy_p", "stop_gradient")
-_MOVING = ("reshape", "slice", "squeeze", "broadcast_in_dim", "concatenate", "gather", "scatter")
-_MOVING += ("transpose", "rev", "dynamic_slice", "dynamic_update_slice", "pad", "split")
+_MOVING = (
+    "reshape slice squeeze broadcast_in_dim concatenate gather scatter transpose rev"  # noqa: SIM905
+    " dynamic_slice dynamic_update_slice pad split".split()
+)
 
 
 class Node(NamedTuple):
@@ -176,9 +178,7 @@ def _interpolated(x: np.ndarray, at: np.ndarray, values: np.ndarray, *rest: Any)
         raise _Unknown("interp in a table that is computed")
     at, values = (np.broadcast_to(t, (*x.shape, t.shape[-1])) for t in (at, values))
     rows = zip(x.ravel(), at.reshape(x.size, -1), values.reshape(x.size, -1), strict=True)
-    made = [
-        _make("table", symbol, tuple(a.tolist()), tuple(v.tolist())) for symbol, a, v in rows
-    ]
+    made = [_make("table", symbol, tuple(a.tolist()), tuple(v.tolist())) for symbol, a, v in rows]
     return _array(made, x.shape)
 
 

@@ -35,9 +35,7 @@ HELPERS = tuple(_MADE_OF)
 
 def helpers(text: str) -> str:
     """Return the definitions of those small functions that ``text`` calls."""
-    return "\n".join(
-        body for name, body in _MADE_OF.items() if re.search(rf"\b{name}\(", text)
-    )
+    return "\n".join(body for name, body in _MADE_OF.items() if re.search(rf"\b{name}\(", text))
 
 
 def number(x: float) -> str:
