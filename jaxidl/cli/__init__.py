@@ -1,5 +1,5 @@
 """The command line: ``jaxidl simulate | sweep | figures | claims | reproduce | ablate | tune | arm
-| gap | …``.
+| learn | gap | …``.
 
 Anything a user can get wrong ends in one line on the standard error and status 2; Ctrl-C in one
 line and status 130. One module for each command; what is heavy (JAX, MuJoCo, matplotlib) is
@@ -25,6 +25,7 @@ from jaxidl.cli.arm import arm
 from jaxidl.cli.bench import bench
 from jaxidl.cli.export import export
 from jaxidl.cli.gap import gap, gap_benchmark
+from jaxidl.cli.learn import learn
 from jaxidl.cli.simulate import simulate
 from jaxidl.cli.study import claims, figures, reproduce
 from jaxidl.cli.sweep import sweep
@@ -41,6 +42,7 @@ COMMANDS = {
     "ablate": ablate,
     "tune": tune,
     "arm": arm,
+    "learn": learn,
     "export": export,
     "gap": gap,
     "gap-benchmark": gap_benchmark,

@@ -9,14 +9,17 @@ from jaxidl.errors import ConfigurationError
 
 
 def export(
-    folder: Annotated[Positional[Path], arg(metavar="DIR")],
+    folder: Annotated[Positional[Path], arg(metavar="DIR", help_behavior_hint="(required)")],
     /,
     *,
-    c: bool = False,
-    out: Annotated[Path, arg(metavar="DIR")] = Path("."),
-    name: str | None = None,
-    gains: Annotated[Path | None, arg(metavar="GAINS.yaml")] = None,
-    bands: Annotated[tuple[float, float] | None, arg(metavar="VELOCITY ACCELERATION")] = None,
+    c: Annotated[bool, arg(help_behavior_hint="")] = False,
+    out: Annotated[Path, arg(metavar="DIR", help_behavior_hint="")] = Path("."),
+    name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None,
+    gains: Annotated[Path | None, arg(metavar="FILE.yaml", help_behavior_hint="")] = None,
+    bands: Annotated[
+        tuple[float, float] | None,
+        arg(metavar="VELOCITY ACCELERATION", help_behavior_hint=""),
+    ] = None,
 ) -> None:
     """Write a learned feedforward for a robot's control computer.
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
-from jaxidl.logs.header import CURRENT, KINDS
+from jaxidl.logs.header import CONTROL, CURRENT, KINDS
 from jaxidl.logs.missing import count_joints
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.tables import Table, listed, shown
@@ -124,7 +124,8 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
         )
     notes = list(table.notes)
     time = instants(table, notes)
-    kinds = [kind for kind in (*KINDS, *[CURRENT] * current) if f"{kind}0" in table.columns]
+    every = (*KINDS, *[CURRENT] * current, *CONTROL)
+    kinds = [kind for kind in every if f"{kind}0" in table.columns]
     signals = {
         kind: np.stack([numbers(table, f"{kind}{j}") for j in range(count)], axis=1)
         for kind in kinds
@@ -277,6 +278,16 @@ def in_order(found: Samples) -> None:
                 )
 
 
+def long_enough(time: np.ndarray, dt: float) -> None:
+    """Raise LogError for a log of too few samples ``time`` (T,), ``dt`` [s] apart."""
+    if len(time) < LEAST_SAMPLES or round(len(time) * dt, 6) < LEAST_DURATION:
+        got = f"{len(time)} samples over {len(time) * dt:.3g} s"
+        remedy = "record longer, and give time in seconds"
+        raise LogError(
+            f"at least {LEAST_SAMPLES} samples and {LEAST_DURATION:g} s of motion", got, remedy
+        )
+
+
 def motion(
     q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]
 ) -> list[str]:
@@ -289,14 +300,8 @@ def motion(
         segments: the rows of each run.
 
     Raises:
-        LogError: if the log is too short, nothing moved or no torque acted.
+        LogError: if nothing moved or no torque acted.
     """
-    if len(time) < LEAST_SAMPLES or round(len(time) * dt, 6) < LEAST_DURATION:
-        got = f"{len(time)} samples over {len(time) * dt:.3g} s"
-        remedy = "record longer, and give time in seconds"
-        raise LogError(
-            f"at least {LEAST_SAMPLES} samples and {LEAST_DURATION:g} s of motion", got, remedy
-        )
     still = [j for j, s in enumerate(q.T) if all(np.ptp(s[run]) <= STILL for run in segments)]
     if len(still) == q.shape[1]:
         remedy = "record a motion, or check that the q columns are the measured positions"

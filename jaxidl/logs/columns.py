@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
-from jaxidl.logs.header import CURRENT, KINDS, Title, factor, read_title
+from jaxidl.logs.header import CONTROL, CURRENT, KINDS, Title, control_title, factor, read_title
 from jaxidl.logs.mapping import mapped
 
 MOST = 10_000  # columns; a header with more is damage, not a log
@@ -37,12 +37,13 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
     notes: list[str] = []
     given = mapped(name, headers, wanted, bare)
     used = {member.place for family in given for member in family.members}
-    titles = [
-        (i, header, read_title(header, wanted.names))
-        for i, header in enumerate(headers)
-        if i not in used
-    ]
-    for kind in (*INSTANTS, *KINDS, *[CURRENT] * wanted.current):
+    meaning = lambda header: (
+        (control_title(header, wanted.names) if wanted.control else None)
+        or read_title(header, wanted.names)
+    )
+    titles = [(i, header, meaning(header)) for i, header in enumerate(headers) if i not in used]
+    more = tuple(CONTROL) if wanted.control else ()
+    for kind in (*INSTANTS, *KINDS, *[CURRENT] * wanted.current, *more):
         family = next((f for f in given if f.kind == kind), None)
         members = [
             Member(i, header, title) for i, header, title in titles if title and title.kind == kind
@@ -105,6 +106,8 @@ def _likeliest(
     Columns with standard names are used even if some are missing, so that the error is about them.
     """
     literal = [m for m in members if _literal(m.title, bare)]
+    if kind in CONTROL:  # some may be missing, so that the error is about them
+        literal = members
     literal += [
         m
         for m in members
@@ -137,7 +140,7 @@ def _likeliest(
         if len(best) > 1
         else [shortened(m.title.strip()) for m in best[0].members]
     )
-    if kind in ("q", "tau", "time", CURRENT):
+    if kind in ("q", "tau", "time", CURRENT, *CONTROL):
         got = f"{', '.join(options[:4])}"
         raise LogError(
             f"one set of columns for {kind} in {name}",
@@ -176,10 +179,12 @@ def _take(
     if single or (bare and family.plain):
         entries[kind] = family.members[0]
     elif not family.joints:  # standard names, some of them missing: the error will name them
-        entries = {
-            m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}": m
-            for m in family.members
-        }
+        for m in family.members:
+            key = m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}"
+            if key in entries:
+                got = f"{shortened(entries[key].title.strip())} and {shortened(m.title.strip())}"
+                raise LogError(f"one column {key} in {name}", got, "remove or rename one of them")
+            entries[key] = m
     else:
         for joint, member in family.joints.items():
             place = wanted.place(joint)

@@ -112,6 +112,32 @@ UNITS: dict[str, dict[str, float]] = {
     "nanosec": {"ns": 1},
     "run": {},
 }  # of a slide or a hinge, factor into SI units
+# what a controller logs of an execution beside the motion, and of which kind it is
+CONTROL = {
+    "q_desired": "q",
+    "qd_desired": "qd",
+    "qdd_desired": "qdd",
+    "tau_inverse_desired": "tau",
+    "tau_feedback": "tau",
+    "tau_feedback_applied": "tau",
+    "tau_feedforward": "tau",
+}
+UNITS.update({name: UNITS[kind] for name, kind in CONTROL.items()})
+SYNONYMS = {
+    **dict.fromkeys(("des", "target", "targets", "ref", "reference", "setpoint"), "desired"),
+    "ff": "feedforward",
+    "fb": "feedback",
+    "learner": "learning",
+}
+CONTROL_OF = {frozenset(name.split("_")): name for name in CONTROL} | {
+    frozenset(words.split()): name
+    for words, name in {
+        "tau feedback learning": "tau_feedback",
+        "feedback learning": "tau_feedback",
+        "feedback applied": "tau_feedback_applied",
+        "feedforward": "tau_feedforward",
+    }.items()
+}
 SUFFIXES = {
     *[
         "rad",
@@ -195,6 +221,28 @@ def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -
         return None
     number = int(numbers[-1][:6]) if numbers and joint is None else None
     return Title(found, tuple(rest), joint, number, unit)
+
+
+def control_title(title: str, robot: Sequence[str] = ()) -> Title | None:
+    """Return the meaning of a column's title if it is one of ``CONTROL``, else None.
+
+    Such are ``tau_feedback0``, ``elbow/qdd_desired`` and ``target acceleration 1``; for the
+    arguments see :func:`read_title`.
+    """
+    title = title.strip()
+    read = next(
+        (t for kind in KINDS if (t := read_title(title, robot, kind)) and t.unit is not None),
+        read_title(title, robot, "q"),
+    )
+    if read is None:
+        return None
+    words = frozenset(
+        SYNONYMS.get(word) or (KIND_OF[word] if KIND_OF.get(word) in KINDS else word)
+        for word in read.words
+        if word not in ("joint", "joints", "j", "jnt")
+    )
+    name = CONTROL_OF.get(words)
+    return None if name is None else read._replace(kind=name, words=(name,))
 
 
 def _unit(title: str) -> tuple[str, str | None]:

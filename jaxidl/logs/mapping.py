@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import Family, Member, Wanted, shortened
-from jaxidl.logs.header import CURRENT, KINDS, Title, joint_called, read_title
+from jaxidl.logs.header import CONTROL, CURRENT, KINDS, Title, joint_called, read_title
 
 KEY = re.compile(
-    r"(time|run|sec|nanosec)|(qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{0,3})|\.(.+))?", re.ASCII
+    rf"(time|run|sec|nanosec)|({'|'.join(CONTROL)}|qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{{0,3}})|\.(.+))?",
+    re.ASCII,
 )
 
 
@@ -74,7 +75,7 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
             )
     families = [Family(kind, 0, list(members.values())) for kind, members in found.items()]
     for family in families:
-        if family.kind in (*KINDS, CURRENT) and not family.complete(wanted, bare):
+        if family.kind in (*KINDS, *CONTROL, CURRENT) and not family.complete(wanted, bare):
             count = wanted.joints if wanted.joints is not None else "all"
             got = (
                 f"{len(family.members)}:"

@@ -5,7 +5,7 @@ import re
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
-from jaxidl.logs.header import CURRENT, KINDS, read_title
+from jaxidl.logs.header import CONTROL, CURRENT, KINDS, read_title
 from jaxidl.logs.tables import Table, listed, shown
 
 
@@ -32,7 +32,7 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
             model's.
     """
     drive = CURRENT if current else "tau"
-    kinds = (*KINDS, CURRENT) if current else KINDS
+    kinds = (*KINDS, *[CURRENT] * current, *CONTROL)
     has = {
         kind: sorted(
             int(key[len(kind) :]) for key in table.columns if re.fullmatch(kind + "[0-9]+", key)
@@ -45,7 +45,7 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
         raise LogError(
             f"a column time in {table.name}",
             got,
-            (_near(table, "time") or "add a column time, or name it: --columns time=TITLE")
+            (near(table, "time") or "add a column time, or name it: --columns time=TITLE")
             + ", in seconds",
         )
     if has["q"] == list(range(count)) and not has[drive]:
@@ -75,7 +75,7 @@ def _without_drive(table: Table, count: int, current: bool) -> None:
     ]:
         remedy = "give --torque-constant [Nm/A of the motor] and --gear-ratio, or --motor FILE.yaml"
         raise LogError(expected, f"currents ({shown(currents[0])[1:-1]} ...)", remedy)
-    if _near(table, "tau0"):
+    if near(table, "tau0"):
         return
     remedy = (
         "record torque, or motor current with --torque-constant and --gear-ratio, or PWM * supply"
@@ -98,7 +98,7 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
     remedy = f"remove {kind}{count} and above, or give the model that was measured"
     if missing:
         remedy = (
-            _near(table, f"{kind}{missing[0]}")
+            near(table, f"{kind}{missing[0]}")
             or f"add a column {kind}{missing[0]}, or name it: --columns {kind}{missing[0]}=TITLE"
         )
     from_one = has == list(range(1, len(has) + 1)) and not any(
@@ -115,14 +115,14 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
     raise LogError(f"{span} {why} in {table.name}", listed(got), remedy)
 
 
-def _near(table: Table, key: str) -> str | None:
+def near(table: Table, key: str) -> str | None:
     """Return the remedy for a missing column if it seems to have another name."""
     candidates = [name for name in table.ignored[:200] if len(name) <= 40]
-    near = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(
+    close = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(
         key, candidates, 1, 0.7
     )
     return (
-        f"rename column {shown(near[0])} to {key}, or give --columns {key}={shown(near[0])[1:-1]}"
-        if near
+        f"rename column {shown(close[0])} to {key}, or give --columns {key}={shown(close[0])[1:-1]}"
+        if close
         else None
     )

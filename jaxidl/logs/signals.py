@@ -109,7 +109,7 @@ def prepare(
     """
     dt, slices = log.dt, tuple(log.segments())
     sigma = encoder_noise(log.q, slices)
-    inertia = _typical_inertia(true_positions(effects, log.q, slices, dt), body)
+    inertia = typical_inertia(true_positions(effects, log.q, slices, dt), body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
     band = narrower * choose_band(reach, log.tau, dt)
     q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
@@ -353,7 +353,7 @@ def withstood(
     return np.array(found, float).reshape(-1, 2)
 
 
-def _typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
+def typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
     """Return the root mean square inertia matrix (J, J) over the positions (T, J) of a log."""
     few = q[np.linspace(0, len(q) - 1, 50).astype(int)]
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))

@@ -1,0 +1,132 @@
+"""The command ``jaxidl learn``."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+from tyro.conf import arg
+
+from jaxidl.errors import ConfigurationError
+
+
+def _optional(metavar: str) -> Any:
+    """An option whose default, nothing, says nothing in a help text."""
+    return arg(metavar=metavar, help_behavior_hint="(optional)")
+
+
+Numbers = tuple[float, ...]
+
+
+def learn(
+    logs: Annotated[
+        tuple[Path, ...],
+        tyro.conf.Positional,
+        arg(metavar="LOG ...", help_behavior_hint="(required)"),
+    ],
+    /,
+    *,
+    out: Annotated[Path, arg(metavar="DIR")],
+    model: Annotated[Path | None, _optional("ROBOT.xml")] = None,
+    continued: Annotated[Path | None, arg(name="continue", metavar="DIR")] = None,
+    source: Annotated[str | None, _optional("indirect|direct|joint")] = None,
+    guard: bool = False,
+    gains: Annotated[Path | None, _optional("FILE.yaml")] = None,
+    torque_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
+    feedforward_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
+    kept: Annotated[int | None, _optional("N")] = None,
+    motion: Annotated[str | None, _optional("offline|finite_difference|filtered")] = None,
+    epochs: Annotated[int | None, _optional("N")] = None,
+    layers: Annotated[tuple[int, ...], _optional("N ...")] = (),
+    seed: Annotated[int | None, _optional("N")] = None,
+    columns: Annotated[tuple[str, ...], _optional("KEY=TITLE ...")] = (),
+    tolerance: float = 0.05,
+) -> None:
+    """Learn from executions that were recorded on a robot: write the feedforward for the next one.
+
+    Args:
+        logs: CSV, NPZ or Parquet, one a file, in the order of their recording: a row for each
+            control step with columns time, q0..., qdd_desired0..., tau0..., tau_feedback0...,
+            tau_feedback_applied0..., tau_feedforward0...; optional: qd*, qdd*, q_desired*,
+            qd_desired*.
+        out: folder for feedforward.json, weights.npz, feedforward.jaxexport, the model and
+            report.md; one that jaxidl learn wrote is replaced.
+        model: MJCF or URDF that the robot is commanded by (default: that of --continue).
+        continued: folder of the last iteration, whose weights, optimiser and settings continue.
+        source: of the training data (default: joint).
+        guard: keep the learned torque to the range of its data, and let it fade out where the robot
+            strays; needs q_desired*. Stays on.
+        gains: feedback law and gains, for logs without feedback torques.
+        torque_limit: bound of each part of the command; one for all or one a joint.
+        feedforward_limit: bound of the learned torque; one for all or one a joint.
+        kept: earlier executions that are learned from, too (default: 0).
+        motion: how velocities and accelerations are found that were not logged (default: offline).
+        epochs: of a training (default: 30).
+        layers: of a new network, the last one 1 (default: 200 100 50 1).
+        seed: of weights and batches (default: 0).
+        columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints.
+        tolerance: how far a command may be off the sum of its parts, as a share of the joint's
+            largest command.
+    """
+    if model is None and continued is None:
+        raise ConfigurationError("--model ROBOT.xml", "none", "name the MJCF or URDF of the robot")
+    import jax
+    import numpy as np
+
+    from jaxidl.jobs.progress import Bar
+    from jaxidl.learning.guard import Guard
+    from jaxidl.report.learned import learned_report
+    from jaxidl.robot import folder
+    from jaxidl.robot.execution import read_execution
+    from jaxidl.robot.gains import read_gains
+    from jaxidl.robot.learn import Wish, bounds, learn_from, program
+    from jaxidl.systems.mjcf import read_model
+
+    if not logs:
+        raise ConfigurationError("at least one LOG", "none", "name the log of an execution")
+    folder.check_folder(out)
+    with jax.enable_x64(True), Bar("reading", total=4, transient=True) as bar:
+        previous = None if continued is None else folder.load(continued)
+        robot = read_model(model) if model is not None else previous and previous.model
+        assert robot is not None
+        joints = len(robot.names)
+        limit = bounds(torque_limit, joints, "torque_limit") if torque_limit else None
+        if limit is None:
+            limit = np.inf if previous is None else previous.torque_limit
+        law = None if gains is None else read_gains(gains, joints)
+        executions = [
+            read_execution(
+                log,
+                robot,
+                law=law,
+                columns=columns,
+                motion=motion or (previous.motion if previous else "offline"),
+                torque_limit=limit,
+                tolerance=tolerance,
+            )
+            for log in logs
+        ]
+        wish = Wish(
+            source,
+            kept,
+            seed,
+            Guard() if guard else None,
+            epochs,
+            layers or None,
+            torque_limit or None,
+            feedforward_limit or None,
+            motion,
+        )
+        learned = learn_from(
+            executions, robot, wish, previous, watch=lambda what: bar.advance(what=what)
+        )
+        bar.advance(what="writing")
+        files = {folder.PROGRAM: program(learned), **learned_report(learned, executions[-1])}
+        folder.save(learned, out, files)
+    last = learned.history[-1]
+    for j, name in enumerate(robot.names):
+        print(
+            f"{name}: lacked {last['lacking'][j]:.3g} {robot.units[j]}, left {last['left'][j]:.3g};"
+            f" on data kept aside {last['held_out_lacking'][j]:.3g} →"
+            f" {last['held_out_left'][j]:.3g}"
+        )
+    print(f"iteration {learned.iteration} in {out}, report in {out / 'report.md'}")

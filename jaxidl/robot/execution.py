@@ -1,0 +1,225 @@
+"""The log of one execution, as a controller recorded it, read as a ``Trajectory``.
+
+One row a control step: time, sensed positions, desired accelerations, commanded torque and what it
+was made of. Titles, units and formats are those of :mod:`jaxidl.logs`; the names beyond that are
+``CONTROL`` in :mod:`jaxidl.logs.header`, and the how-to page "Learn from recorded executions".
+"""
+
+import hashlib
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.control import FeedbackLaw, Pid
+from jaxidl.errors import LogError
+from jaxidl.logs import checks
+from jaxidl.logs.checks import Samples, samples
+from jaxidl.logs.families import Wanted
+from jaxidl.logs.header import CONTROL
+from jaxidl.logs.missing import near
+from jaxidl.logs.ros_bag import is_bag
+from jaxidl.logs.speeds import check_speeds
+from jaxidl.logs.tables import listed, load, name_of
+from jaxidl.robot.checks import balanced, plausible, step_of
+from jaxidl.robot.gains import feedback_of
+from jaxidl.robot.motion import Moved, moved
+from jaxidl.systems import Plant, tables
+from jaxidl.systems.mjcf import Model
+from jaxidl.types import State, Trajectory
+
+TOLERANCE = 0.05  # of a joint's largest torque: so much may be missing in the sum of its parts
+Clip = Callable[[np.ndarray], np.ndarray]
+BLOCK = 1024  # rows are padded to a multiple, so that logs of similar length share a program
+
+
+class Execution(NamedTuple):
+    """A recorded execution of T control steps."""
+
+    run: Trajectory  # (T, J); the true state is not known: it is the sensed one
+    desired: np.ndarray | None  # (T, J) desired positions [m or rad], if they were logged
+    dt: float  # [s] control step
+    sha: str  # SHA-256 of the file
+    name: str  # of the file
+    notes: tuple[str, ...]
+
+
+def read_execution(
+    path: Path,
+    model: Model,
+    *,
+    law: FeedbackLaw | None = None,
+    columns: Sequence[str] = (),
+    motion: str = "offline",
+    torque_limit: np.ndarray | float = np.inf,
+    tolerance: float = TOLERANCE,
+) -> Execution:
+    """Return the execution in a log.
+
+    Args:
+        path: CSV, NPZ or Parquet.
+        model: of the robot; its plant's inverse dynamics are part of the command.
+        law: feedback law, from which feedback that was not logged is computed.
+        columns: which column is which, as for :func:`jaxidl.logs.read`.
+        motion: how velocities and accelerations are estimated that were not logged.
+        torque_limit: (J,) bound of each part of the command [N or Nm].
+        tolerance: largest difference between the command and the sum of its parts, as a share of
+            the joint's largest command.
+
+    Raises:
+        LogError: if the log cannot be used.
+        ConfigurationError: for an unknown ``motion``.
+    """
+    name = name_of(path)
+    if is_bag(path):
+        raise LogError(
+            f"a CSV, NPZ or Parquet file at {name}",
+            "a ROS bag, whose joint states have no desired accelerations and feedback",
+            "export what the controller logged as one of these",
+        )
+    joints = len(model.names)
+    wanted = Wanted(joints, model.names, tuple(range(joints)), tuple(columns), control=True)
+    found = samples(load(path, wanted), joints)
+    dt = step_of(found)
+    signals = {kind: values.astype(float) for kind, values in found.signals.items()}
+    _complete(found, law)
+    every = [slice(0, len(found.time))]
+    if "qd" in signals:
+        check_speeds(signals["q"], signals["qd"], dt, every)
+    notes = [*found.notes, *_odd(found, dt)]
+    plausible(found, model, dt)
+    estimate = moved(motion, signals, model, dt)
+    steps = len(estimate.qd)
+    signals = {kind: values[:steps] for kind, values in signals.items()}
+    clip = lambda tau: np.clip(tau, -np.asarray(torque_limit), np.asarray(torque_limit))
+    if "tau_feedforward" not in signals:
+        signals["tau_feedforward"] = np.zeros_like(signals["tau"])
+        notes.append(f"no tau_feedforward in {name}: taken as zero")
+    if law is not None:
+        _add_feedback(signals, law, estimate, dt, clip)
+    _sums(found, signals, estimate.qd, model, clip, tolerance)
+    motions = (estimate.qdd, signals["qdd_desired"])
+    actual, rigid = (clip(along(model.plant, signals["q"], estimate.qd, x)) for x in motions)
+    logged = {
+        name: jnp.asarray(signals[name])
+        for name in (
+            "qdd_desired",
+            "tau",
+            "tau_feedback",
+            "tau_feedback_applied",
+            "tau_feedforward",
+        )
+    }
+    q, qd = jnp.asarray(signals["q"]), jnp.asarray(estimate.qd)
+    run = Trajectory(
+        q=q,
+        qd=qd,
+        q_sensing=q,
+        qd_sensing=qd,
+        qdd_actual=jnp.asarray(estimate.qdd),
+        tau_inverse_desired=jnp.asarray(rigid),
+        tau_inverse_actual=jnp.asarray(actual),
+        **logged,
+    )
+    sha = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Execution(run, signals.get("q_desired"), dt, sha, name, tuple(notes))
+
+
+def along(plant: Plant, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+    """Return a plant's inverse dynamics (T, J) along states and accelerations (T, J) each."""
+    rows = len(qdd)
+    pad = partial(np.pad, pad_width=((0, -rows % BLOCK), (0, 0)), mode="edge")
+    return np.asarray(_along(plant, *(pad(part) for part in (q, qd, qdd))))[:rows]
+
+
+@jax.jit
+def _along(plant: Plant, q: jax.Array, qd: jax.Array, qdd: jax.Array) -> jax.Array:
+    return jax.vmap(plant.inverse_dynamics)(q, qd, qdd)
+
+
+def _complete(found: Samples, law: FeedbackLaw | None) -> None:
+    """Raise LogError if a signal is missing that cannot be computed."""
+    table, there = found.table, found.signals
+    needed = {"qdd_desired": "log what the policy demands in every control step"}
+    if law is None:
+        remedy = "log it, or give the gains to compute it (--gains FILE)"
+        needed |= {"tau_feedback_applied": remedy, "tau_feedback": remedy}
+    elif isinstance(law, Pid) and not {"tau_feedback_applied", "tau_feedback"} <= there.keys():
+        needed["q_desired"] = "log the desired positions, to which the gains apply"
+    for kind, remedy in needed.items():
+        if kind not in there:
+            last = there["q"].shape[1] - 1
+            span = f"column {kind}0" if not last else f"columns {kind}0..{kind}{last}"
+            got = f"columns {listed([*table.columns, *table.ignored], 20)}"
+            raise LogError(f"{span} in {table.name}", got, near(table, f"{kind}0") or remedy)
+
+
+def _odd(found: Samples, dt: float) -> list[str]:
+    """Return notes on what is odd; raise LogError if nothing moved or no torque acted."""
+    signals, time = found.signals, found.time
+    notes = checks.motion(signals["q"], signals["tau"], time, dt, [slice(0, len(time))])
+    off = float(np.abs(np.diff(time) - dt).max() / dt)
+    if off > 0.02:
+        notes.append(f"time stamps are up to {off:.0%} of a step off: taken as one row a step")
+    return notes
+
+
+def _add_feedback(
+    signals: dict[str, np.ndarray], law: FeedbackLaw, estimate: Moved, dt: float, clip: Clip
+) -> None:
+    """Compute the feedback (T, J) that was not logged, from the law's gains."""
+    sensed = State(jnp.asarray(signals["q"]), jnp.asarray(estimate.qd))
+    desired = sensed
+    if "q_desired" in signals:
+        speed = signals.get("qd_desired", np.gradient(signals["q_desired"], dt, axis=0))
+        desired = State(jnp.asarray(signals["q_desired"]), jnp.asarray(speed))
+    accelerations = map(jnp.asarray, (estimate.qdd_desired, estimate.qdd))
+    feedback = feedback_of(law, desired, sensed, *accelerations)
+    signals.setdefault("tau_feedback_applied", clip(np.asarray(feedback.applied)))
+    signals.setdefault("tau_feedback", clip(np.asarray(feedback.learning)))
+
+
+def _sums(
+    found: Samples,
+    signals: dict[str, np.ndarray],
+    qd: np.ndarray,
+    model: Model,
+    clip: Clip,
+    tolerance: float,
+) -> None:
+    """Raise LogError unless the command is the sum of its parts."""
+    state = signals["q"], qd, signals["qdd_desired"]
+    # without effects MuJoCo in C will do: nothing to compile for a log that is refused
+    rigid = (
+        along(model.plant, *state)
+        if model.plant.effects
+        else tables.inverse_dynamics(model.plant.body, *state)
+    )
+    more = signals["tau_feedback_applied"] + signals["tau_feedforward"]
+    logged = signals.get("tau_inverse_desired")
+    check = partial(balanced, found, tolerance=tolerance, model=model)
+    if logged is not None:
+        what = "tau = tau_inverse_desired + tau_feedback_applied + tau_feedforward"
+        check(what, signals["tau"], logged + more, remedy="check signs, units and order of columns")
+        check(
+            "tau_inverse_desired as the model gives it",
+            logged,
+            clip(rigid),
+            remedy="give the model by which the robot was commanded, and --torque-limit if it has",
+        )
+    check(
+        "tau = inverse dynamics of the model + tau_feedback_applied + tau_feedforward",
+        signals["tau"],
+        clip(rigid) + more,
+        remedy=(
+            "check signs, units and joints' order, that all parts were logged, --model and"
+            " --torque-limit"
+        ),
+    )
+
+
+__all__ = ["CONTROL", "Execution", "read_execution"]

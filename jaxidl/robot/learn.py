@@ -1,0 +1,338 @@
+"""Learning from recorded executions: the same training as :func:`jaxidl.learning.iterate.learn`.
+
+One call is one iteration: it takes the last iteration's feedforward and the logs that were recorded
+since, and gives the next one. On logs of simulated executions it gives the weights of ``learn`` to
+rounding.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.backend import MATMUL_PRECISION
+from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.learning.deploy import export_feedforward
+from jaxidl.learning.execute import Task
+from jaxidl.learning.guard import Guard, Strayed, distance
+from jaxidl.learning.iterate import recall
+from jaxidl.learning.sources import SOURCES
+from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
+from jaxidl.robot.execution import Execution
+from jaxidl.robot.folder import Learned
+from jaxidl.robot.held_out import held_out_rows, left_by, rms
+from jaxidl.systems.mjcf import Model
+from jaxidl.types import Dataset, Key, State
+
+LAYERS = (200, 100, 50, 1)
+BATCH, PASSES = 256, 8  # largest batch; a smaller one if an epoch had fewer steps than this
+QUANTILE = 0.995  # of a signal's size is its scale: a few outliers do not count
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a user may choose of an iteration; None: as before, or the default."""
+
+    source: str | None = None  # default: joint
+    kept: int | None = None  # default: 0
+    seed: int | None = None  # default: 0
+    guard: Guard | None = None  # default: none
+    epochs: int | None = None  # default: 30
+    layers: tuple[int, ...] | None = None  # default: LAYERS
+    torque_limit: tuple[float, ...] | None = None  # one for all or (J,) [N or Nm]; default: none
+    feedforward_limit: tuple[float, ...] | None = None
+    motion: str | None = None
+
+
+class Settings(NamedTuple):
+    """What is decided of an iteration; see :class:`Wish`."""
+
+    source: str
+    kept: int
+    seed: int
+    guard: Guard | None
+    torque_limit: np.ndarray  # (J,) [N or Nm]
+    feedforward_limit: np.ndarray
+    motion: str
+
+
+def learn_from(
+    executions: Sequence[Execution],
+    model: Model,
+    wish: Wish = Wish(),
+    previous: Learned | None = None,
+    *,
+    error_model: ErrorModel | None = None,
+    training: Training | None = None,
+    watch: Callable[[str], None] = lambda what: None,
+) -> Learned:
+    """Learn from the last of some executions, as one iteration, and judge the result.
+
+    Args:
+        executions: in the order of their recording; the last one and ``kept`` before it are learned
+            from, all count for the guard.
+        model: of the robot.
+        wish: what is not to be the default.
+        previous: the last iteration, from which weights and optimiser continue.
+        error_model: networks of a new learner. Default: scales from the data.
+        training: of all iterations. Default: 30 epochs.
+        watch: called with what is being done.
+
+    Raises:
+        ConfigurationError: if executions, model and wish do not fit each other or the last
+            iteration, or training does not stay finite.
+    """
+    settings = _settled(wish, previous, len(model.names))
+    guard = settings.guard
+    _fitting(executions, model, previous)
+    iteration = 1 if previous is None else previous.iteration + 1
+    sets = [SOURCES[settings.source](e.run, "sensed_state") for e in executions]
+    known, executions_known = _known(sets, settings.kept, iteration)
+    key = jax.random.key(settings.seed)
+    if previous is not None:
+        error_model, training = previous.error_model, previous.training
+    if error_model is None:
+        error_model = scaled(known, wish.layers or LAYERS)
+    if training is None:
+        training = sensible(len(known.x))
+    if wish.epochs is not None:
+        training = Training(**(vars(training) | {"epochs": wish.epochs}))
+    new = start(training, error_model.init(jax.random.fold_in(key, 0)))
+    before = new if previous is None else previous.learner
+    watch("training")
+    train = partial(_trained, error_model, training)
+    learner = train(before, known, jax.random.fold_in(key, iteration), executions_known)
+    strayed = _strayed(executions, previous, guard)
+    watch("judging on data kept aside")
+    rows, held = held_out_rows(sets[-1], len(executions[-1].run.tau))
+    apart = train(new, rows, jax.random.fold_in(key, iteration), 1)
+    judged: dict[str, Any] = {
+        "iteration": iteration,
+        "log": Path(executions[-1].name).name,
+        "rows": len(known.x),
+        "lacking": rms(sets[-1].y),
+        "left": rms(left_by(error_model, learner.params, sets[-1])),
+        "left_by_previous": None
+        if previous is None
+        else rms(left_by(error_model, previous.learner.params, sets[-1])),
+        "held_out_lacking": rms(held.y),
+        "held_out_left": rms(left_by(error_model, apart.params, held)),
+        "feedback": rms(executions[-1].run.tau_feedback_applied),
+        "strayed": None
+        if executions[-1].desired is None
+        else rms(executions[-1].run.q_sensing - executions[-1].desired),
+    }
+    earlier = () if previous is None else previous.history
+    seen = () if previous is None else previous.logs
+    return Learned(
+        model,
+        error_model,
+        learner,
+        training,
+        iteration=iteration,
+        dt=executions[-1].dt,
+        logs=(*seen, *(e.sha for e in executions if e.sha not in seen)),
+        history=(*earlier, judged),
+        strayed=strayed,
+        region=None if guard is None or strayed is None else guard.region(known, strayed),
+        **settings._asdict(),
+    )
+
+
+def program(learned: Learned) -> bytes:
+    """Return the feedforward as a file's content for the robot's control computer.
+
+    See :mod:`jaxidl.learning.deploy`: position, velocity, desired acceleration and, with a guard,
+    desired position (J,) each give (2, J), torque of the model and learned torque.
+    """
+    none = jnp.zeros(len(learned.model.names))
+    task = Task(
+        State(none, none),
+        lambda q, qd, t: qd,
+        jnp.asarray(learned.torque_limit),
+        jnp.asarray(learned.feedforward_limit),
+    )
+    plant, networks, params = learned.model.plant, learned.error_model, learned.learner.params
+    return export_feedforward(task, plant, networks, params, region=learned.region, parts=True)
+
+
+def scaled(data: Dataset, layers: tuple[int, ...] = LAYERS) -> ErrorModel:
+    """Return networks whose scales are the sizes of positions, ..., torques in ``data`` (N rows).
+
+    Each is the largest over joints of the 99.5 % quantile, rounded to two digits.
+    """
+    joints = data.y.shape[1]
+    parts = np.split(np.asarray(data.x), [joints, 2 * joints, 3 * joints], axis=1)[:3]
+    sizes = [
+        float(np.quantile(np.abs(part), QUANTILE, axis=0).max())
+        for part in (*parts, np.asarray(data.y))
+    ]
+    q, qd, qdd, tau = (float(f"{size:.2g}") or 1.0 for size in sizes)
+    return ErrorModel(joints, layers, q, qd, qdd, tau)
+
+
+def sensible(rows: int) -> Training:
+    """Return the training for so many rows: 30 epochs, batches of 256 or less."""
+    batch = 2 ** int(np.log2(max(1, 0.8 * rows / PASSES)))
+    return Training(epochs=30, batch=min(BATCH, batch))
+
+
+def _trained(
+    error_model: ErrorModel,
+    training: Training,
+    learner: Learner,
+    data: Dataset,
+    key: Key,
+    executions: int,
+) -> Learner:
+    rows = int(training.mask_of(len(data.x), executions).sum())
+    if training.epochs < 1 or rows < training.batch:
+        raise ConfigurationError(
+            f"at least one epoch of batches of {training.batch} rows",
+            f"{training.epochs} epochs of {rows} rows",
+            "record a longer execution, or give more --epochs",
+        )
+    with jax.default_matmul_precision(MATMUL_PRECISION):
+        batches = draw_batches(key, rows, training)
+        learner, progress = fit(
+            error_model, training, learner, data, batches, executions=executions
+        )
+    if not np.isfinite(progress.validation):
+        raise ConfigurationError(
+            "a training that stays finite", "NaN or infinity", "begin anew, without --continue"
+        )
+    return learner
+
+
+def _settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
+    """Return the settings: what is wished, else as before, else the default."""
+    if previous is None:
+        before = Settings("joint", 0, 0, None, *bounds_of(joints), "offline")
+    else:
+        before = Settings(*(getattr(previous, name) for name in Settings._fields))
+    limits = {
+        name: bounds(wished, joints, name)
+        for name in ("torque_limit", "feedforward_limit")
+        if (wished := getattr(wish, name)) is not None
+    }
+    plain = {
+        name: wished
+        for name in ("source", "kept", "seed", "guard", "motion")
+        if (wished := getattr(wish, name)) is not None
+    }
+    settings = before._replace(**limits, **plain)
+    if settings.source not in SOURCES:
+        raise one_of("--source", settings.source, SOURCES)
+    if settings.kept < 0:
+        raise ConfigurationError("--kept >= 0", str(settings.kept), "correct it")
+    if wish.layers is not None and (
+        previous is not None or wish.layers[-1:] != (1,) or min(wish.layers) < 1
+    ):
+        raise ConfigurationError(
+            "--layers of a new learner that end in 1",
+            f"{wish.layers}" + " with --continue" * (previous is not None),
+            "leave it out, or begin anew",
+        )
+    return settings
+
+
+def bounds_of(joints: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return no limits (J,) of torque and feedforward."""
+    return np.full(joints, np.inf), np.full(joints, np.inf)
+
+
+def bounds(limits: Sequence[float], joints: int, name: str) -> np.ndarray:
+    """Return limits (J,) from one for all or one for each.
+
+    Raises:
+        ConfigurationError: if there are others, or one is not positive.
+    """
+    if len(limits) not in (1, joints) or not all(limit > 0 for limit in limits):
+        raise ConfigurationError(
+            f"one --{name.replace('_', '-')} > 0, or {joints}",
+            " ".join(f"{limit:g}" for limit in limits),
+            "correct it",
+        )
+    return np.broadcast_to(np.asarray(limits, float), (joints,)).copy()
+
+
+def _fitting(executions: Sequence[Execution], model: Model, previous: Learned | None) -> None:
+    """Raise ConfigurationError unless executions and the last iteration belong together."""
+    if not executions:
+        raise ConfigurationError("at least one log of an execution", "none", "name one")
+    steps = [e.dt for e in executions] + ([] if previous is None else [previous.dt])
+    if max(steps) > 1.01 * min(steps):
+        raise ConfigurationError(
+            "executions of one control rate",
+            ", ".join(f"{1 / step:.5g} Hz" for step in steps),
+            "use the logs of one controller",
+        )
+    for i, e in enumerate(executions):
+        if e.sha in [other.sha for other in executions[:i]]:
+            raise ConfigurationError("each execution once", f"{e.name} twice", "leave one out")
+    if previous is None:
+        return
+    if executions[-1].sha in previous.logs:
+        raise ConfigurationError(
+            "a log recorded since the last iteration",
+            f"{executions[-1].name}, which was learned from before",
+            "execute with the last feedforward, and give that log",
+        )
+    ours, theirs = (list((m.files or {}).values()) for m in (model, previous.model))
+    if ours != theirs:
+        raise ConfigurationError(
+            "the model of the last iteration",
+            f"another one in {model.path}",
+            "leave out --model, or begin anew without --continue",
+        )
+
+
+def _known(sets: list[Dataset], kept: int, iteration: int) -> tuple[Dataset, int]:
+    """Return the rows of the last executions, and how many executions that is.
+
+    While there are fewer than are kept, each is used several times, as in ``learn``.
+    """
+    slots = 1 + kept
+    newest = sets[::-1][:slots]
+    if len(newest) < min(iteration, slots):
+        raise ConfigurationError(
+            f"{min(iteration, slots)} logs for --kept {kept} in iteration {iteration}",
+            f"{len(newest)}",
+            "name the earlier ones, too, the oldest first",
+        )
+    if len({len(data.x) for data in newest}) > 1:
+        got = ", ".join(str(len(data.x)) for data in newest)
+        raise ConfigurationError(
+            "executions of equal length with --kept", f"{got} rows", "leave out --kept"
+        )
+    filled = newest + [newest[0]] * (slots - len(newest))
+    memory = jax.tree.map(lambda *parts: jnp.stack(parts), *filled)
+    return recall(memory, jnp.asarray(len(newest))), slots
+
+
+def _strayed(
+    executions: Sequence[Execution], previous: Learned | None, guard: Guard | None
+) -> Strayed | None:
+    """Return how far all executions so far have strayed; None if that is not known."""
+    past = None if previous is None else previous.strayed
+    fresh = [e for e in executions if previous is None or e.sha not in previous.logs]
+    lacking = [e.name for e in fresh if e.desired is None]
+    if previous is not None and past is None:
+        lacking = ["the logs before"]
+    if lacking:
+        if guard is None:
+            return None
+        raise ConfigurationError(
+            "desired positions (q_desired0, ...) in all logs for --guard",
+            f"none in {lacking[0]}",
+            "log them, or leave out --guard",
+        )
+    for e in fresh:
+        away = distance(e.run.q_sensing, jnp.asarray(e.desired))
+        past = Strayed.of(away) if past is None else past.after(away)
+    return past
