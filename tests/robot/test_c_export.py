@@ -1,5 +1,6 @@
 """The command that writes a learned feedforward as C."""
 
+import re
 import subprocess
 
 import jax
@@ -12,8 +13,9 @@ from jaxidl.models import ErrorModel, Training, start
 from jaxidl.robot.folder import Learned, save
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.commands import refusal
-from tests.helpers.compiled import STRICT, compiler
+from tests.helpers.compiled import STRICT, build, compiler
 from tests.helpers.model_files import stored
+from tests.helpers.paths import ROOT
 
 GAINS = """law: pid
 kp: 20
@@ -52,8 +54,33 @@ def test_a_folder_becomes_two_files_that_compile(feedforward, tmp_path, capsys):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["left_arm_2.c", "left_arm_2.h"]
 
 
+AROUND = """
+#include "robot.h"
+#include <math.h>
+static int calls;
+double wait_for_next_period(void) { return calls++ * ROBOT_DT; }
+void read_encoders(double *q) { q[0] = 0.1 + 1e-4 * calls; q[1] = calls < 50 ? -0.2 : NAN; }
+void send_torques(const double *tau) { if (calls < 50 ? !tau[0] : tau[0] || tau[1]) calls = -99; }
+void plan(double t, double *q, double *qd, double *qdd)
+{
+    int j;
+    for (j = 0; j < ROBOT_JOINTS; j++) q[j] = 0.1 * t, qd[j] = 0.1, qdd[j] = 0;
+}
+extern int control(void);
+int main(void) { return control() != ROBOT_FAILED || calls != 51; }
+"""
+
+
+def test_the_control_loop_of_the_documentation_runs(feedforward, tmp_path):
+    page = (ROOT / "docs" / "howto" / "export_c.md").read_text(encoding="utf-8")
+    (loop,) = re.findall(r"```c\n(.*?)```", page, flags=re.S)
+    (tmp_path / "control.c").write_text(loop)
+    (tmp_path / "around.c").write_text(AROUND)
+    assert main(["export", str(feedforward), "--c", "--out", str(tmp_path), "--name", "robot"]) == 0
+    subprocess.run([str(build(compiler(), tmp_path, "loop"))], check=True, timeout=20)
+
+
 def test_it_takes_the_feedback_law_of_a_file(feedforward, tmp_path):
-    pytest.importorskip("jaxidl.robot.gains")
     gains = tmp_path / "gains.yaml"
     gains.write_text(GAINS)
     words = ["--c", "--out", str(tmp_path), "--name", "arm", "--gains", str(gains)]
