@@ -62,7 +62,12 @@ def robot(name, folder):
     return read_model(UR10E) if name == "ur10e" else arm()
 
 
-@pytest.mark.parametrize("name", ["two_link", "rich", "urdf", "arm", "ur10e"])
+def late(*values):
+    """A case of a slow test."""
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@pytest.mark.parametrize("name", ["urdf", "arm", *map(late, ("two_link", "rich", "ur10e"))])
 def test_rigid_bodies_and_the_effects_of_their_files(name, tmp_path):
     model = robot(name, tmp_path)
     joints = len(model.names)
@@ -150,7 +155,7 @@ def test_an_effect_without_a_formula_is_refused_in_one_line():
         generate(own, "robot", "")
 
 
-@pytest.mark.parametrize("width", [0.0, 0.5])
+@pytest.mark.parametrize("width", [0.0, late(0.5)])
 def test_networks_within_the_range_of_their_data(width, tmp_path):
     model = replace(PAIR, activation_width=width, circumstance_scales=(2.0,))
     params = double(model.init(jax.random.key(1)))
@@ -200,8 +205,10 @@ def replayed(in_c, run, desired, tolerance):
     assert worst < tolerance
 
 
-@pytest.mark.parametrize("controller", ["pid", "doomed"])
-@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize(
+    ("controller", "filtered"),
+    [("pid", False), ("doomed", True), late("pid", True), late("doomed", False)],
+)
 def test_an_execution_of_the_papers_plant_is_replayed(controller, filtered, tmp_path):
     study = PaperStudy(steps=400)
     estimator = Filtered() if filtered else FiniteDifference()
