@@ -149,6 +149,21 @@ def _first(name):
     return {key: getattr(effect, key)[:1] for key in effect.parameters}
 
 
+class Holding(fx.Effect):
+    """A user's effect that holds a joint."""
+
+    name: ClassVar[str] = "holding"
+
+    def holds(self, q, qd, tau):
+        return q > 0.0
+
+
+def test_an_effect_that_holds_joints_is_refused_in_one_line():
+    for effect in (Holding(), EXAMPLES["stiction"].replace(signed=True)):
+        own = Controller.of(task_of(2), Plant(point_mass(1.0), (effect,)), None, ("a", "b"))
+        assert f"{effect.name}, which keeps joints from accelerating" in str(refusal(own))
+
+
 def test_an_effect_without_a_formula_is_refused_in_one_line():
     own = Controller.of(task_of(2), Plant(point_mass(1.0), (Counting(),)), None, ("a", "b"))
     with pytest.raises(ConfigurationError, match=r"counting .*got JAX's operation .*; take it out"):

@@ -14,7 +14,6 @@ _HIDDEN = (
     ("actuate", "acts on the command over time"),
     ("start", "has a hidden state"),
     ("sense", "acts on the encoders"),
-    ("holds", "holds joints"),
 )
 
 _PROGRAM = """/* adds to the torque of the rigid body what friction and other effects take of it */
@@ -51,7 +50,7 @@ def effects(given: Sequence[Effect], joints: int) -> str:
     writer, torques, grips = Writer("effect"), [], []
     for number, effect in enumerate(given):
         own = inner(effect)
-        _refuse_hidden(own)
+        _refuse_hidden(own, effect, joints)
         if type(own).torque is not Effect.torque:
             traced = trace(effect.torque, q, qd, tau, what=own.name)
             torques.append(_lines(writer, effect, traced, "given", number))
@@ -67,16 +66,18 @@ def effects(given: Sequence[Effect], joints: int) -> str:
     return f"{''.join(writer.tables)}\n{program}".lstrip("\n")
 
 
-def _refuse_hidden(effect: Effect) -> None:
-    for method, does in _HIDDEN:
-        if getattr(type(effect), method) is not getattr(Effect, method):
-            if method == "holds" and not getattr(effect, "signed", False):
-                continue
-            raise ConfigurationError(
-                "a corrected model of effects that follow from position, velocity and acceleration",
-                f"{effect.name}, which {does}",
-                "take it out of the corrected model",
-            )
+def _refuse_hidden(effect: Effect, whole: Effect, joints: int) -> None:
+    kind, state = type(effect), (symbols(name, joints) for name in ("q", "qd", "tau"))
+    own = lambda method: getattr(kind, method) is not getattr(Effect, method)
+    found = [does for method, does in _HIDDEN if own(method)]
+    if own("holds") and trace(whole.holds, *state, what=effect.name).any():
+        found.append("keeps joints from accelerating")
+    if found:
+        raise ConfigurationError(
+            "a corrected model of effects that follow from position, velocity and acceleration",
+            f"{effect.name}, which {found[0]}",
+            "take it out of the corrected model",
+        )
 
 
 def _lines(writer: Writer, effect: Effect, traced: np.ndarray, to: str, number: int) -> str:
