@@ -78,7 +78,8 @@ def learn(
     from jaxidl.robot import folder
     from jaxidl.robot.execution import read_execution
     from jaxidl.robot.gains import read_gains
-    from jaxidl.robot.learn import Wish, bounds, learn_from, program
+    from jaxidl.robot.learn import learn_from, program
+    from jaxidl.robot.settings import Wish, bounds
     from jaxidl.systems.mjcf import read_model
 
     if not logs:

@@ -180,7 +180,8 @@ def _take(
         entries[kind] = family.members[0]
     elif not family.joints:  # standard names, some of them missing: the error will name them
         for m in family.members:
-            key = m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{m.read.number}"
+            number = m.read.number if m.read.number is not None else m.read.joint or 0
+            key = m.title.strip().lower() if _literal(m.title, bare) else f"{kind}{number}"
             if key in entries:
                 got = f"{shortened(entries[key].title.strip())} and {shortened(m.title.strip())}"
                 raise LogError(f"one column {key} in {name}", got, "remove or rename one of them")

@@ -6,17 +6,16 @@ rounding.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.backend import MATMUL_PRECISION
-from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.errors import ConfigurationError
 from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import Task
 from jaxidl.learning.guard import Guard, Strayed, distance
@@ -26,45 +25,20 @@ from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, star
 from jaxidl.robot.execution import Execution
 from jaxidl.robot.folder import Learned
 from jaxidl.robot.held_out import held_out_rows, left_by, rms
+from jaxidl.robot.settings import Wish, check_fitting, settled
 from jaxidl.systems.mjcf import Model
 from jaxidl.types import Dataset, Key, State
 
+DEFAULTS = Wish()
 LAYERS = (200, 100, 50, 1)
 BATCH, PASSES = 256, 8  # largest batch; a smaller one if an epoch had fewer steps than this
 QUANTILE = 0.995  # of a signal's size is its scale: a few outliers do not count
 
 
-@dataclass(frozen=True)
-class Wish:
-    """What a user may choose of an iteration; None: as before, or the default."""
-
-    source: str | None = None  # default: joint
-    kept: int | None = None  # default: 0
-    seed: int | None = None  # default: 0
-    guard: Guard | None = None  # default: none
-    epochs: int | None = None  # default: 30
-    layers: tuple[int, ...] | None = None  # default: LAYERS
-    torque_limit: tuple[float, ...] | None = None  # one for all or (J,) [N or Nm]; default: none
-    feedforward_limit: tuple[float, ...] | None = None
-    motion: str | None = None
-
-
-class Settings(NamedTuple):
-    """What is decided of an iteration; see :class:`Wish`."""
-
-    source: str
-    kept: int
-    seed: int
-    guard: Guard | None
-    torque_limit: np.ndarray  # (J,) [N or Nm]
-    feedforward_limit: np.ndarray
-    motion: str
-
-
 def learn_from(
     executions: Sequence[Execution],
     model: Model,
-    wish: Wish = Wish(),
+    wish: Wish = DEFAULTS,
     previous: Learned | None = None,
     *,
     error_model: ErrorModel | None = None,
@@ -87,9 +61,9 @@ def learn_from(
         ConfigurationError: if executions, model and wish do not fit each other or the last
             iteration, or training does not stay finite.
     """
-    settings = _settled(wish, previous, len(model.names))
+    settings = settled(wish, previous, len(model.names))
     guard = settings.guard
-    _fitting(executions, model, previous)
+    check_fitting(executions, model, previous)
     iteration = 1 if previous is None else previous.iteration + 1
     sets = [SOURCES[settings.source](e.run, "sensed_state") for e in executions]
     known, executions_known = _known(sets, settings.kept, iteration)
@@ -207,89 +181,6 @@ def _trained(
             "a training that stays finite", "NaN or infinity", "begin anew, without --continue"
         )
     return learner
-
-
-def _settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
-    """Return the settings: what is wished, else as before, else the default."""
-    if previous is None:
-        before = Settings("joint", 0, 0, None, *bounds_of(joints), "offline")
-    else:
-        before = Settings(*(getattr(previous, name) for name in Settings._fields))
-    limits = {
-        name: bounds(wished, joints, name)
-        for name in ("torque_limit", "feedforward_limit")
-        if (wished := getattr(wish, name)) is not None
-    }
-    plain = {
-        name: wished
-        for name in ("source", "kept", "seed", "guard", "motion")
-        if (wished := getattr(wish, name)) is not None
-    }
-    settings = before._replace(**limits, **plain)
-    if settings.source not in SOURCES:
-        raise one_of("--source", settings.source, SOURCES)
-    if settings.kept < 0:
-        raise ConfigurationError("--kept >= 0", str(settings.kept), "correct it")
-    if wish.layers is not None and (
-        previous is not None or wish.layers[-1:] != (1,) or min(wish.layers) < 1
-    ):
-        raise ConfigurationError(
-            "--layers of a new learner that end in 1",
-            f"{wish.layers}" + " with --continue" * (previous is not None),
-            "leave it out, or begin anew",
-        )
-    return settings
-
-
-def bounds_of(joints: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return no limits (J,) of torque and feedforward."""
-    return np.full(joints, np.inf), np.full(joints, np.inf)
-
-
-def bounds(limits: Sequence[float], joints: int, name: str) -> np.ndarray:
-    """Return limits (J,) from one for all or one for each.
-
-    Raises:
-        ConfigurationError: if there are others, or one is not positive.
-    """
-    if len(limits) not in (1, joints) or not all(limit > 0 for limit in limits):
-        raise ConfigurationError(
-            f"one --{name.replace('_', '-')} > 0, or {joints}",
-            " ".join(f"{limit:g}" for limit in limits),
-            "correct it",
-        )
-    return np.broadcast_to(np.asarray(limits, float), (joints,)).copy()
-
-
-def _fitting(executions: Sequence[Execution], model: Model, previous: Learned | None) -> None:
-    """Raise ConfigurationError unless executions and the last iteration belong together."""
-    if not executions:
-        raise ConfigurationError("at least one log of an execution", "none", "name one")
-    steps = [e.dt for e in executions] + ([] if previous is None else [previous.dt])
-    if max(steps) > 1.01 * min(steps):
-        raise ConfigurationError(
-            "executions of one control rate",
-            ", ".join(f"{1 / step:.5g} Hz" for step in steps),
-            "use the logs of one controller",
-        )
-    for i, e in enumerate(executions):
-        if e.sha in [other.sha for other in executions[:i]]:
-            raise ConfigurationError("each execution once", f"{e.name} twice", "leave one out")
-    if previous is None:
-        return
-    if executions[-1].sha in previous.logs:
-        raise ConfigurationError(
-            "a log recorded since the last iteration",
-            f"{executions[-1].name}, which was learned from before",
-            "execute with the last feedforward, and give that log",
-        )
-    ours, theirs = (list((m.files or {}).values()) for m in (model, previous.model))
-    if ours != theirs:
-        raise ConfigurationError(
-            "the model of the last iteration",
-            f"another one in {model.path}",
-            "leave out --model, or begin anew without --continue",
-        )
 
 
 def _known(sets: list[Dataset], kept: int, iteration: int) -> tuple[Dataset, int]:

@@ -16,10 +16,10 @@ from jaxidl.types import State
 GANTRY = """<mujoco model="gantry">
   <worldbody>
     <body name="bridge">
-      <joint name="x" type="slide" axis="1 0 0" range="-2 2" limited="true"/>
+      <joint name="bridge" type="slide" axis="1 0 0" range="-2 2" limited="true"/>
       <inertial pos="0 0 0" mass="0.5" diaginertia="0.004 0.004 0.004"/>
       <body name="carriage">
-        <joint name="y" type="slide" axis="0 1 0" range="-2 2" limited="true"/>
+        <joint name="carriage" type="slide" axis="0 1 0" range="-2 2" limited="true"/>
         <inertial pos="0 0 0" mass="1.5" diaginertia="0.004 0.004 0.004"/>
       </body>
     </body>

@@ -14,7 +14,8 @@ from jaxidl.models import ErrorModel, Training
 from jaxidl.robot import folder
 from jaxidl.robot.execution import read_execution
 from jaxidl.robot.held_out import held_out_rows
-from jaxidl.robot.learn import Wish, learn_from, program, scaled, sensible
+from jaxidl.robot.learn import learn_from, program, scaled, sensible
+from jaxidl.robot.settings import Wish
 from jaxidl.systems.arm import arm
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import Dataset, State

@@ -40,7 +40,8 @@ def dropped_for_all_joints(rng, c):
 
 def renamed(rng, c):
     old = rng.choice(["time", one_of_the_joints(rng)])
-    return {(rng.choice(["foo", "x" * 80, "colour"]) if k == old else k): v for k, v in c.items()}
+    new = rng.choice(["foo", "x" * 80, "colour"])
+    return {(new if k == old else k): v for k, v in c.items()}
 
 
 def not_a_number(rng, c):
@@ -71,11 +72,13 @@ def unequal_steps(rng, c):
 
 def rows_lost(rng, c):
     at = rng.integers(5, len(c["time"]) - 50)
-    return {key: np.delete(x, slice(at, at + rng.integers(1, 40))) for key, x in c.items()}
+    lost = slice(at, at + rng.integers(1, 40))
+    return {key: np.delete(x, lost) for key, x in c.items()}
 
 
 def too_short(rng, c):
-    return {key: column[: rng.integers(0, 90)] for key, column in c.items()}
+    rows = rng.integers(0, 90)
+    return {key: column[:rows] for key, column in c.items()}
 
 
 def swapped(rng, c):
