@@ -23,6 +23,7 @@ from jaxidl import __version__
 from jaxidl.cli.ablate import ablate
 from jaxidl.cli.arm import arm
 from jaxidl.cli.bench import bench
+from jaxidl.cli.export import export
 from jaxidl.cli.gap import gap, gap_benchmark
 from jaxidl.cli.learn import learn
 from jaxidl.cli.simulate import simulate
@@ -42,6 +43,7 @@ COMMANDS = {
     "tune": tune,
     "arm": arm,
     "learn": learn,
+    "export": export,
     "gap": gap,
     "gap-benchmark": gap_benchmark,
     "bench": bench,
