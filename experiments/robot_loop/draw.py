@@ -1,0 +1,150 @@
+"""Feedback and path error over executions from the logs of run.sh, and what the gap finder named:
+``python draw.py WORK FIGURES`` writes robot_loop.png, .pdf, .json and .md.
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxidl.arm.found import STATES, judge
+from jaxidl.arm.hidden import truth
+from jaxidl.arm.setup import Hidden
+from jaxidl.files import markdown, plain, write_bytes
+from jaxidl.jobs.provenance import revision
+from jaxidl.plot.style import house_style, save
+
+JOINTS = 7
+SHARES = (50, 99, 99.9, 100)  # [%] of the steps
+
+
+def columns(log: Path) -> dict[str, np.ndarray]:
+    """Return the columns of a log; those of joints are (T, J)."""
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    together = {
+        name[:-1]: np.stack([table[f"{name[:-1]}{j}"] for j in range(JOINTS)], 1)
+        for name in table.dtype.names
+        if name.endswith("0")
+    }
+    return together | {name: table[name] for name in table.dtype.names if name[-1].isalpha()}
+
+
+def numbers(log: Path) -> dict[str, Any]:
+    """Return what an execution is judged by."""
+    c = columns(log)
+    at = lambda x: np.percentile(x, SHARES).round(1)
+    return {
+        "rows": len(c["time"]),
+        "feedback_mse": float(np.mean(c["tau_feedback_applied"] ** 2)),
+        "feedback_rms_joint": np.sqrt(np.mean(c["tau_feedback_applied"] ** 2, 0)),
+        "path_error": float(np.abs(c["q"] - c["q_desired"]).mean()),
+        "learned_peak": float(np.abs(c["tau_feedforward"]).max()),
+        "made_up": int(c["made_up"].sum()),
+        "oldest_command": int(c["command_age"].max()),
+        "step_us": at(c["step_us"]),
+        "interval_us": at(c["interval_us"][1:]),
+        "interval_off_us": at(np.abs(c["interval_us"][1:] - 1e3)),
+    }
+
+
+def named(report: Path) -> list[dict[str, Any]]:
+    """Return the judgement of what the gap finder said: effect, joint, sizes, state."""
+    found = json.loads(report.read_text())
+    # how visible a hidden effect is in this log is not worked out
+    hidden = [
+        {"effect": key[0], "joint": key[1], "size": size, "visible": np.inf}
+        for key, size in truth(Hidden()).items()
+    ]
+    rows = judge(found | {"truth": hidden})
+    return [{**row._asdict(), "state": STATES[row.state]} for row in rows]
+
+
+def draw(runs: list[dict[str, Any]], folder: Path) -> None:
+    """Draw feedback by joint, mean squared feedback and path error, by execution."""
+    feedback = np.array([run["feedback_rms_joint"] for run in runs])
+    k = np.arange(len(runs)) + 1
+    with house_style():
+        figure = Figure(figsize=(7.2, 2.6), layout="constrained")
+        left, middle, right = figure.subplots(1, 3)
+        for j in range(JOINTS):
+            shade = str(0.65 * j / JOINTS)
+            left.plot(k, feedback[:, j], color=shade, marker="ov^sDP*"[j], label=f"joint {j + 1}")
+        left.set(yscale="log", ylabel="feedback, rms [Nm]", title="feedback of each joint")
+        left.legend(ncols=2, fontsize=6.5, loc="upper right")
+        for axes, name, unit, title, scale in (
+            (middle, "feedback_mse", "Nm²", "mean squared feedback", 1.0),
+            (right, "path_error", "mrad", "mean distance from the path", 1e3),
+        ):
+            axes.plot(k, [scale * run[name] for run in runs], color="#0072B2", marker="o")
+            axes.set(yscale="log", ylabel=f"[{unit}]", title=title)
+        for axes in (left, middle, right):
+            axes.set(xlabel="execution", xticks=k)
+        save(figure, folder, "robot_loop")
+
+
+def as_text(about: dict[str, Any]) -> str:
+    """Return the tables as Markdown."""
+    heads = [
+        "execution",
+        "mean squared feedback [Nm²]",
+        "path error [mrad]",
+        "largest learned torque [Nm]",
+        "step, 50 / 99 / 99.9 / 100 % [µs]",
+        "time between readings off 1 ms, 50 / 99 / 99.9 / 100 % [µs]",
+    ]
+    slash = lambda values: " / ".join(f"{x:.0f}" for x in values)
+    rows = [
+        [
+            str(k),
+            f"{run['feedback_mse']:.3g}",
+            f"{1e3 * run['path_error']:.3g}",
+            f"{run['learned_peak']:.2g}",
+            slash(run["step_us"]),
+            slash(run["interval_off_us"]),
+        ]
+        for k, run in enumerate(about["executions"], 1)
+    ]
+    text = markdown(heads, rows) + "\n"
+    if about["gap"]:
+        size = lambda x: "" if x is None else f"{x:.3g}"
+        joint = lambda row: "" if row["joint"] is None else str(row["joint"] + 1)
+        cells = [
+            [row["effect"], joint(row), size(row["hidden"]), size(row["found"]), row["state"]]
+            for row in about["gap"]
+        ]
+        text += "\n" + markdown(("effect", "joint", "hidden", "found", ""), cells) + "\n"
+    return text
+
+
+def main() -> int:
+    if len(sys.argv) != 3:
+        print(f"expected WORK FIGURES; got {' '.join(sys.argv[1:])}", file=sys.stderr)
+        return 2
+    work, folder = map(Path, sys.argv[1:])
+    logs = sorted((path for path in work.glob("*.csv") if path.stem.isdigit()), key=_number)
+    runs = [numbers(log) for log in logs]
+    report = work / "gap/report.json"
+    about = {
+        "git_revision": revision(),
+        "executions": runs,
+        "robot": [json.loads(log.with_suffix(".json").read_text()) for log in logs],
+        "gap": named(report) if report.exists() else [],
+    }
+    folder.mkdir(parents=True, exist_ok=True)
+    content = json.dumps(plain(about), indent=1) + "\n"
+    write_bytes(folder / "robot_loop.json", content.encode())
+    write_bytes(folder / "robot_loop.md", as_text(about).encode())
+    draw(runs, folder)
+    print(as_text(about))
+    return 0
+
+
+def _number(path: Path) -> int:
+    return int(path.stem)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
