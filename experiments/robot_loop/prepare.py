@@ -99,7 +99,10 @@ def prepare(folder: Path, study: ArmStudy) -> None:
         "gradient_smoothing": float(law.gradient_smoothing),
     }
     limits = " ".join(f"{x:g}" for x in torque_limits())
-    options = f"--torque-limit {limits} --feedforward-limit {study.feedforward_limit:g}\n"
+    options = (
+        f"--torque-limit {limits} --feedforward-limit {study.feedforward_limit:g}"
+        f" --smoothing {float(law.smoothing):g}\n"
+    )
     content = {
         "arm.xml": (files("jaxidl.systems") / "arm.xml").read_text(),
         "robot.json": json.dumps(robot_file(study), indent=1) + "\n",

@@ -17,7 +17,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 PYTHON=${PYTHON:-python3}
 CC=${CC:-cc}
 EXECUTIONS=${EXECUTIONS:-10}
-LEARN=${LEARN:---source joint --guard --layers 64 32 1 --epochs 20}
+LEARN=${LEARN:---source weighted --guard --layers 64 32 1 --epochs 12} # small: minutes
 PRIORITY=50
 
 # ---- what is needed, before anything is begun
