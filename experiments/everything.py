@@ -91,6 +91,11 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/guard.py figures --sweeps {WORK}/guard",),
         8,
     ),
+    "robot_loop": Made(
+        ("robot_loop.*",),
+        (f"PYTHON={PYTHON} experiments/robot_loop/run.sh {WORK}/robot_loop figures",),
+        12,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (

@@ -108,6 +108,35 @@ def as_text(about: dict[str, Any]) -> str:
         for k, run in enumerate(about["executions"], 1)
     ]
     text = markdown(heads, rows) + "\n"
+    if about["stops"]:
+        text += "\n" + markdown(
+            (
+                "fault",
+                "the controller's end",
+                "braked after [s]",
+                "speed then [rad/s]",
+                "to rest [ms]",
+                "moved meanwhile [rad]",
+                "rows of the log",
+                "`jaxidl learn` reads it",
+            ),
+            [
+                (
+                    name,
+                    stop["controller"],
+                    f"{stop['braked_at']:.3f}",
+                    f"{stop['speed']:.2g}",
+                    f"{1e3 * stop['to_rest']:.0f}",
+                    f"{stop['travel']:.2g}",
+                    stop["rows"],
+                    stop["read"].partition(":")[0],
+                )
+                if "braked_at" in stop
+                else (name, stop["controller"], *["never moved"] * 4, stop["rows"], "no")
+                for name, stop in about["stops"].items()
+            ],
+        )
+        text += "\n"
     if about["gap"]:
         size = lambda x: "" if x is None else f"{x:.3g}"
         joint = lambda row: "" if row["joint"] is None else str(row["joint"] + 1)
@@ -126,11 +155,12 @@ def main() -> int:
     work, folder = map(Path, sys.argv[1:])
     logs = sorted((path for path in work.glob("*.csv") if path.stem.isdigit()), key=_number)
     runs = [numbers(log) for log in logs]
-    report = work / "gap/report.json"
+    report, stops = work / "gap/report.json", work / "stops.json"
     about = {
         "git_revision": revision(),
         "executions": runs,
         "robot": [json.loads(log.with_suffix(".json").read_text()) for log in logs],
+        "stops": json.loads(stops.read_text()) if stops.exists() else {},
         "gap": named(report) if report.exists() else [],
     }
     folder.mkdir(parents=True, exist_ok=True)

@@ -53,9 +53,7 @@ def execute(
         if word[:1] != ["port"]:
             raise SystemExit("execute.py: expected the robot's port; got none: see above")
         patient = 3000 if "--lock-step" in options else watchdog_ms  # a slow machine is no fault
-        loop = subprocess.Popen(
-            [str(controller), word[1], str(log), str(patient), str(priority)]
-        )
+        loop = subprocess.Popen([str(controller), word[1], str(log), str(patient), str(priority)])
         if kill_at is not None:
             _kill(loop, log, kill_at)
         status = loop.wait(120)

@@ -15,6 +15,7 @@ class Faults:
     late: float = 0.0  # share that arrives late
     late_by: int = 3  # ticks that these are late
     double: float = 0.0  # share that arrives twice
+    since: float = 0.0  # [s] from when on packets are lost, late or doubled
     nan_at: float = -1.0  # [s] from when on an encoder gives NaN; < 0: never
     nan_joint: int = 0  # counted from 0
     silent_at: float = -1.0  # [s] from when on the robot sends nothing; < 0: never
@@ -28,14 +29,14 @@ class Faults:
     @staticmethod
     def add_options(parser: argparse.ArgumentParser) -> None:
         """Add an option for each fault."""
-        for f in fields(Faults)[:7]:
+        for f in fields(Faults)[:8]:
             option = f"--{f.name.replace('_', '-')}"
             parser.add_argument(option, type=type(f.default), default=f.default)
 
     @classmethod
     def of(cls, given: argparse.Namespace) -> "Faults":
         """Return the faults that the options say."""
-        return cls(**{f.name: getattr(given, f.name) for f in fields(cls)[:7]}, seed=given.seed)
+        return cls(**{f.name: getattr(given, f.name) for f in fields(cls)[:8]}, seed=given.seed)
 
     def sensed(self, time: float, q: np.ndarray) -> np.ndarray:
         """Return what the encoders give (J,)."""
@@ -64,6 +65,8 @@ class Faults:
     def _fate(self, tick: int) -> list[int]:
         """Return the ticks at which a packet arrives: none, one or two."""
         lost, late, twice = self.draws.random(3)
+        if tick * 1e-3 < self.since:
+            return [tick]
         if lost < self.lose:
             return []
         due = tick + (self.late_by if late < self.late else 0)

@@ -36,6 +36,7 @@ class Robot:
         self.socket.bind(("127.0.0.1", 0))
         self.peer: tuple[str, int] | None = None
         self.tick, self.newest = 0, Command(0, -1, np.zeros(plant.joints))
+        self.sent = -1  # newest reading that has left
         self.why = ""  # the brakes were closed
         self.log: list[tuple[float, np.ndarray, np.ndarray, np.ndarray, bool]] = []
         self.behind: list[float] = []  # [s] that ticks began late
@@ -76,24 +77,24 @@ class Robot:
                 return
 
     def _send(self) -> int:
-        """Send this tick's reading, and return the newest that the controller will answer."""
+        """Send this tick's reading; return the sequence that the controller will answer, or -1.
+
+        It ignores an old reading that arrives late.
+        """
         assert self.peer is not None
         q = self.faults.sensed(self.tick * DT, self.plant.read())
         flags = BRAKED if self.why else 0
         packet = reading(flags, self.tick, self.newest.answers, self.tick * DT, q)
-        newest = -1
-        for sequence, packet in self.faults.sent(self.tick, packet):
-            self.socket.sendto(packet, self.peer)
-            newest = max(newest, sequence)
-        return newest
+        before = self.sent
+        for sequence, leaving in self.faults.sent(self.tick, packet):
+            self.socket.sendto(leaving, self.peer)
+            self.sent = max(self.sent, sequence)
+        return self.sent if self.sent > before else -1
 
     def _wait(self, sent: int, due: float) -> None:
-        """Take commands until the tick's end; in lock-step until there is the answer to ``sent``.
-
-        The answer of an old reading that arrives late does not come: a controller ignores it.
-        """
+        """Take commands until the tick ends; in lock-step until the answer to ``sent`` is there."""
         until = time.perf_counter() + self.patience if self.lock_step else due
-        answered = sent < self.tick or bool(self.why)
+        answered = sent < 0 or bool(self.why)
         while not (self.lock_step and answered):
             left = until - time.perf_counter()
             if left <= 0.0:
@@ -144,7 +145,9 @@ def main() -> None:
     Faults.add_options(parser)
     given = parser.parse_args()
     settings = json.loads(given.file.read_text())
-    plant = Plant(given.file.parent / settings["model"], settings["hidden"], settings["home"], given.seed)
+    plant = Plant(
+        given.file.parent / settings["model"], settings["hidden"], settings["home"], given.seed
+    )
     robot = Robot(plant, Faults.of(given), given.watchdog, given.lock_step)
     if given.priority:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(given.priority))

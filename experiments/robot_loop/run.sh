@@ -9,6 +9,7 @@
 #
 # Set PYTHON to an interpreter that has jaxidl, CC to a C compiler. MODE is real (1 kHz by the
 # clock; needs the right to real-time priority) or lock-step (each tick waits for its command).
+# MORE=no leaves out faults and gap finder.
 set -eu
 
 work=${1:-out/robot_loop}
@@ -18,6 +19,7 @@ PYTHON=${PYTHON:-python3}
 CC=${CC:-cc}
 EXECUTIONS=${EXECUTIONS:-10}
 LEARN=${LEARN:---source weighted --guard --layers 64 32 1 --epochs 12} # small: minutes
+MORE=${MORE:-yes}
 PRIORITY=50
 
 # ---- what is needed, before anything is begun
@@ -82,10 +84,11 @@ while :; do
     k=$next
 done
 
-# ---- what is missing in the model, from the same logs
-if [ -n "${GAP-}" ] && [ ! -e "$work/gap/report.json" ]; then
-    # shellcheck disable=SC2086
-    (cd "$work" && "$PYTHON" -m jaxidl gap $GAP --model arm.xml --out gap)
+# ---- what becomes of the robot if something goes wrong, and what the gap finder says to the logs
+if [ "$MORE" = yes ]; then
+    [ -e "$work/stops.json" ] || "$PYTHON" "$here/stops.py" "$work"
+    [ -e "$work/gap/report.json" ] || "$PYTHON" -m jaxidl gap "$work/0.csv" "$work/1.csv" \
+        --model "$work/arm.xml" --out "$work/gap"
 fi
 
 "$PYTHON" "$here/draw.py" "$work" "$figures"

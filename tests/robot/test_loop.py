@@ -88,6 +88,7 @@ def test_an_execution_is_logged_as_learn_reads_it(loop, undisturbed):
     assert (log["command_age"] == 1).all()
 
 
+@pytest.mark.slow
 def test_lock_step_gives_the_same_numbers_again(loop, undisturbed):
     _, log, _ = undisturbed
     _, again, _ = execute(loop, loop / "again.csv")
@@ -98,8 +99,12 @@ def test_lock_step_gives_the_same_numbers_again(loop, undisturbed):
 
 @pytest.mark.parametrize(
     "fault",
-    [("--lose=0.03",), ("--late=0.1", "--late-by=3"), ("--double=0.5",)],
-    ids=lambda fault: fault[0].strip("-"),
+    [
+        ("--lose=0.03",),
+        pytest.param(("--late=0.1", "--late-by=3"), marks=pytest.mark.slow),
+        pytest.param(("--double=0.5",), marks=pytest.mark.slow),
+    ],
+    ids=["lost", "late", "doubled"],
 )
 def test_lost_late_and_doubled_packets_do_not_stop_the_task(loop, tmp_path, undisturbed, fault):
     summary, log, _ = execute(loop, tmp_path / "log.csv", *fault)
@@ -118,13 +123,19 @@ def test_lost_late_and_doubled_packets_do_not_stop_the_task(loop, tmp_path, undi
 STOPS = {
     "NaN from a sensor": (("--nan-at=0.2", "--nan-joint=3"), "a number that is not finite"),
     "a silent robot": (("--silent-at=0.2",), "silent robot"),
-    "most packets lost": (("--lose=0.8",), ""),
-    "commands too late": (("--late=1", "--late-by=30"), "the robot braked"),
+    "most packets lost": (("--lose=0.8", "--since=0.2"), ""),
+    "all packets too late": (("--late=1", "--late-by=30", "--since=0.2"), "the robot braked"),
     "a controller killed": (("--kill-at=0.2",), "killed"),
 }
 
 
-@pytest.mark.parametrize("name", STOPS)
+QUICK = ("NaN from a sensor", "a controller killed")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in STOPS],
+)
 def test_the_robot_stops_safely_and_the_next_execution_runs(loop, tmp_path, undisturbed, name):
     options, why = STOPS[name]
     summary, log, truth = execute(loop, tmp_path / "log.csv", *options)
@@ -175,6 +186,7 @@ def test_too_fast_a_joint_is_a_stop(loop, tmp_path):
     check_stop(truth)
 
 
+@pytest.mark.slow
 def test_no_command_is_beyond_the_drives_limit(loop, tmp_path, undisturbed):
     assert abs(undisturbed[1]["tau1"]).max() > 12.0
     controller = limited(loop, tmp_path, "drive_limit", "176, 12, 100, 100, 100, 38, 38")
@@ -212,7 +224,7 @@ def test_feedback_falls_by_one_learning_iteration(tmp_path):
             "MODE": "lock-step",
             "EXECUTIONS": "2",
             "LEARN": "--guard --layers 32 16 1 --epochs 10",
-            "GAP": "",
+            "MORE": "no",
         },
         check=True,
     )
