@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxidl.arm.found import STATES, judge
-from jaxidl.arm.hidden import truth
+from jaxidl.arm.hidden import Logged, truth, visible
 from jaxidl.arm.setup import Hidden
 from jaxidl.files import markdown, plain, write_bytes
 from jaxidl.jobs.provenance import revision
@@ -50,38 +50,50 @@ def numbers(log: Path) -> dict[str, Any]:
     }
 
 
-def named(report: Path) -> list[dict[str, Any]]:
+def named(work: Path) -> list[dict[str, Any]]:
     """Return the judgement of what the gap finder said: effect, joint, sizes, state."""
-    found = json.loads(report.read_text())
-    # how visible a hidden effect is in this log is not worked out
+    found, sizes = json.loads((work / "gap/report.json").read_text()), truth(Hidden())
+    seen = visible(sizes, Logged(), work / "0.csv", work / "arm.xml")
     hidden = [
-        {"effect": key[0], "joint": key[1], "size": size, "visible": np.inf}
-        for key, size in truth(Hidden()).items()
+        {"effect": key[0], "joint": key[1], "size": size, "visible": seen[key]}
+        for key, size in sizes.items()
     ]
     rows = judge(found | {"truth": hidden})
     return [{**row._asdict(), "state": STATES[row.state]} for row in rows]
 
 
-def draw(runs: list[dict[str, Any]], folder: Path) -> None:
-    """Draw feedback by joint, mean squared feedback and path error, by execution."""
+def draw(runs: list[dict[str, Any]], times: dict[str, np.ndarray], folder: Path) -> None:
+    """Draw feedback by joint, mean squared feedback, path error, and the loop's times [us]."""
     feedback = np.array([run["feedback_rms_joint"] for run in runs])
     k = np.arange(len(runs)) + 1
     with house_style():
-        figure = Figure(figsize=(7.2, 2.6), layout="constrained")
-        left, middle, right = figure.subplots(1, 3)
+        figure = Figure(figsize=(7.2, 5.0), layout="constrained")
+        (joints, squared), (path, clock) = figure.subplots(2, 2)
         for j in range(JOINTS):
-            shade = str(0.65 * j / JOINTS)
-            left.plot(k, feedback[:, j], color=shade, marker="ov^sDP*"[j], label=f"joint {j + 1}")
-        left.set(yscale="log", ylabel="feedback, rms [Nm]", title="feedback of each joint")
-        left.legend(ncols=2, fontsize=6.5, loc="upper right")
-        for axes, name, unit, title, scale in (
-            (middle, "feedback_mse", "Nm²", "mean squared feedback", 1.0),
-            (right, "path_error", "mrad", "mean distance from the path", 1e3),
-        ):
-            axes.plot(k, [scale * run[name] for run in runs], color="#0072B2", marker="o")
-            axes.set(yscale="log", ylabel=f"[{unit}]", title=title)
-        for axes in (left, middle, right):
+            shade = str(0.75 * j / JOINTS)
+            joints.plot(k, feedback[:, j], color=shade, marker="ov^sDP*"[j], label=f"joint {j + 1}")
+        joints.set(yscale="log", ylabel="rms [Nm]", title="feedback of each joint")
+        joints.legend(ncols=2, fontsize=6.5, loc="upper right")
+        squared.plot(k, [run["feedback_mse"] for run in runs], color="#0072B2", marker="o")
+        squared.set(yscale="log", ylabel="[Nm²]", title="mean squared feedback")
+        path.plot(k, [1e3 * run["path_error"] for run in runs], color="#0072B2", marker="o")
+        path.set(ylim=(0.0, None), ylabel="[mrad]", title="mean distance from the desired path")
+        for axes in (joints, squared, path):
             axes.set(xlabel="execution", xticks=k)
+        for (name, values), color, line in zip(
+            times.items(), ("#0072B2", "#D55E00"), ("-", "--"), strict=True
+        ):
+            share = 100.0 * (1.0 - np.arange(len(values)) / len(values))
+            clock.plot(np.sort(values), share, color=color, linestyle=line, label=name)
+        clock.set(
+            xscale="log",
+            yscale="log",
+            xlim=(1.0, None),
+            xlabel="[µs]",
+            ylabel="longer [% of steps]",
+        )
+        clock.set_title("the loop's times, all executions")
+        clock.legend(fontsize=7, loc="upper right")
         save(figure, folder, "robot_loop")
 
 
@@ -108,6 +120,11 @@ def as_text(about: dict[str, Any]) -> str:
         for k, run in enumerate(about["executions"], 1)
     ]
     text = markdown(heads, rows) + "\n"
+    text += "\n" + markdown(
+        ("all executions [µs]", *(f"{share:g} %" for share in SHARES)),
+        [(name, *(f"{x:.0f}" for x in values)) for name, values in about["loop_us"].items()],
+    )
+    text += "\n"
     if about["stops"]:
         text += "\n" + markdown(
             (
@@ -141,10 +158,17 @@ def as_text(about: dict[str, Any]) -> str:
         size = lambda x: "" if x is None else f"{x:.3g}"
         joint = lambda row: "" if row["joint"] is None else str(row["joint"] + 1)
         cells = [
-            [row["effect"], joint(row), size(row["hidden"]), size(row["found"]), row["state"]]
+            [
+                row["effect"],
+                joint(row),
+                size(row["hidden"]),
+                size(row["found"]),
+                row["state"],
+                row["why"],
+            ]
             for row in about["gap"]
         ]
-        text += "\n" + markdown(("effect", "joint", "hidden", "found", ""), cells) + "\n"
+        text += "\n" + markdown(("effect", "joint", "hidden", "found", "", "why"), cells) + "\n"
     return text
 
 
@@ -156,18 +180,24 @@ def main() -> int:
     logs = sorted((path for path in work.glob("*.csv") if path.stem.isdigit()), key=_number)
     runs = [numbers(log) for log in logs]
     report, stops = work / "gap/report.json", work / "stops.json"
+    each = [columns(log) for log in logs]
+    times = {
+        "from reading to command": np.concatenate([c["step_us"] for c in each]),
+        "reading early or late": np.concatenate([np.abs(c["interval_us"][1:] - 1e3) for c in each]),
+    }
     about = {
         "git_revision": revision(),
+        "loop_us": {name: np.percentile(x, SHARES).round(1) for name, x in times.items()},
         "executions": runs,
         "robot": [json.loads(log.with_suffix(".json").read_text()) for log in logs],
         "stops": json.loads(stops.read_text()) if stops.exists() else {},
-        "gap": named(report) if report.exists() else [],
+        "gap": named(work) if report.exists() else [],
     }
     folder.mkdir(parents=True, exist_ok=True)
     content = json.dumps(plain(about), indent=1) + "\n"
     write_bytes(folder / "robot_loop.json", content.encode())
     write_bytes(folder / "robot_loop.md", as_text(about).encode())
-    draw(runs, folder)
+    draw(runs, times, folder)
     print(as_text(about))
     return 0
 

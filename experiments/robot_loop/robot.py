@@ -22,7 +22,8 @@ from packets import BRAKED, HELLO, STOP, Command, command, reading
 from plant import DT, Plant
 
 PATIENCE = 3.0  # [s] for a command in lock-step, and for the first hello
-SETTLE = 0.3  # [s] of standing still before the robot is switched off
+SETTLE = 0.3  # [s] of standing still before the robot is switched off, ...
+LONGEST = 5.0  # [s] of brakes after which it is switched off anyway
 SLIP = 5  # ticks behind the clock from which on a late robot does not catch up
 
 
@@ -45,8 +46,8 @@ class Robot:
         """Serve one controller until the robot stands still behind closed brakes."""
         print(f"port {self.socket.getsockname()[1]}", flush=True)
         self._meet()
-        due, still = time.perf_counter(), 0
-        while still < SETTLE / DT:
+        due, still, stopped = time.perf_counter(), 0, 0
+        while still < SETTLE / DT and stopped < LONGEST / DT:
             late = 0.0 if self.lock_step else time.perf_counter() - due
             self.behind.append(late)
             due = due + DT if late < SLIP * DT else time.perf_counter() + DT
@@ -58,6 +59,7 @@ class Robot:
             self._guard()
             self.tick += 1
             still = still + 1 if self.why and self.plant.at_rest else 0
+            stopped += bool(self.why)
         late = 1e6 * np.array(self.behind)
         return {
             "stopped": self.why,
