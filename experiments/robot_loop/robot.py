@@ -4,7 +4,7 @@ Each millisecond it sends a reading, and goes on with the newest command that ha
 acts from the tick after the reading that it answers. If the newest command is older than the
 watchdog allows, is not finite, or says stop, the brakes close and stay closed.
 
-``--lock-step`` lets each tick last until its command is there: the same numbers on every machine.
+``--lock-step`` lets each tick last until its command is there: the same numbers each time.
 Otherwise ticks are a millisecond long. The last line of output is a summary in JSON.
 """
 
