@@ -91,6 +91,16 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/guard.py figures --sweeps {WORK}/guard",),
         8,
     ),
+    "weighted": Made(
+        ("weighted.*",),
+        (f"{EXPERIMENTS}/weighted.py figures --sweeps {WORK}/guard",),
+        20,
+    ),
+    "arm_sources": Made(
+        ("arm_sources*.*",),
+        (f"{EXPERIMENTS}/arm_sources.py figures --sweeps {WORK}/arm_sources",),
+        20,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (

@@ -61,39 +61,42 @@ def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
 
 
 def final(error: xr.DataArray) -> xr.DataArray:
-    """Return the mean over the last executions."""
-    return error.isel(iteration=slice(-guard.LAST, None)).mean("iteration")
+    """Return the logarithm of the mean over the last executions."""
+    last = error.isel(iteration=slice(-guard.LAST, None)).mean("iteration")
+    return last.copy(data=np.log(last.values))
 
 
 def against_the_best(last: xr.DataArray, source: str) -> np.ndarray:
-    """Return log final error of ``source`` over that of the best of the paper's, (condition, seed).
+    """Return ``last`` of ``source`` less that of the best of the paper's three, (condition, seed).
 
-    The best of a condition is the one with the least mean of logarithms over seeds.
+    The best of a condition is the one with the least mean over seeds.
     """
     three = last.sel(source=list(SOURCES))
-    best = xr.ufuncs.log(three).mean("seed").argmin("source")
-    return np.log(last.sel(source=source) / three.isel(source=best)).values
+    best = three.isel(source=three.mean("seed").argmin("source"))
+    return last.sel(source=source).values - best.values
+
+
+def above(ratios: np.ndarray, limit: float = 1.1) -> bool:
+    """Return true if the interval of a condition's ratios (seed,) lies above the limit."""
+    mean = geometric(ratios)
+    return mean is not None and mean.interval is not None and mean.interval[0] > limit
 
 
 def row(error: xr.DataArray) -> dict[str, Any]:
     """Return what is said of one group of conditions."""
     last = final(error)
     ratio = against_the_best(last, "weighted")
-    means = last.mean("seed")
+    means = last.copy(data=np.exp(last.values)).mean("seed")
     by_mean = means.sel(source="weighted") / means.sel(source=list(SOURCES)).min("source")
-    worse = [
-        (interval := geometric(np.exp(seeds)).interval) is not None and interval[0] > 1.1
-        for seeds in ratio
-    ]
     later = error.isel(iteration=slice(1, None)) / error.isel(iteration=0)
     single = {s: float(np.exp(against_the_best(last, s).mean())) for s in SOURCES}
     least = min(single, key=lambda source: single[source])
     return {
         "conditions": len(ratio),
         "ratio": geometric(np.exp(ratio.mean(0))),
-        "by_mean": float(np.exp(np.log(by_mean).mean())),
+        "by_mean": float(np.exp(np.log(by_mean.values).mean())),
         "worst_condition": float(np.exp(ratio.mean(1).max())),
-        "clearly_worse": int(sum(worse)),
+        "clearly_worse": sum(above(np.exp(seeds)) for seeds in ratio),
         "single": least,
         "single_ratio": single[least],
         "worst": float(later.sel(source="weighted").max()),
@@ -154,7 +157,8 @@ def table(found: list[dict[str, Any]]) -> str:
 def draw(data: dict[str, xr.DataArray], folder: Path) -> None:
     """Draw every condition, the error over iterations, and how often each source is best."""
     error = data[PAPER]
-    middle = xr.ufuncs.exp(xr.ufuncs.log(final(error)).mean("seed")) * 1e3
+    middle = final(error).mean("seed")
+    middle = middle.copy(data=1e3 * np.exp(middle.values))
     best = middle.sel(source=list(SOURCES)).min("source")
     where = middle.reset_index("condition")
     with house_style():

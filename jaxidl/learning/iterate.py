@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.guard import Guard, Strayed, distance
-from jaxidl.learning.schedule import Schedule, Trust
+from jaxidl.learning.schedule import Schedule
 from jaxidl.learning.sources import rows
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
@@ -128,11 +128,11 @@ def learn(
             checkpoint=checkpoint,
         )
         data = rows(source, refine(run), setting.law, train_on)
-        seen = None if desired is None else (distance(run.q_sensing, desired), run.tau_feedback)
-        return data, (measure(run, setting.reference), run if keep else None), seen
+        strayed = None if desired is None else distance(run.q_sensing, desired)
+        return data, (measure(run, setting.reference), run if keep else None), strayed
 
     def iteration(carry: Any, inputs: Any) -> tuple[Any, Any]:
-        learner, memory, past = carry
+        learner, memory, past, share = carry
         k, *now = inputs
         known = recall(memory, k)
         size = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
@@ -149,25 +149,28 @@ def learn(
         feedforward: Any = partial(error_model.torque, learner.params)
         fade = gains = None
         if guard is not None:
-            region = guard.region(known, past[0])
+            region = guard.region(known, past)
             feedforward, fade = region.feedforward(error_model, learner.params), region.fade
         if schedule is not None:
-            gains = schedule.gains(past[1], past[0].best)
-        data, (metrics, run), seen = run_once(now, feedforward, fade, gains)
+            gains = schedule.gains(share, past)
+        data, (metrics, run), strayed = run_once(now, feedforward, fade, gains)
         # a failed training makes a failed iteration
         finite = metrics.finite & jnp.isfinite(progress.validation)
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
         if watched:
-            past = tuple(one.after(new) for one, new in zip(past, seen, strict=True))
-        return (learner, memory, past), (metrics._replace(finite=finite), run)
+            past = past.after(strayed)
+        if schedule is not None:
+            share = schedule.after(share, strayed, past)
+        return (learner, memory, past, share), (metrics._replace(finite=finite), run)
 
     everything = noise, starts
-    data, first, seen = run_once(jax.tree.map(lambda x: x[0], everything))
-    past = (Strayed.of(seen[0]), Trust.of(seen[1])) if watched else None
+    data, first, strayed = run_once(jax.tree.map(lambda x: x[0], everything))
+    past = Strayed.of(strayed) if watched else None
+    share = None if schedule is None else jnp.ones_like(past.mean)
     rest = jax.tree.map(lambda x: x[1:], everything)
     memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
     last, later = jax.lax.scan(
-        iteration, (learner, memory, past), (jnp.arange(1, noise.shape[0]), *rest)
+        iteration, (learner, memory, past, share), (jnp.arange(1, noise.shape[0]), *rest)
     )
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
     return metrics, last[0], runs

@@ -10,9 +10,9 @@ import pytest
 from jaxidl.control import Doomed, Pid, PidGains
 from jaxidl.errors import ConfigurationError
 from jaxidl.learning.execute import desired_trajectory
-from jaxidl.learning.guard import distance
+from jaxidl.learning.guard import Strayed, distance
 from jaxidl.learning.iterate import learn
-from jaxidl.learning.schedule import Schedule, Trust
+from jaxidl.learning.schedule import Schedule
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.types import State
 from tests.helpers.studies import SMALL_STUDY
@@ -20,22 +20,28 @@ from tests.helpers.studies import SMALL_STUDY
 CONDITION = Condition(jnp.array(1), jnp.array(5e-4), jnp.array(5.0), jnp.array(5.0))
 
 
-def test_the_share_follows_the_learning_feedback_that_is_left_joint_by_joint():
-    first = jnp.array([[10.0, -40.0], [-30.0, 40.0]])
-    trust = Trust.of(first)
-    for left, share in ((1.0, 1.0), (0.5, 0.5), (0.01, 0.25), (3.0, 1.0)):
-        now = trust.after(first * jnp.array([[left, 1.0]]))
-        found = Schedule().gains(now, jnp.array(0.1))
-        np.testing.assert_allclose(found.share, [share, 1.0], rtol=1e-12)
-    # a failed execution earns nothing
-    failed = trust.after(first * 0.1).after(first * jnp.nan)
-    np.testing.assert_allclose(Schedule().gains(failed, jnp.array(0.1)).share, 1.0)
+def test_gains_fall_while_tracking_is_good_and_rise_when_it_is_not():
+    good, bad = jnp.full(5, 0.1), jnp.full(5, 0.12)
+    past, schedule = Strayed.of(good), Schedule()
+    for before, away, after in (
+        (1.0, good, 0.8),
+        (0.8, 1.09 * good, 0.64),
+        (0.3, good, 0.25),
+        (0.5, bad, 0.8),
+        (0.8, bad, 1.0),
+        (0.5, jnp.nan * good, 0.8),
+    ):
+        found = schedule.after(jnp.array(before), away, past.after(away))
+        np.testing.assert_allclose(found, after, rtol=1e-12)
+    # a new best one is good however bad the others were
+    np.testing.assert_allclose(
+        schedule.after(jnp.array(1.0), 0.1 * good, past.after(0.1 * good)), 0.8
+    )
 
 
 @pytest.mark.parametrize(("strayed", "share"), [(0.0, 0.5), (0.12, 0.5), (0.18, 0.75), (9.0, 1.0)])
 def test_gains_return_as_the_robot_strays(strayed, share):
-    first = jnp.array([[10.0, 10.0]])
-    gains = Schedule().gains(Trust.of(first).after(0.5 * first), jnp.array(0.1))
+    gains = Schedule().gains(jnp.array(0.5), Strayed.of(jnp.full(3, 0.1)))
     desired = State(jnp.array([0.3, 0.4]), jnp.zeros(2))
     sensed = State(desired.q + strayed * jnp.array([0.6, 0.8]), jnp.zeros(2))
     np.testing.assert_allclose(gains(sensed, desired), share, rtol=1e-9)
@@ -58,8 +64,8 @@ def test_a_scaled_law_applies_less_and_teaches_the_same():
 
 
 @pytest.mark.parametrize("controller", ["pid", "doomed"])
-def test_a_run_applies_what_its_trust_allows(controller):
-    """The second execution's gains, from what the first one recorded."""
+def test_a_run_applies_what_the_executions_before_allow(controller):
+    """The third execution's gains, from what the first two recorded."""
     study = replace(SMALL_STUDY, steps=200)
     setting = study.setting(controller, CONDITION)
     draws = jnp.asarray(draw_noise(1, 3, study.steps))
@@ -80,13 +86,11 @@ def test_a_run_applies_what_its_trust_allows(controller):
     np.testing.assert_allclose(runs.tau_feedback_applied[0], plain[2].tau_feedback_applied[0])
     if controller == "doomed":
         return
-    trust = Trust.of(runs.tau_feedback[0]).after(runs.tau_feedback[1])
     desired = desired_trajectory(setting.task)
     away = jax.vmap(lambda q: distance(q, desired.q))(runs.q_sensing)
-    best = away.max(1)[:2][jnp.argmin(away.mean(1)[:2])]
-    share = jax.vmap(Schedule().gains(trust, best))(
-        State(runs.q_sensing[2], runs.qd_sensing[2]), desired
-    )
+    past = Strayed.of(away[0]).after(away[1])
+    gains = Schedule().gains(Schedule().after(jnp.array(1.0), away[1], past), past)
+    share = jax.vmap(gains)(State(runs.q_sensing[2], runs.qd_sensing[2]), desired)[:, None]
     e, rate = desired.q - runs.q_sensing[2], desired.qd - runs.qd_sensing[2]
     kp, kd, ki = study.pid_gains[1]
     integral = jnp.cumsum(share * ki * e, axis=0)
@@ -96,9 +100,11 @@ def test_a_run_applies_what_its_trust_allows(controller):
     assert float(share.min()) < 0.9  # it did fall
 
 
-@pytest.mark.parametrize("wrong", [{"least": -0.1}, {"least": 2.0}, {"near": 3.0}, {"near": 0.0}])
+@pytest.mark.parametrize(
+    "wrong", [{"least": 0.0}, {"least": 2.0}, {"slack": 0.9}, {"up": 0.5}, {"near": 3.0}]
+)
 def test_a_schedule_out_of_bounds_is_refused(wrong):
-    with pytest.raises(ConfigurationError, match="0 <= least <= 1 and 0 < near < far"):
+    with pytest.raises(ConfigurationError, match="0 < least <= 1 <= slack"):
         Schedule(**wrong)
 
 
