@@ -23,6 +23,7 @@ from jaxidl import __version__
 from jaxidl.cli.ablate import ablate
 from jaxidl.cli.arm import arm
 from jaxidl.cli.bench import bench
+from jaxidl.cli.excite import excite
 from jaxidl.cli.gap import gap, gap_benchmark
 from jaxidl.cli.simulate import simulate
 from jaxidl.cli.study import claims, figures, reproduce
@@ -42,6 +43,7 @@ COMMANDS = {
     "arm": arm,
     "gap": gap,
     "gap-benchmark": gap_benchmark,
+    "excite": excite,
     "bench": bench,
 }
 

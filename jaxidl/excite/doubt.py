@@ -1,0 +1,295 @@
+"""A diagnosis in doubt: the explanations between which its log does not decide.
+
+Each is a list of effects with values, fitted to the log that the diagnosis names.
+"""
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.errors import ConfigurationError
+from jaxidl.excite.criteria import Contest
+from jaxidl.excite.limits import Limits
+from jaxidl.excite.parameters import Parameter, Terms, common, known, probed, states, terms_of
+from jaxidl.excite.plan import Noise, Plan, compiled
+from jaxidl.excite.prepare import SHARE, Prepared
+from jaxidl.gap.diagnosis import SURE, Key
+from jaxidl.gap.gram import Item
+from jaxidl.gap.inputs import read_inputs
+from jaxidl.gap.library import Library, library, noise_of, residual
+from jaxidl.gap.rows import rows_of
+from jaxidl.gap.score import Score, Solution
+from jaxidl.gap.shape import effect_at, movable, present, shapes_of, vector
+from jaxidl.gap.shapes import fitted
+from jaxidl.gap.words import readable
+from jaxidl.logs.log import Log
+from jaxidl.logs.signals import Signals, prepare
+from jaxidl.systems.mjcf import Model
+
+MOST = 4  # explanations: more take time, and the least likely come last
+STEP = 1e-3  # relative step of a parameter for differences
+WIDE = 3.0  # standard deviation of a parameter beforehand, over its value
+STATEFUL = 50.0  # rate of rows where an explanation has a hidden state [Hz]
+
+
+class Explanation(NamedTuple):
+    """Effects with values; P parameters that a fit may change."""
+
+    keys: tuple[Key, ...]
+    effects: tuple[Effect, ...]  # at their values
+    moved: tuple[tuple[int, Effect, float], ...]  # (P) which effect, changed, by which step
+    labels: tuple[Parameter, ...]  # (P)
+    wide: tuple[float, ...]  # (P) standard deviation beforehand
+
+
+class Doubt(NamedTuple):
+    """A diagnosis in doubt, and its log."""
+
+    explanations: tuple[Explanation, ...]
+    signals: Signals
+    noise: Noise
+    log: Log
+    files: tuple[str, ...]
+    titles: tuple[str, ...]
+
+    def reached(self) -> dict[str, np.ndarray]:
+        """Return what the log reached, as limits of a motion that goes no further."""
+        s = self.signals
+        top = lambda x: np.quantile(np.abs(x), 0.999, axis=0)
+        return {
+            "lower": s.q.min(0),
+            "upper": s.q.max(0),
+            "speed": top(s.qd),
+            "acceleration": top(s.qdd),
+            "torque": np.abs(s.tau).max(0),
+            "start": s.q.mean(0),
+        }
+
+
+def read_report(folder: Path) -> dict[str, Any]:
+    """Return the content of a diagnosis' report.json.
+
+    Raises:
+        ConfigurationError: if there is none.
+    """
+    path = folder / "report.json"
+    try:
+        report = json.loads(path.read_text(encoding="utf-8"))
+        if {"verdict", "effects", "ambiguous", "rivals", "options"} <= report.keys():
+            return report
+        got = "another file of that name"
+    except OSError as error:
+        got = (error.strerror or str(error)).lower()
+    except (ValueError, AttributeError):
+        got = "something else than its report.json"
+    raise ConfigurationError(
+        f"the folder of a diagnosis at {folder}",
+        got,
+        "give --for the --out of jaxidl gap",
+    )
+
+
+def candidates(report: dict[str, Any]) -> list[tuple[Key, ...]]:
+    """Return the explanations as sets of effects, the one that was reported first."""
+    key = lambda entry: (str(entry["effect"]), entry["joint"])
+    found = tuple(key(e) for e in report["effects"])
+    sets = [found]
+    for entry in report["ambiguous"]:
+        group = [key(c) for c in entry["candidates"]]
+        instead = [k for k in group if k not in found]
+        if instead:
+            # all that was found and is in question goes, each of the others comes in its place
+            rest = tuple(k for k in found if k not in group)
+            sets += [(*rest, k) for k in instead]
+        else:  # the log names several, where one of them may do
+            sets += [tuple(k for k in found if k not in group or k == one) for one in group]
+    if not report["ambiguous"]:
+        unsure = [e for e in report["effects"] if e["confidence"] < SURE]
+        for effect in unsure:
+            rest = tuple(k for k in found if k != key(effect))
+            near = [
+                (r["name"], r["joint"])
+                for r in report["rivals"]
+                if r["joint"] in (effect["joint"], None) and (r["name"], r["joint"]) not in found
+            ]
+            sets += [rest, *((*rest, k) for k in near[:2])]
+    return list(dict.fromkeys(sets))[:MOST]
+
+
+def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
+    """Return what the diagnosis in ``folder`` leaves open, with all explanations fitted to its log.
+
+    Args:
+        folder: of the diagnosis.
+        model: the model that it was made with.
+        logs: its logs, if they are no longer where its report says.
+
+    Raises:
+        ConfigurationError: if there is no diagnosis.
+        LogError: if its logs cannot be read.
+    """
+    report = read_report(folder)
+    sets = candidates(report)
+    files = tuple(logs) or tuple(Path(f) for f in report["options"]["log"])
+    log = read_inputs(files, model.path).log
+    with jax.enable_x64(True):
+        signals = prepare(log, model.plant.body, model.plant.effects)
+        rows = rows_of(signals, model.plant.effects, report["options"]["held_out"])
+        wanted = [name for keys in sets for name, _ in keys]
+        unknown = [name for name in wanted if name not in CATALOGUE]
+        if unknown:
+            raise ConfigurationError(
+                "a diagnosis with effects of the catalogue",
+                unknown[0],
+                "load the module that registers it (--plugin FILE.py)",
+            )
+        names = list(dict.fromkeys([*common(), *wanted]))
+        made = library(rows, names, present(model.plant.effects))
+        solved = [_solved(made, keys) for keys in sets]
+    noise, effective = noise_of(made.rows, residual(made.rows, solved[0]))
+    seconds = max(float(made.rows.training.mean()) * len(signals.q) * signals.dt, 1e-9)
+    measured = Noise(noise, np.maximum(effective / seconds, 1e-3), signals.sigma)
+    return Doubt(
+        tuple(_explanation(keys, s, model) for keys, s in zip(sets, solved, strict=True)),
+        signals,
+        measured,
+        log,
+        tuple(map(str, files)),
+        tuple(titles(sets, model.names)),
+    )
+
+
+def titles(sets: Sequence[tuple[Key, ...]], names: Sequence[str]) -> list[str]:
+    """Return names of explanations in words: what is not in all of them."""
+    shared = set(sets[0]).intersection(*map(set, sets))
+    say = lambda k: readable(k[0]) + (f" on {names[k[1]]}" if k[1] is not None else "")
+    return [" and ".join(say(k) for k in keys if k not in shared) or "no more" for keys in sets]
+
+
+def _solved(made: Library, keys: tuple[Key, ...]) -> Solution:
+    """Return the best fit of some effects, shapes included."""
+    score = made.score
+    members: list[Item] = [i for i in score.items if i.always]
+    for key in keys:
+        offers = [i for i in score.items if i.key == key and not i.always]
+        if offers:
+            members.append(max(offers, key=lambda i: score.solve([*members, i]).value))
+    for m in [m for m in members if m.shape is not None and movable(m.shape)]:
+        now = score.solve(members)
+        fresh = fitted(m, now, made.rows, made.predicted, score)
+        members = [fresh if o is m else o for o in members]
+        score = Score(made.rows, members, score.noise, score.effective, score.anchor, score)
+    return score.solve(members)
+
+
+def _explanation(keys: tuple[Key, ...], found: Solution, model: Model) -> Explanation:
+    effects: list[Effect] = []
+    moved: list[tuple[int, Effect, float]] = []
+    labels: list[Parameter] = []
+    wide: list[float] = []
+    for m in found.members:
+        if m.always or m.shape is None:
+            continue
+        x = found.x[found.of(m)]
+        theta = vector(m.shape, x) if movable(m.shape) else np.asarray(x, float)
+        at = lambda v, shape=m.shape: effect_at(shape, v) if movable(shape) else shape.at(v)
+        for n, value in enumerate(theta):
+            step = STEP * (abs(value) or 1.0)
+            changed = theta.copy()
+            changed[n] += step
+            moved.append((len(effects), at(changed), step))
+            name = [*m.shape.free, *movable(m.shape)]
+            label = name[n] if n < len(name) == len(theta) else f"number {n}"
+            labels.append(Parameter(m.key[0], m.key[1], label, ""))
+            wide.append(WIDE * (abs(float(value)) or 1.0))
+        effects.append(at(theta))
+    return Explanation(keys, tuple(effects), tuple(moved), tuple(labels), tuple(wide))
+
+
+def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Prepared:
+    """Return the plan of a motion that tells the explanations of a doubt apart.
+
+    In a fit of one explanation to another, the common effects that are not in question may take
+    part, too, each by what would be plausible: a share of the joint's torque.
+    """
+    inside = limits.planned()
+    know = known(model, inside)
+    at = states(know, inside)
+    joints = len(model.names)
+    disputed = {k for e in found.explanations for k in e.keys}
+    every = [s for s in _scales(found, inside)]
+    offered = [s for name in common() for scale in every for s in shapes_of(CATALOGUE[name], scale)]
+    free = [s for s in offered if (s.cls.name, s.joint) not in disputed]
+    labels, effects, sizes = probed(free, model.kinds)
+    rows: list[np.ndarray] = list(np.diag(1.0 / sizes)) if len(sizes) else []
+    whole: list[Effect] = list(effects)
+    value: list[int] = []
+    places: list[tuple[int, ...]] = []
+    parameters, wide = list(labels), [0.0] * len(labels)
+    for e in found.explanations:
+        first = len(whole)
+        whole += [*e.effects, *(m[1] for m in e.moved)]
+        total = np.zeros(len(whole))
+        total[first : first + len(e.effects)] = 1.0
+        value.append(len(rows))
+        rows.append(total)
+        parameters.append(Parameter("explanation", None, f"{len(value)}", "1"))
+        wide.append(1.0)
+        start = len(rows)
+        for n, (which, _, step) in enumerate(e.moved):
+            row = np.zeros(len(whole))
+            row[first + len(e.effects) + n], row[first + which] = 1.0 / step, -1.0 / step
+            rows.append(row)
+        places.append(tuple(range(start, len(rows))))
+        parameters += e.labels
+        wide += e.wide
+    mix = np.stack([np.pad(r, (0, len(whole) - len(r))) for r in rows])
+    terms = terms_of(whole, mix, joints)
+    common_size = _plausible(know, terms, at, len(labels))
+    sizes = np.array([*common_size, *wide[len(labels) :], *[found.signals.dt] * joints])
+    shared = (*range(len(labels)), *range(len(rows), len(rows) + joints))
+    contest = Contest(tuple(value), tuple((*shared, *own) for own in places), tuple(1.0 / sizes**2))
+    if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
+        options["rate"] = STATEFUL
+    plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
+    timing = [Parameter("timing", j, "late", "s") for j in range(joints)]
+    return Prepared(replace(plan, earlier=earlier(plan, found.signals)), (*parameters, *timing), at)
+
+
+def _plausible(know: Any, terms: Terms, at: Any, count: int) -> np.ndarray:
+    """Return the coefficients of the first columns that add a share of the torque."""
+    run = compiled(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
+    columns, torque = np.asarray(run(at))[:count], np.asarray(at.predicted)
+    effort = np.maximum(np.sqrt(np.mean(torque**2, 0)), 1e-9)
+    size = np.sqrt(np.mean((columns / effort) ** 2, 1)).max(1, initial=0.0)
+    return SHARE / np.maximum(size, 1e-9)
+
+
+def _scales(found: Doubt, limits: Limits) -> list[Any]:
+    from jaxidl.gap.library import scales
+
+    return scales(found.signals, np.asarray(found.noise.torque))
+
+
+def _stateful(effect: Any) -> bool:
+    inside = getattr(effect, "effect", effect)
+    return type(inside).actuate is not Effect.actuate
+
+
+def earlier(plan: Plan, signals: Signals) -> np.ndarray:
+    """Return the information (P, P) of a log about a plan's columns."""
+    run = compiled(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
+    total = np.zeros(())
+    stride = max(1, round(plan.dt / signals.dt))
+    for part in signals.slices:
+        pick = slice(part.start, part.stop, stride)
+        motion = (signals.q[pick], signals.qd[pick], signals.qdd[pick])
+        if len(motion[0]) > 2:
+            total = total + np.asarray(run(*motion, float(stride * signals.dt)))
+    return np.asarray(total)
