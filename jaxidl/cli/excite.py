@@ -23,7 +23,7 @@ def excite(
     seconds: float = 20.0,
     criterion: Annotated[str, arg(metavar="d|a")] = "d",
     kind: Annotated[str, arg(metavar="fourier|spline")] = "fourier",
-    top: float = 1.0,
+    top: float = 1.5,
     rate: float = 100.0,
     starts: int = 4,
     steps: int = 150,
@@ -51,7 +51,8 @@ def excite(
         seed: of the random motions.
     """
     from jaxidl.backend import choose_devices
-    from jaxidl.excite.run import Request, excite as run
+    from jaxidl.excite.run import Request
+    from jaxidl.excite.run import excite as run
     from jaxidl.files import as_json, write_bytes
     from jaxidl.jobs.progress import Bar
     from jaxidl.plot.excite import draw_excite

@@ -39,21 +39,25 @@ def condition(gram: Any, size: Any) -> Any:
     return 0.5 * (jnp.log(values[-1]) - jnp.log(jnp.maximum(values[0], 1e-300)))
 
 
-def standard_errors(gram: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return standard errors (P,) in the parameters' units; at most about 3e4 sizes."""
-    return size * np.sqrt(np.diagonal(np.linalg.inv(np.asarray(scaled(gram, size)))))
+def standard_errors(gram: np.ndarray, size: np.ndarray, least: float = RIDGE) -> np.ndarray:
+    """Return standard errors (P,) in the parameters' units.
+
+    ``least`` is the information that there was beforehand, in units of the ``size`` (P,).
+    """
+    whole = gram * size * size[:, None] + least * np.eye(len(size))
+    return size * np.sqrt(np.diagonal(np.linalg.inv(whole)))
 
 
 class Contest(NamedTuple):
     """Explanations of one log whose columns are among those of a Gram matrix.
 
     Explanation k adds the torque of column ``value[k]``; a fit of it may change the coefficients of
-    columns ``free[k]``. ``prior`` (P,) is the information about each coefficient beforehand.
+    columns ``free[k]``. ``wide`` (P,) is the standard deviation of each coefficient beforehand.
     """
 
     value: tuple[int, ...]
     free: tuple[tuple[int, ...], ...]
-    prior: tuple[float, ...]
+    wide: tuple[float, ...]
 
 
 def separations(gram: Any, contest: Contest) -> Any:
@@ -67,9 +71,9 @@ def separations(gram: Any, contest: Contest) -> Any:
             if a == b:
                 continue
             free = np.array(contest.free[b], int)
-            inside = gram[np.ix_(free, free)] + jnp.diag(jnp.asarray(contest.prior)[free])
-            inside = inside + RIDGE * jnp.diag(jnp.diagonal(inside))
-            across = gram[free, made] - gram[free, fitted]
+            wide = jnp.asarray(contest.wide)[free]
+            inside = gram[np.ix_(free, free)] * wide * wide[:, None] + jnp.eye(len(free))
+            across = wide * (gram[free, made] - gram[free, fitted])
             whole = gram[made, made] + gram[fitted, fitted] - 2.0 * gram[made, fitted]
             best = jax.scipy.linalg.solve(inside, across, assume_a="pos")
             found.append(whole - across @ best)

@@ -6,6 +6,7 @@ way, distances by their linearisation where shapes are close (as in TrajOpt, Sch
 at the end each motion is made smaller about its start until it keeps them all, at every sample.
 """
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -66,7 +67,7 @@ class _Places(NamedTuple):
 def design(
     plan: Plan,
     shapes: Shapes | None = None,
-    effort: Effort = Effort(),  # noqa: B008
+    effort: Effort = Effort(),
     sampling: float = 100.0,
     watch: Callable[[float], None] = lambda share: None,
 ) -> Designed:
@@ -116,12 +117,16 @@ def design(
     return end._replace(random=middle[0], course=tuple(course), first=first)
 
 
+def random_motion(plan: Plan, shapes: Shapes | None, seed: int, sampling: float) -> Designed:
+    """Return a random motion of the plan's kind that keeps the same limits, to compare with."""
+    z = random_start(plan, np.random.default_rng([seed, 1]))
+    return finished(plan, z, shapes, sampling, compiled(plan.judged))
+
+
 def watch_safely(watch: Callable[[float], None], share: float) -> None:
     """Report progress; an interruption now would lose what was found."""
-    try:
+    with contextlib.suppress(KeyboardInterrupt):
         watch(share)
-    except KeyboardInterrupt:
-        pass
 
 
 def check_start(plan: Plan, shapes: Shapes | None) -> None:

@@ -16,22 +16,35 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.errors import ConfigurationError
 from jaxidl.excite.criteria import Contest
 from jaxidl.excite.limits import Limits
-from jaxidl.excite.parameters import Parameter, Terms, common, known, probed, states, terms_of
+from jaxidl.excite.parameters import (
+    Known,
+    Parameter,
+    Terms,
+    common,
+    known,
+    probed,
+    states,
+    terms_of,
+)
 from jaxidl.excite.plan import Noise, Plan, compiled
-from jaxidl.excite.prepare import SHARE, Prepared
+from jaxidl.excite.prepare import ALIGNMENT, Prepared, unit_of
+from jaxidl.gap.additions import Drive
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
 from jaxidl.gap.inputs import read_inputs
-from jaxidl.gap.library import Library, library, noise_of, residual
+from jaxidl.gap.library import Library, library, noise_of, residual, scales
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.shape import effect_at, movable, present, shapes_of, vector
+from jaxidl.gap.shape import Shape, effect_at, movable, present, shapes_of, vector
 from jaxidl.gap.shapes import fitted
 from jaxidl.gap.words import readable
 from jaxidl.logs.log import Log
 from jaxidl.logs.signals import Signals, prepare
+from jaxidl.systems.free import unit_of as unit_name
 from jaxidl.systems.mjcf import Model
 
+# share of a joint's torque by which effects beside those in question may help: a good model's error
+BESIDE = 0.005
 MOST = 4  # explanations: more take time, and the least likely come last
 STEP = 1e-3  # relative step of a parameter for differences
 WIDE = 3.0  # standard deviation of a parameter beforehand, over its value
@@ -204,26 +217,45 @@ def _explanation(keys: tuple[Key, ...], found: Solution, model: Model) -> Explan
             changed = theta.copy()
             changed[n] += step
             moved.append((len(effects), at(changed), step))
-            name = [*m.shape.free, *movable(m.shape)]
-            label = name[n] if n < len(name) == len(theta) else f"number {n}"
-            labels.append(Parameter(m.key[0], m.key[1], label, ""))
+            name, unit = _label(m.shape, n, model)
+            labels.append(Parameter(m.key[0], m.key[1], name, unit))
             wide.append(WIDE * (abs(float(value)) or 1.0))
         effects.append(at(theta))
     return Explanation(keys, tuple(effects), tuple(moved), tuple(labels), tuple(wide))
+
+
+def _label(shape: Shape, n: int, model: Model) -> tuple[str, str]:
+    """Return name and unit of the n-th number of a shape's parameters."""
+    kind = model.kinds[shape.joint if shape.joint is not None else -1]
+
+    def each(names: Sequence[str]) -> list[tuple[str, str]]:
+        found = []
+        for name in names:
+            size = np.size(shape.values[name])
+            unit = unit_name(shape.cls.parameters[name].unit, kind)
+            found += [(name if size == 1 else f"{name}[{k}]", unit) for k in range(size)]
+        return found
+
+    free = each(shape.free)
+    if shape.basis is not None:  # a combination is named after its largest part
+        free = [free[int(np.abs(column).argmax())] for column in shape.basis.T]
+    whole = [*free, *each(movable(shape))]
+    return whole[n] if n < len(whole) else ("share", "1")
 
 
 def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Prepared:
     """Return the plan of a motion that tells the explanations of a doubt apart.
 
     In a fit of one explanation to another, the common effects that are not in question may take
-    part, too, each by what would be plausible: a share of the joint's torque.
+    part, too, each by as little as a good model may be wrong: many small helpers could imitate
+    almost anything, but no diagnosis would name them all.
     """
     inside = limits.planned()
     know = known(model, inside)
     at = states(know, inside)
     joints = len(model.names)
     disputed = {k for e in found.explanations for k in e.keys}
-    every = [s for s in _scales(found, inside)]
+    every = scales(found.signals, np.asarray(found.noise.torque))
     offered = [s for name in common() for scale in every for s in shapes_of(CATALOGUE[name], scale)]
     free = [s for s in offered if (s.cls.name, s.joint) not in disputed]
     labels, effects, sizes = probed(free, model.kinds)
@@ -254,27 +286,18 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
     common_size = _plausible(know, terms, at, len(labels))
     sizes = np.array([*common_size, *wide[len(labels) :], *[found.signals.dt] * joints])
     shared = (*range(len(labels)), *range(len(rows), len(rows) + joints))
-    contest = Contest(tuple(value), tuple((*shared, *own) for own in places), tuple(1.0 / sizes**2))
+    contest = Contest(tuple(value), tuple((*shared, *own) for own in places), tuple(sizes.tolist()))
     if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
         options["rate"] = STATEFUL
     plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
-    timing = [Parameter("timing", j, "late", "s") for j in range(joints)]
+    timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
     return Prepared(replace(plan, earlier=earlier(plan, found.signals)), (*parameters, *timing), at)
 
 
-def _plausible(know: Any, terms: Terms, at: Any, count: int) -> np.ndarray:
-    """Return the coefficients of the first columns that add a share of the torque."""
+def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:
+    """Return the coefficients of the first columns that add ``BESIDE`` of the torque."""
     run = compiled(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
-    columns, torque = np.asarray(run(at))[:count], np.asarray(at.predicted)
-    effort = np.maximum(np.sqrt(np.mean(torque**2, 0)), 1e-9)
-    size = np.sqrt(np.mean((columns / effort) ** 2, 1)).max(1, initial=0.0)
-    return SHARE / np.maximum(size, 1e-9)
-
-
-def _scales(found: Doubt, limits: Limits) -> list[Any]:
-    from jaxidl.gap.library import scales
-
-    return scales(found.signals, np.asarray(found.noise.torque))
+    return unit_of(np.asarray(run(at))[:count], np.asarray(at.predicted), BESIDE)
 
 
 def _stateful(effect: Any) -> bool:

@@ -37,7 +37,7 @@ class Plan:
     criterion: str = "d"  # d, a, condition or t
     seconds: float = 20.0
     kind: str = "fourier"
-    top: float = 1.0  # highest frequency [Hz]
+    top: float = 1.5  # highest frequency [Hz]
     rate: float = 0.0  # of the criterion's rows [Hz]; 0: by ``top``
     contest: Contest | None = None  # of a t criterion
     # information (P, P) that an earlier log has already

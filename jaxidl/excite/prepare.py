@@ -74,12 +74,15 @@ def prepared(model: Model, limits: Limits, noise: Noise | None = None, **options
     return Prepared(plan, (*(labels[n] for n in kept), *timing), at)
 
 
-def unit_of(columns: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """Return the coefficients (P,) at which columns (P, N, J) add a share of the torque (N, J)."""
+def unit_of(columns: np.ndarray, torque: np.ndarray, share: float = SHARE) -> np.ndarray:
+    """Return the coefficients (P,) at which columns (P, N, J) add ``share`` of the torque (N, J).
+
+    Of a column that adds nothing it is zero.
+    """
     effort = np.sqrt(np.mean(torque**2, 0))
     effort = np.maximum(effort, 1e-3 * effort.max(initial=1e-9))
     size = np.sqrt(np.mean((columns / effort) ** 2, 1)).max(1, initial=0.0)
-    return SHARE / np.maximum(size, 1e-12)
+    return np.where(size > 1e-9, share / np.maximum(size, 1e-9), 0.0)
 
 
 def _columns(know: Known, terms: Any, at: Drive) -> np.ndarray:

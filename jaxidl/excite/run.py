@@ -31,7 +31,7 @@ class Request:
     criterion: str = "d"
     kind: str = "fourier"
     seconds: float = 20.0
-    top: float = 1.0  # [Hz]
+    top: float = 1.5  # [Hz]
     rate: float = 100.0  # of the file [Hz]
     starts: int = 4
     steps: int = 150
@@ -142,7 +142,7 @@ class Result(NamedTuple):
 
 def excite(
     model: Model | str | Path,
-    request: Request = Request(),  # noqa: B008
+    request: Request = Request(),
     *,
     limits: Path | None = None,
     start: Sequence[float] = (),

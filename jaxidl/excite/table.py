@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from jaxidl.excite.criteria import separations, standard_errors
+from jaxidl.excite.criteria import RIDGE, separations, standard_errors
 from jaxidl.excite.design import Designed
 from jaxidl.excite.parameters import Parameter
 from jaxidl.excite.plan import compiled
@@ -14,6 +14,7 @@ from jaxidl.files import markdown
 from jaxidl.gap.words import readable
 
 MORE_THAN = 1e3  # sizes: a standard error of more says that the motion tells nothing
+HARDLY = 0.9  # share of what was known beforehand, likewise
 TOLD_APART = 10.0  # separation from which explanations are told apart: odds of more than 100 to 1
 
 
@@ -43,14 +44,13 @@ def errors(made: Prepared, before: np.ndarray, after: np.ndarray) -> list[dict[s
         pair = []
         for gram in (before, after):
             inside = gram[np.ix_(at, at)]
-            if contest is not None:
-                inside = inside + np.diag(np.array(contest.prior)[at])
-            pair.append(standard_errors(inside, plan.size[at]))
+            pair.append(standard_errors(inside, plan.size[at], 1.0 if contest else RIDGE))
         for n, (a, b) in zip(own, zip(*pair, strict=True), strict=True):
             label = made.labels[n]
-            if label not in seen:
+            if label not in seen and plan.size[n] > 0.0:
                 seen.add(label)
-                known = b < MORE_THAN * plan.size[n]
+                most = MORE_THAN if contest is None else HARDLY
+                known = b < most * plan.size[n]
                 rows.append(
                     label._asdict() | {"before": float(a), "after": float(b), "known": bool(known)}
                 )
