@@ -91,6 +91,11 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/guard.py figures --sweeps {WORK}/guard",),
         8,
     ),
+    "excite": Made(
+        ("excite.*",),
+        (f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}",),
+        90,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (

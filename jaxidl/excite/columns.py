@@ -171,7 +171,7 @@ def _of(drive: Drive, where: Any) -> Drive:
 
 def _net(effect: Any, drive: Drive, starts: Any, rest: Any, dt: float) -> jax.Array:
     terms = along(effect, drive, starts, dt)
-    slide = terms.level * jnp.tanh(drive.qd / rest)
+    slide = terms.level * jnp.tanh(drive.qd / rest[None])
     return slide - terms.torque - terms.change + terms.inertia
 
 

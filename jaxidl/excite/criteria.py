@@ -17,7 +17,7 @@ RIDGE = 1e-9  # information that is there at least, as a share of the size's
 
 def scaled(gram: Any, size: Any) -> Any:
     """Return a Gram matrix (P, P) of coefficients in units of ``size`` (P,), never singular."""
-    return gram * size * size[:, None] + RIDGE * jnp.eye(len(size))
+    return gram * size[None] * size[:, None] + RIDGE * jnp.eye(len(size))
 
 
 def d_optimal(gram: Any, size: Any) -> Any:
@@ -35,7 +35,7 @@ def a_optimal(gram: Any, size: Any) -> Any:
 
 def condition(gram: Any, size: Any) -> Any:
     """Return the logarithm of the regressor's condition number, as conventional designs use it."""
-    values = jnp.linalg.eigvalsh(gram * size * size[:, None])
+    values = jnp.linalg.eigvalsh(gram * size[None] * size[:, None])
     return 0.5 * (jnp.log(values[-1]) - jnp.log(jnp.maximum(values[0], 1e-300)))
 
 
@@ -58,25 +58,23 @@ class Contest(NamedTuple):
     value: tuple[int, ...]
     free: tuple[tuple[int, ...], ...]
     wide: tuple[float, ...]
+    pairs: tuple[tuple[int, int], ...]  # which explanation, and which other one is fitted to it
 
 
 def separations(gram: Any, contest: Contest) -> Any:
-    """Return what is left (K·(K − 1),) of each explanation where another is fitted to it.
+    """Return what is left of each pair's first explanation where its second is fitted to it.
 
     It is the squared residual over the noise's variance: twice the difference of log likelihoods.
     """
     found = []
-    for a, made in enumerate(contest.value):
-        for b, fitted in enumerate(contest.value):
-            if a == b:
-                continue
-            free = np.array(contest.free[b], int)
-            wide = jnp.asarray(contest.wide)[free]
-            inside = gram[np.ix_(free, free)] * wide * wide[:, None] + jnp.eye(len(free))
-            across = wide * (gram[free, made] - gram[free, fitted])
-            whole = gram[made, made] + gram[fitted, fitted] - 2.0 * gram[made, fitted]
-            best = jax.scipy.linalg.solve(inside, across, assume_a="pos")
-            found.append(whole - across @ best)
+    for a, b in contest.pairs:
+        made, fitted, free = contest.value[a], contest.value[b], np.array(contest.free[b], int)
+        wide = jnp.asarray(contest.wide)[free]
+        inside = gram[np.ix_(free, free)] * wide[None] * wide[:, None] + jnp.eye(len(free))
+        across = wide * (gram[free, made] - gram[free, fitted])
+        whole = gram[made, made] + gram[fitted, fitted] - 2.0 * gram[made, fitted]
+        best = jax.scipy.linalg.solve(inside, across, assume_a="pos")
+        found.append(whole - across @ best)
     return jnp.stack(found)
 
 

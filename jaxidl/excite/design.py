@@ -153,7 +153,7 @@ def _chunk(plan: Plan, unit: np.ndarray, optimiser: Any) -> Callable[..., Any]:
 
     def loss(u: Any, places: _Places, weight: Any) -> Any:
         value, torque, q = plan.judged(u * unit)
-        over = jnp.maximum(jnp.abs(torque) / plan.limits.torque - 1.0, 0.0)
+        over = jnp.maximum(jnp.abs(torque) / plan.limits.torque[None] - 1.0, 0.0)
         moved = jnp.sum(places.slope * (q[places.row] - places.q), 1)
         inside = jnp.maximum(-(places.distance + moved), 0.0)
         return value + weight * (jnp.mean(jnp.sum(over**2, 1)) + jnp.mean(inside**2)), value

@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.excite.criteria import Contest
+from jaxidl.excite.criteria import Contest, separations
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.parameters import (
     Known,
@@ -26,7 +26,7 @@ from jaxidl.excite.parameters import (
     states,
     terms_of,
 )
-from jaxidl.excite.plan import Noise, Plan, compiled
+from jaxidl.excite.plan import Noise, Plan, compiled, random_start
 from jaxidl.excite.prepare import ALIGNMENT, Prepared, unit_of
 from jaxidl.gap.additions import Drive
 from jaxidl.gap.diagnosis import SURE, Key
@@ -47,6 +47,7 @@ from jaxidl.systems.mjcf import Model
 BESIDE = 0.005
 MOST = 4  # explanations: more take time, and the least likely come last
 STEP = 1e-3  # relative step of a parameter for differences
+NOTHING = 1e-2  # separation
 WIDE = 3.0  # standard deviation of a parameter beforehand, over its value
 STATEFUL = 50.0  # rate of rows where an explanation has a hidden state [Hz]
 
@@ -224,6 +225,19 @@ def _explanation(keys: tuple[Key, ...], found: Solution, model: Model) -> Explan
     return Explanation(keys, tuple(effects), tuple(moved), tuple(labels), tuple(wide))
 
 
+def pairs(sets: Sequence[tuple[Key, ...]]) -> tuple[tuple[int, int], ...]:
+    """Return which explanations could be refuted in favour of which: (true one, fitted one).
+
+    One that has all effects of another imitates it on any motion, with its others at zero.
+    """
+    return tuple(
+        (a, b)
+        for a, one in enumerate(sets)
+        for b, other in enumerate(sets)
+        if not set(one) <= set(other)
+    )
+
+
 def _label(shape: Shape, n: int, model: Model) -> tuple[str, str]:
     """Return name and unit of the n-th number of a shape's parameters."""
     kind = model.kinds[shape.joint if shape.joint is not None else -1]
@@ -286,12 +300,35 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
     common_size = _plausible(know, terms, at, len(labels))
     sizes = np.array([*common_size, *wide[len(labels) :], *[found.signals.dt] * joints])
     shared = (*range(len(labels)), *range(len(rows), len(rows) + joints))
-    contest = Contest(tuple(value), tuple((*shared, *own) for own in places), tuple(sizes.tolist()))
+    contest = Contest(
+        tuple(value),
+        tuple((*shared, *own) for own in places),
+        tuple(sizes.tolist()),
+        pairs([e.keys for e in found.explanations]),
+    )
     if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
         options["rate"] = STATEFUL
     plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
-    return Prepared(replace(plan, earlier=earlier(plan, found.signals)), (*parameters, *timing), at)
+    old = earlier(plan, found.signals)
+    return Prepared(
+        replace(plan, earlier=old, contest=separable(plan, old)), (*parameters, *timing), at
+    )
+
+
+def separable(plan: Plan, old: np.ndarray) -> Contest:
+    """Return the plan's contest without the pairs that not even random motion begins to separate.
+
+    They are the same on any motion, and would hide the others in the smallest separation. If none
+    is left, all stay.
+    """
+    assert plan.contest is not None
+    rng = np.random.default_rng(0)
+    motions = [plan.motion(random_start(plan, rng))[:3] for _ in range(3)]
+    run = compiled(lambda q, qd, qdd: plan.gram(q, qd, qdd, plan.dt)[0])
+    most = np.max([separations(run(*m) + old, plan.contest) for m in motions], axis=0)
+    kept = tuple(p for p, x in zip(plan.contest.pairs, most, strict=True) if x > NOTHING)
+    return plan.contest._replace(pairs=kept or plan.contest.pairs)
 
 
 def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:

@@ -148,7 +148,9 @@ def _read(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
             raise ValueError("a file of more than a megabyte")
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeError, yaml.YAMLError, ValueError, RecursionError) as error:
-        reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:120]
+        reason = (getattr(error, "strerror", None) or "").lower() or " ".join(str(error).split())[
+            :120
+        ]
         raise ConfigurationError(f"a YAML file at {path}", reason, "correct it") from None
     if not isinstance(content, dict):
         raise ConfigurationError(

@@ -74,7 +74,8 @@ class Plan:
             jnp.max(jnp.abs(qdd), 0) / limits.acceleration,
         ]
         share = 1.0 / jnp.maximum(jnp.max(jnp.stack(over), 0), 1.0)
-        return jnp.asarray(limits.start) + q * share, qd * share, qdd * share, share
+        along = share[None]
+        return jnp.asarray(limits.start)[None] + q * along, qd * along, qdd * along, share
 
     def gram(self, q: Any, qd: Any, qdd: Any, dt: float) -> tuple[Any, Any]:
         """Return the information (P, P) of a motion (T, J), and its torque (T, J)."""
@@ -83,9 +84,8 @@ class Plan:
         slope = jnp.gradient(drive.predicted, dt, axis=0)
         # when exactly a torque acts is the logger's convention, and known to nobody
         timing = slope[None] * jnp.eye(q.shape[1])[:, None, :]
-        x = jnp.concatenate([x, timing]) * jnp.sqrt(
-            jnp.asarray(self.noise.rate * dt) / self.noise.torque**2
-        )
+        weight = jnp.sqrt(jnp.asarray(self.noise.rate * dt) / self.noise.torque**2)
+        x = jnp.concatenate([x, timing]) * weight[None, None]
         flat = x.reshape(len(x), -1)
         return flat @ flat.T, drive.predicted
 

@@ -68,10 +68,9 @@ def separated(
     if contest is None:
         return []
     values = [np.asarray(separations(gram, contest)) / 2.0 for gram in (before, after)]
-    pairs = [(a, b) for a in range(len(titles)) for b in range(len(titles)) if a != b]
     return [
         {"true": titles[a], "fitted": titles[b], "before": float(old), "after": float(new)}
-        for (a, b), old, new in zip(pairs, *values, strict=True)
+        for (a, b), old, new in zip(contest.pairs, *values, strict=True)
     ]
 
 
