@@ -31,7 +31,7 @@ from jaxidl.excite.design import Designed, Effort, design, random_motion
 from jaxidl.excite.doubt import contested, doubt, earlier
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.parameters import common
-from jaxidl.excite.plan import compiled
+from jaxidl.excite.plan import Noise, compiled
 from jaxidl.excite.prepare import ALIGNMENT, Prepared, prepared
 from jaxidl.excite.table import separated
 from jaxidl.files import markdown, plain, write_bytes
@@ -73,8 +73,14 @@ def relative(made: Prepared, grams: Any) -> np.ndarray:
 
 def information(made: Prepared, q: Any, qd: Any, qdd: Any, dt: float) -> np.ndarray:
     """Return the information (P, P) of a motion about a plan's columns."""
-    run = compiled(lambda *x: made.plan.gram(*x, dt)[0])
+    run = compiled(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
     return np.asarray(run(q, qd, qdd))
+
+
+def of_motion(made: Prepared, motion: Designed, every: int) -> np.ndarray:
+    """Return the information (P, P) of every ``every``-th sample of a motion."""
+    q, qd, qdd = (x[::every] for x in (motion.q, motion.qd, motion.qdd))
+    return information(made, q, qd, qdd, every * float(motion.time[1] - motion.time[0]))
 
 
 def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
@@ -99,7 +105,7 @@ def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
             else design(plan, None, Effort(3, steps, seed))
         )
         seconds.append(time.monotonic() - began)
-        gram = information(made, *(x[::20] for x in (found.q, found.qd, found.qdd)), 0.2)
+        gram = of_motion(made, found, 20)
         rows[name].append(float(np.exp(np.mean(np.log(relative(made, gram))))))
         print(f"arm: {name}, seed {seed}: {rows[name][-1]:.4g}, {seconds[-1]:.0f} s", flush=True)
     ratios = {
@@ -109,7 +115,7 @@ def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
     return {
         "seeds": seeds,
         "standard_errors": rows,
-        "ratios": {name: [r.value, *r.interval] for name, r in ratios.items()},
+        "ratios": {n: [r.value, *r.interval] for n, r in ratios.items() if r and r.interval},
         "seconds_of_a_design": max(seconds),
         "load": os.getloadavg()[0],
     }
@@ -136,8 +142,6 @@ def measured_arm(folder: Path, steps: int) -> dict[str, Any] | None:
         "torque": np.abs(signals.tau).max(0),
     }
     seconds = len(signals.q) * signals.dt
-    from jaxidl.excite.plan import Noise
-
     measured = Noise(noise, effective / (seconds * 0.9), signals.sigma)
     inf = np.full(len(noise), np.inf)
     file = bounds(model)._replace(lower=-inf, upper=inf, torque=inf)
@@ -145,7 +149,7 @@ def measured_arm(folder: Path, steps: int) -> dict[str, Any] | None:
     made = prepared(model, limits, measured, seconds=seconds, top=0.6)
     found = design(made.plan, None, Effort(2, steps), sampling=50.0)
     old = relative(made, earlier(made.plan, signals))
-    new = relative(made, information(made, *(x[::10] for x in (found.q, found.qd, found.qdd)), 0.2))
+    new = relative(made, of_motion(made, found, 10))
     logs = np.log(new / old)
     groups = [label.effect for label in made.labels if label.effect != ALIGNMENT]
     return {
@@ -205,7 +209,7 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
         "before": judge.single_credit(hidden, report),
     }
     for name, motion in (("designed", best), ("random", chance)):
-        gram = information(made, *(x[::50] for x in (motion.q, motion.qd, motion.qdd)), 50 / RATE)
+        gram = of_motion(made, motion, 50)
         apart = separated(made, found.titles, made.plan.earlier, gram + made.plan.earlier)
         out[name] = executed(case, model, limits, old, motion, hidden) | {
             "separation": min((a["after"] for a in apart), default=np.nan)

@@ -78,7 +78,13 @@ def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ..
         records: list[Any] = [effects[n].alter(_Recorder(joints)) for n in rigid]
         parts = ("link", "mass", "load", "rotor", "turn")
         found.append(
-            Rigid(*(np.stack([getattr(r, p) for r in records]) for p in parts), tuple(rigid))
+            Rigid(
+                **{
+                    "tilt" if p == "turn" else p: np.stack([getattr(r, p) for r in records])
+                    for p in parts
+                },
+                places=tuple(rigid),
+            )
         )
     together: dict[Any, list[int]] = {}
     for n, effect in enumerate(effects):
@@ -166,7 +172,8 @@ def _of(drive: Drive, where: Any) -> Drive:
     T, n = len(drive.q), where.shape[0]
     sizes = ((n,), *((n, n),) * 4, (n, n, 10), (n, 10), (n, 3), (n, 2))
     blank = Tables(*(jnp.zeros((T, *size)) for size in sizes))
-    return Drive(*(x[:, where] for x in drive[:5]), blank)
+    q, qd, qdd, tau, predicted = (x[:, where] for x in drive[:5])
+    return Drive(q, qd, qdd, tau, predicted, blank)
 
 
 def _net(effect: Any, drive: Drive, starts: Any, rest: Any, dt: float) -> jax.Array:
@@ -178,7 +185,7 @@ def _net(effect: Any, drive: Drive, starts: Any, rest: Any, dt: float) -> jax.Ar
 def _moved(effect: Any, drive: Drive, body: MujocoBody, dt: float) -> jax.Array:
     """Return the change (T, J) of the torque where the true positions are not the read ones."""
     shift = effect.true_position(drive.q, dt) - drive.q
-    speed = jnp.gradient(shift, dt, axis=0)
+    speed: Any = jnp.gradient(shift, dt, axis=0)
     step = shift, speed, jnp.gradient(speed, dt, axis=0)
     torque = jax.vmap(lambda *x: inverse_dynamics(body, *x))
     return jax.jvp(torque, (drive.q, drive.qd, drive.qdd), step)[1]

@@ -81,7 +81,7 @@ class Plan:
         """Return the information (P, P) of a motion (T, J), and its torque (T, J)."""
         drive = self.know.drive(q, qd, qdd, dt)
         x = self.terms.columns(drive, self.know.body, self.know.rest, dt)
-        slope = jnp.gradient(drive.predicted, dt, axis=0)
+        slope: Any = jnp.gradient(drive.predicted, dt, axis=0)
         # when exactly a torque acts is the logger's convention, and known to nobody
         timing = slope[None] * jnp.eye(q.shape[1])[:, None, :]
         weight = jnp.sqrt(jnp.asarray(self.noise.rate * dt) / self.noise.torque**2)
