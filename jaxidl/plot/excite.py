@@ -83,7 +83,6 @@ def _apart(axes: Axes, result: Result) -> None:
         axes.barh(places + shift, values, 0.36, color=colour, label=name)
     axes.set_yticks(places, [f"{r['true']}\nnot {r['fitted']}" for r in result.apart], fontsize=7)
     axes.set_xscale("log")
-    axes.axvline(10.0, color="0.2", linewidth=1.0)
     axes.invert_yaxis()
     axes.set_title("expected difference of log likelihoods")
     axes.legend(frameon=False, fontsize=7)
