@@ -26,9 +26,10 @@ from matplotlib.figure import Figure
 
 from jaxidl.backend import choose_devices
 from jaxidl.errors import JaxidlError
+from jaxidl.excite.contest import contested, earlier
 from jaxidl.excite.criteria import standard_errors
 from jaxidl.excite.design import Designed, Effort, design, random_motion
-from jaxidl.excite.doubt import contested, doubt, earlier
+from jaxidl.excite.doubt import doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.parameters import common
 from jaxidl.excite.plan import Noise, compiled

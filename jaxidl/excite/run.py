@@ -12,8 +12,9 @@ import numpy as np
 
 from jaxidl import __version__
 from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.excite.contest import contested, earlier
 from jaxidl.excite.design import Designed, Effort, design
-from jaxidl.excite.doubt import Doubt, contested, doubt, earlier
+from jaxidl.excite.doubt import Doubt, doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
