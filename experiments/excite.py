@@ -307,8 +307,9 @@ def text(result: dict[str, Any]) -> str:
 def draw(result: dict[str, Any], folder: Path) -> None:
     """Draw standard errors on both arms, and how often doubts were resolved."""
     with house_style():
-        figure = Figure(figsize=(9.0, 3.1), layout="constrained")
-        axes = figure.subplots(1, 3)
+        panels = 2 + bool(result.get("cases"))
+        figure = Figure(figsize=(3.1 * panels, 3.1), layout="constrained")
+        axes = figure.subplots(1, panels)
         marks = {"random": "s", "condition": "v", "d": "^", "a": "o"}
         for n, (name, mark) in enumerate(marks.items()):
             values = result.get("arm", {}).get("standard_errors", {}).get(name, [])
@@ -329,9 +330,10 @@ def draw(result: dict[str, Any], folder: Path) -> None:
                 axes[2].bar(n, s["share"], color=("0.6", "#D55E00", "#0072B2")[n], width=0.6)
                 middle = [[s["share"] - s["low"]], [s["high"] - s["share"]]]
                 axes[2].errorbar(n, s["share"], middle, color="black", capsize=3)
-        axes[2].set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
-        axes[2].set_ylim(0.0, 1.0)
-        axes[2].set_title(f"doubts resolved rightly, n = {len(result.get('cases', []))}")
+        if panels == 3:
+            axes[2].set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
+            axes[2].set_ylim(0.0, 1.0)
+            axes[2].set_title(f"doubts resolved rightly, n = {len(result.get('cases', []))}")
         save(figure, folder, "excite")
 
 
