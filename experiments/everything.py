@@ -93,8 +93,11 @@ EVERYTHING = {
     ),
     "excite": Made(
         ("excite.*",),
-        (f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}",),
-        90,
+        (
+            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}"
+            " --parts arm ur10e --steps 50",
+        ),
+        15,
     ),
     "demo": Made(
         ("gap_where.png",),
