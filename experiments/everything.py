@@ -101,6 +101,14 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/arm_sources.py figures --sweeps {WORK}/arm_sources",),
         20,
     ),
+    "excite": Made(
+        ("excite.*",),
+        (
+            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}"
+            " --parts arm ur10e --steps 50",
+        ),
+        15,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (
