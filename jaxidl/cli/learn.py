@@ -28,8 +28,9 @@ def learn(
     out: Annotated[Path, arg(metavar="DIR")],
     model: Annotated[Path | None, _optional("ROBOT.xml")] = None,
     continued: Annotated[Path | None, arg(name="continue", metavar="DIR")] = None,
-    source: Annotated[str | None, _optional("indirect|direct|joint")] = None,
+    source: Annotated[str | None, _optional("indirect|direct|joint|weighted")] = None,
     guard: bool = False,
+    smoothing: Annotated[float | None, _optional("ALPHA")] = None,
     gains: Annotated[Path | None, _optional("FILE.yaml")] = None,
     torque_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
     feedforward_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
@@ -52,9 +53,11 @@ def learn(
             report.md; one that jaxidl learn wrote is replaced.
         model: MJCF or URDF that the robot is commanded by (default: that of --continue).
         continued: folder of the last iteration, whose weights, optimiser and settings continue.
-        source: of the training data (default: joint).
+        source: of the training data (default: weighted if the smoothing is known, else joint).
         guard: keep the learned torque to the range of its data, and let it fade out where the robot
             strays; needs q_desired*. Stays on.
+        smoothing: weight of a new sample in the filter of the learning feedback, for weighted data:
+            1 if it has none, dt / (T + dt) with a time constant T (default: that of --gains).
         gains: feedback law and gains, for logs without feedback torques.
         torque_limit: bound of each part of the command; one for all or one a joint.
         feedforward_limit: bound of the learned torque; one for all or one a joint.
@@ -70,7 +73,6 @@ def learn(
     if model is None and continued is None:
         raise ConfigurationError("--model ROBOT.xml", "none", "name the MJCF or URDF of the robot")
     import jax
-    import numpy as np
 
     from jaxidl.jobs.progress import Bar
     from jaxidl.learning.guard import Guard
@@ -79,7 +81,7 @@ def learn(
     from jaxidl.robot.execution import read_execution
     from jaxidl.robot.gains import read_gains
     from jaxidl.robot.learn import learn_from, program
-    from jaxidl.robot.settings import Wish, bounds
+    from jaxidl.robot.settings import Wish, settled
     from jaxidl.systems.mjcf import read_model
 
     if not logs:
@@ -90,36 +92,34 @@ def learn(
         robot = read_model(model) if model is not None else previous and previous.model
         assert robot is not None
         joints = len(robot.names)
-        limit = bounds(torque_limit, joints, "torque_limit") if torque_limit else None
-        if limit is None:
-            limit = np.inf if previous is None else previous.torque_limit
         law = None if gains is None else read_gains(gains, joints)
+        wish = Wish(
+            source=source,
+            kept=kept,
+            seed=seed,
+            guard=Guard() if guard else None,
+            epochs=epochs,
+            layers=layers or None,
+            torque_limit=torque_limit or None,
+            feedforward_limit=feedforward_limit or None,
+            motion=motion,
+            smoothing=_agreed(smoothing, law),
+        )
+        settings = settled(wish, previous, joints)
         executions = [
             read_execution(
                 log,
                 robot,
                 law=law,
                 columns=columns,
-                motion=motion or (previous.motion if previous else "offline"),
-                torque_limit=limit,
+                motion=settings.motion,
+                torque_limit=settings.torque_limit,
                 tolerance=tolerance,
             )
             for log in logs
         ]
-        wish = Wish(
-            source,
-            kept,
-            seed,
-            Guard() if guard else None,
-            epochs,
-            layers or None,
-            torque_limit or None,
-            feedforward_limit or None,
-            motion,
-        )
-        learned = learn_from(
-            executions, robot, wish, previous, watch=lambda what: bar.advance(what=what)
-        )
+        watch = lambda what: bar.advance(what=what)
+        learned = learn_from(executions, robot, wish, previous, watch=watch)
         bar.advance(what="writing")
         files = {folder.PROGRAM: program(learned), **learned_report(learned, executions[-1])}
         folder.save(learned, out, files)
@@ -131,3 +131,13 @@ def learn(
             f" {last['held_out_left'][j]:.3g}"
         )
     print(f"iteration {learned.iteration} in {out}, report in {out / 'report.md'}")
+
+
+def _agreed(smoothing: float | None, law: Any) -> float | None:
+    """Return the smoothing of the learning feedback, as given or of the law."""
+    if law is None:
+        return smoothing
+    if smoothing is not None and smoothing != law.smoothing:
+        got = f"--smoothing {smoothing:g}"
+        raise ConfigurationError(f"smoothing {law.smoothing:g} as in --gains", got, "correct one")
+    return float(law.smoothing)

@@ -6,13 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jaxidl.files import markdown
-from jaxidl.learning.sources import SOURCES
 from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, BEFORE, JOINTS, NOISE, POINTS, limits, png
 from jaxidl.report.words import cut, oneline
 from jaxidl.robot.execution import Execution
 from jaxidl.robot.folder import Learned
 from jaxidl.robot.held_out import BLOCKS, HELD, left_by
+from jaxidl.robot.learn import data_of
 from jaxidl.types import Dataset
 
 TORQUE, PROGRESS, TEXT = "figures/torque.png", "figures/progress.png", "report.md"
@@ -86,7 +86,7 @@ def report_text(learned: Learned, execution: Execution, pictures: list[str]) -> 
 
 def plot_torque(learned: Learned, execution: Execution) -> Figure:
     """Draw for each joint the torque that the model lacks, the learned one, and what is left."""
-    data = SOURCES[learned.source](execution.run, "sensed_state")
+    data = data_of(execution, learned.source, learned.smoothing)
     steps = min(len(data.x), len(execution.run.tau) - 1)
     data = Dataset(data.x[:steps], data.y[:steps])
     every = slice(None, None, max(1, steps // POINTS))

@@ -20,7 +20,6 @@ from jaxidl.errors import LogError
 from jaxidl.logs import checks
 from jaxidl.logs.checks import Samples, samples
 from jaxidl.logs.families import Wanted
-from jaxidl.logs.header import CONTROL
 from jaxidl.logs.missing import near
 from jaxidl.logs.ros_bag import is_bag
 from jaxidl.logs.speeds import check_speeds
@@ -34,6 +33,7 @@ from jaxidl.types import State, Trajectory
 
 TOLERANCE = 0.05  # of a joint's largest torque: so much may be missing in the sum of its parts
 Clip = Callable[[np.ndarray], np.ndarray]
+LOGGED = ("qdd_desired", "tau", "tau_feedback", "tau_feedback_applied", "tau_feedforward")
 BLOCK = 1024  # rows are padded to a multiple, so that logs of similar length share a program
 
 
@@ -74,6 +74,30 @@ def read_execution(
         LogError: if the log cannot be used.
         ConfigurationError: for an unknown ``motion``.
     """
+    found = _samples(path, model, columns)
+    dt = step_of(found)
+    signals = {kind: values.astype(float) for kind, values in found.signals.items()}
+    _complete(found, law)
+    if "qd" in signals:
+        check_speeds(signals["q"], signals["qd"], dt, [slice(0, len(found.time))])
+    notes = [*found.notes, *_odd(found, dt)]
+    plausible(found, model, dt)
+    estimate = moved(motion, signals, model, dt)
+    signals = {kind: values[: len(estimate.qd)] for kind, values in signals.items()}
+    clip = lambda tau: np.clip(tau, -np.asarray(torque_limit), np.asarray(torque_limit))
+    if "tau_feedforward" not in signals:
+        signals["tau_feedforward"] = np.zeros_like(signals["tau"])
+        notes.append(f"no tau_feedforward in {found.table.name}: taken as zero")
+    if law is not None:
+        _add_feedback(signals, law, estimate, dt, clip)
+    _sums(found, signals, estimate.qd, model, clip, tolerance)
+    run = _trajectory(signals, estimate, model.plant, clip)
+    sha = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Execution(run, signals.get("q_desired"), dt, sha, found.table.name, tuple(notes))
+
+
+def _samples(path: Path, model: Model, columns: Sequence[str]) -> Samples:
+    """Return the signals in a file that are those of the model's joints."""
     name = name_of(path)
     if is_bag(path):
         raise LogError(
@@ -83,39 +107,17 @@ def read_execution(
         )
     joints = len(model.names)
     wanted = Wanted(joints, model.names, tuple(range(joints)), tuple(columns), control=True)
-    found = samples(load(path, wanted), joints)
-    dt = step_of(found)
-    signals = {kind: values.astype(float) for kind, values in found.signals.items()}
-    _complete(found, law)
-    every = [slice(0, len(found.time))]
-    if "qd" in signals:
-        check_speeds(signals["q"], signals["qd"], dt, every)
-    notes = [*found.notes, *_odd(found, dt)]
-    plausible(found, model, dt)
-    estimate = moved(motion, signals, model, dt)
-    steps = len(estimate.qd)
-    signals = {kind: values[:steps] for kind, values in signals.items()}
-    clip = lambda tau: np.clip(tau, -np.asarray(torque_limit), np.asarray(torque_limit))
-    if "tau_feedforward" not in signals:
-        signals["tau_feedforward"] = np.zeros_like(signals["tau"])
-        notes.append(f"no tau_feedforward in {name}: taken as zero")
-    if law is not None:
-        _add_feedback(signals, law, estimate, dt, clip)
-    _sums(found, signals, estimate.qd, model, clip, tolerance)
+    return samples(load(path, wanted), joints)
+
+
+def _trajectory(
+    signals: dict[str, np.ndarray], estimate: Moved, plant: Plant, clip: Clip
+) -> Trajectory:
+    """Return all signals (T, J) of an execution, with the model's torques."""
     motions = (estimate.qdd, signals["qdd_desired"])
-    actual, rigid = (clip(along(model.plant, signals["q"], estimate.qd, x)) for x in motions)
-    logged = {
-        name: jnp.asarray(signals[name])
-        for name in (
-            "qdd_desired",
-            "tau",
-            "tau_feedback",
-            "tau_feedback_applied",
-            "tau_feedforward",
-        )
-    }
+    actual, rigid = (clip(along(plant, signals["q"], estimate.qd, x)) for x in motions)
     q, qd = jnp.asarray(signals["q"]), jnp.asarray(estimate.qd)
-    run = Trajectory(
+    return Trajectory(
         q=q,
         qd=qd,
         q_sensing=q,
@@ -123,10 +125,8 @@ def read_execution(
         qdd_actual=jnp.asarray(estimate.qdd),
         tau_inverse_desired=jnp.asarray(rigid),
         tau_inverse_actual=jnp.asarray(actual),
-        **logged,
+        **{name: jnp.asarray(signals[name]) for name in LOGGED},
     )
-    sha = hashlib.sha256(path.read_bytes()).hexdigest()
-    return Execution(run, signals.get("q_desired"), dt, sha, name, tuple(notes))
 
 
 def along(plant: Plant, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
@@ -220,6 +220,3 @@ def _sums(
             " --torque-limit"
         ),
     )
-
-
-__all__ = ["CONTROL", "Execution", "read_execution"]

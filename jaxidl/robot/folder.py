@@ -55,6 +55,7 @@ class Learned:
     strayed: Strayed | None = None  # over all executions so far, if desired positions are known
     guard: Guard | None = None
     region: Region | None = None  # with a guard: where the model may drive
+    smoothing: float | None = None  # weight of a new sample in the learning feedback, if known
 
 
 def check_folder(folder: Path) -> None:
@@ -181,6 +182,7 @@ def _described(learned: Learned) -> dict[str, Any]:
         "torque_limit": number(learned.torque_limit),
         "feedforward_limit": number(learned.feedforward_limit),
         "source": learned.source,
+        "smoothing": learned.smoothing,
         "motion": learned.motion,
         "iteration": learned.iteration,
         "seed": learned.seed,
@@ -218,6 +220,7 @@ def _restored(record: dict[str, Any], folder: Path) -> Learned:
         _unpacked(folder / WEIGHTS, error_model, training),
         training,
         source=record["source"],
+        smoothing=record["smoothing"],
         iteration=int(record["iteration"]),
         seed=int(record["seed"]),
         kept=int(record["kept"]),

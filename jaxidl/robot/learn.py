@@ -6,9 +6,9 @@ rounding.
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +20,7 @@ from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import Task
 from jaxidl.learning.guard import Guard, Strayed, distance
 from jaxidl.learning.iterate import recall
-from jaxidl.learning.sources import SOURCES
+from jaxidl.learning.sources import PAPER, weighted
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.robot.execution import Execution
 from jaxidl.robot.folder import Learned
@@ -62,60 +62,66 @@ def learn_from(
             iteration, or training does not stay finite.
     """
     settings = settled(wish, previous, len(model.names))
-    guard = settings.guard
     check_fitting(executions, model, previous)
     iteration = 1 if previous is None else previous.iteration + 1
-    sets = [SOURCES[settings.source](e.run, "sensed_state") for e in executions]
-    known, executions_known = _known(sets, settings.kept, iteration)
-    key = jax.random.key(settings.seed)
+    last, guard = executions[-1], settings.guard
+    strayed = _strayed(executions, previous, guard)
+    sets = [data_of(e, settings.source, settings.smoothing) for e in executions]
+    known, slots = _known(sets, settings.kept, iteration)
     if previous is not None:
         error_model, training = previous.error_model, previous.training
-    if error_model is None:
-        error_model = scaled(known, wish.layers or LAYERS)
-    if training is None:
-        training = sensible(len(known.x))
+    error_model = error_model or scaled(known, wish.layers or LAYERS)
+    training = training or sensible(len(known.x))
     if wish.epochs is not None:
-        training = Training(**(vars(training) | {"epochs": wish.epochs}))
+        training = replace(training, epochs=wish.epochs)
+    key = jax.random.key(settings.seed)
     new = start(training, error_model.init(jax.random.fold_in(key, 0)))
-    before = new if previous is None else previous.learner
+    train = partial(_trained, error_model, training, jax.random.fold_in(key, iteration))
     watch("training")
-    train = partial(_trained, error_model, training)
-    learner = train(before, known, jax.random.fold_in(key, iteration), executions_known)
-    strayed = _strayed(executions, previous, guard)
+    learner = train(new if previous is None else previous.learner, known, slots)
     watch("judging on data kept aside")
-    rows, held = held_out_rows(sets[-1], len(executions[-1].run.tau))
-    apart = train(new, rows, jax.random.fold_in(key, iteration), 1)
-    judged: dict[str, Any] = {
+    seen, held = held_out_rows(sets[-1], len(last.run.tau))
+    apart = train(new, seen, 1)
+    left = lambda by, data: rms(left_by(error_model, by.params, data))
+    judged = {
         "iteration": iteration,
-        "log": Path(executions[-1].name).name,
+        "log": Path(last.name).name,
         "rows": len(known.x),
         "lacking": rms(sets[-1].y),
-        "left": rms(left_by(error_model, learner.params, sets[-1])),
-        "left_by_previous": None
-        if previous is None
-        else rms(left_by(error_model, previous.learner.params, sets[-1])),
+        "left": left(learner, sets[-1]),
+        "left_by_previous": previous and left(previous.learner, sets[-1]),
         "held_out_lacking": rms(held.y),
-        "held_out_left": rms(left_by(error_model, apart.params, held)),
-        "feedback": rms(executions[-1].run.tau_feedback_applied),
-        "strayed": None
-        if executions[-1].desired is None
-        else rms(executions[-1].run.q_sensing - executions[-1].desired),
+        "held_out_left": left(apart, held),
+        "feedback": rms(last.run.tau_feedback_applied),
+        "strayed": None if last.desired is None else rms(last.run.q_sensing - last.desired),
     }
-    earlier = () if previous is None else previous.history
-    seen = () if previous is None else previous.logs
+    logs, history = (previous.logs, previous.history) if previous else ((), ())
     return Learned(
         model,
         error_model,
         learner,
         training,
         iteration=iteration,
-        dt=executions[-1].dt,
-        logs=(*seen, *(e.sha for e in executions if e.sha not in seen)),
-        history=(*earlier, judged),
+        dt=last.dt,
+        logs=(*logs, *(e.sha for e in executions if e.sha not in logs)),
+        history=(*history, judged),
         strayed=strayed,
         region=None if guard is None or strayed is None else guard.region(known, strayed),
         **settings._asdict(),
     )
+
+
+def data_of(execution: Execution, source: str, smoothing: float | None) -> Dataset:
+    """Return the training data that ``source`` takes from an execution.
+
+    Args:
+        execution: T control steps.
+        source: one of :data:`jaxidl.learning.sources.SOURCES`.
+        smoothing: weight of a new sample in the learning feedback, for weighted data [-].
+    """
+    if source == "weighted" and smoothing is not None:
+        return weighted(execution.run, smoothing)
+    return PAPER[source](execution.run, "sensed_state")
 
 
 def program(learned: Learned) -> bytes:
@@ -159,9 +165,9 @@ def sensible(rows: int) -> Training:
 def _trained(
     error_model: ErrorModel,
     training: Training,
+    key: Key,
     learner: Learner,
     data: Dataset,
-    key: Key,
     executions: int,
 ) -> Learner:
     rows = int(training.mask_of(len(data.x), executions).sum())

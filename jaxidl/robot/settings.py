@@ -13,12 +13,17 @@ from jaxidl.robot.execution import Execution
 from jaxidl.robot.folder import Learned
 from jaxidl.systems.mjcf import Model
 
+FILTER = (
+    "give the weight of a new sample in the filter of the learning feedback: 1 if it has none,"
+    " dt / (T + dt) with a time constant T"
+)
+
 
 @dataclass(frozen=True)
 class Wish:
     """What a user may choose of an iteration; None: as before, or the default."""
 
-    source: str | None = None  # default: joint
+    source: str | None = None  # default: weighted if ``smoothing`` is known, else joint
     kept: int | None = None  # default: 0
     seed: int | None = None  # default: 0
     guard: Guard | None = None  # default: none
@@ -26,7 +31,8 @@ class Wish:
     layers: tuple[int, ...] | None = None  # default: LAYERS
     torque_limit: tuple[float, ...] | None = None  # one for all or (J,) [N or Nm]; default: none
     feedforward_limit: tuple[float, ...] | None = None
-    motion: str | None = None
+    motion: str | None = None  # default: offline
+    smoothing: float | None = None  # weight of a new sample in the learning feedback
 
 
 class Settings(NamedTuple):
@@ -39,12 +45,15 @@ class Settings(NamedTuple):
     torque_limit: np.ndarray  # (J,) [N or Nm]
     feedforward_limit: np.ndarray
     motion: str
+    smoothing: float | None
 
 
 def settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
     """Return the settings: what is wished, else as before, else the default."""
     if previous is None:
-        before = Settings("joint", 0, 0, None, *bounds_of(joints), "offline")
+        free = np.full(joints, np.inf)
+        source = "joint" if wish.smoothing is None else "weighted"
+        before = Settings(source, 0, 0, None, free, free, "offline", None)
     else:
         before = Settings(*(getattr(previous, name) for name in Settings._fields))
     limits = {
@@ -54,12 +63,16 @@ def settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
     }
     plain = {
         name: wished
-        for name in ("source", "kept", "seed", "guard", "motion")
+        for name in ("source", "kept", "seed", "guard", "motion", "smoothing")
         if (wished := getattr(wish, name)) is not None
     }
     settings = before._replace(**limits, **plain)
     if settings.source not in SOURCES:
         raise one_of("--source", settings.source, SOURCES)
+    if not (settings.smoothing is None or 0.0 < settings.smoothing <= 1.0):
+        raise ConfigurationError("0 < --smoothing <= 1", f"{settings.smoothing:g}", FILTER)
+    if settings.source == "weighted" and settings.smoothing is None:
+        raise ConfigurationError("--smoothing for --source weighted", "none", FILTER)
     if settings.kept < 0:
         raise ConfigurationError("--kept >= 0", str(settings.kept), "correct it")
     if wish.layers is not None and (
@@ -71,11 +84,6 @@ def settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
             "leave it out, or begin anew",
         )
     return settings
-
-
-def bounds_of(joints: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return no limits (J,) of torque and feedforward."""
-    return np.full(joints, np.inf), np.full(joints, np.inf)
 
 
 def bounds(limits: Sequence[float], joints: int, name: str) -> np.ndarray:

@@ -29,8 +29,9 @@ GANTRY = """<mujoco model="gantry">
 BODY = PointMass(jnp.array([2.0, 1.5]))
 NETWORKS = ErrorModel(2, (16, 8, 1), 1.0, 2.0, 20.0, 10.0)
 TRAINING = Training(epochs=4, batch=32)
+SMOOTHING = 0.1
 LAWS = {
-    "doomed": Doomed(jnp.array([0.2, 0.15]), jnp.array([2.0, 1.5]), 0.1, 1.0),
+    "doomed": Doomed(jnp.array([0.2, 0.15]), jnp.array([2.0, 1.5]), SMOOTHING, 1.0),
     "pid": Pid(
         PidGains(jnp.array([60.0, 40.0]), jnp.array([12.0, 9.0]), jnp.array([0.2, 0.1])),
         PidGains(jnp.array([600.0, 400.0]), jnp.array([60.0, 40.0]), jnp.array([0.2, 0.1])),

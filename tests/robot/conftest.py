@@ -36,7 +36,7 @@ def learned_in_simulation():
         setting,
         draws_of(4),
         jax.random.key(SEED),
-        source="joint",
+        source="weighted",
         error_model=NETWORKS,
         training=TRAINING,
         train_on="sensed_state",

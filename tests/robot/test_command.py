@@ -7,6 +7,7 @@ import pytest
 from jaxidl.cli import main
 from jaxidl.robot.folder import load
 from tests.helpers.commands import refusal
+from tests.helpers.executions import GAINS
 
 SMALL = ["--layers", "8", "1", "--epochs", "2"]
 
@@ -17,13 +18,13 @@ def learn(*words):
 
 def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
     one, two = tmp_path / "1", tmp_path / "2"
-    given = ["--model", gantry.path, "--source", "direct", "--guard", "--feedforward-limit", "20"]
+    given = ["--model", gantry.path, "--smoothing", "0.1", "--guard", "--feedforward-limit", "20"]
     assert learn(logs[0], *given, "--out", one, *SMALL) == 0
     assert "bridge: lacked" in capsys.readouterr().out
     assert learn(logs[1], "--continue", one, "--out", two) == 0
     record = json.loads((two / "feedforward.json").read_text())
     assert record["iteration"] == 2
-    assert record["source"] == "direct"
+    assert (record["source"], record["smoothing"]) == ("weighted", 0.1)
     assert record["guard"] == {"near": 1.2, "far": 2.4}
     assert len(record["logs"]) == len(record["history"]) == 2
     names = {str(path.relative_to(two)) for path in two.rglob("*") if path.is_file()}
@@ -42,6 +43,12 @@ def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
         (["--out", "{d}", "--model", "{m}"], "empty folder"),
         (["--out", "{d}/out", "--model", "{m}", "--source", "jiont"], "did you mean joint"),
         (["--out", "{d}/out", "--model", "{m}", "--motion", "ofline"], "did you mean offline"),
+        (["--out", "{d}/out", "--model", "{m}", "--source", "weighted"], "--smoothing"),
+        (["--out", "{d}/out", "--model", "{m}", "--smoothing", "2"], "0 < --smoothing <= 1"),
+        (
+            ["--out", "{d}/out", "--model", "{m}", "--smoothing", "1", "--gains", "{d}/gains.yaml"],
+            "smoothing 0.2 as in --gains",
+        ),
         (["--out", "{d}/out", "--model", "{m}", "--torque-limit", "-1"], "--torque-limit"),
         (["--out", "{d}/out", "--model", "{m}", "--gains", "{d}/no.yaml"], "no such file"),
         (["--out", "{d}/out", "--model", "{d}/notes.txt"], "MJCF or URDF"),
@@ -49,6 +56,7 @@ def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
 )
 def test_wrong_wishes_end_in_one_line(words, said, logs, gantry, tmp_path, capsys):
     (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "gains.yaml").write_text(GAINS)
     words = [word.format(d=tmp_path, m=gantry.path) for word in words]
     assert said in refusal(capsys, "learn", logs[1], *words)
-    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]
+    assert {path.name for path in tmp_path.iterdir()} == {"notes.txt", "gains.yaml"}

@@ -1,5 +1,8 @@
 """The folder of a learned feedforward: whole or not there, checked when read."""
 
+import shutil
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
@@ -11,20 +14,26 @@ from jaxidl.systems.mjcf import read_model
 from tests.helpers.executions import NETWORKS, TRAINING
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def learned(gantry):
     learner = start(TRAINING, NETWORKS.init(jax.random.key(0)))
     limits = np.array([np.inf, 3.0]), np.array([1.0, np.inf])
-    return Learned(
-        gantry, NETWORKS, learner, TRAINING, "joint", 2, 1, 0, 0.002, *limits, "offline", ("a",)
-    )
+    settings = "joint", 2, 1, 0, 0.002, *limits, "offline", ("a",)
+    return Learned(gantry, NETWORKS, learner, TRAINING, *settings, smoothing=0.1)
+
+
+@pytest.fixture(scope="module")
+def saved(learned, tmp_path_factory):
+    """The folder, for tests that copy it."""
+    return save(learned, tmp_path_factory.mktemp("saved") / "out")
 
 
 def test_what_is_saved_comes_back(learned, tmp_path):
     save(learned, tmp_path / "a" / "out", {"figures/x.png": b"x"})
     back = load(tmp_path / "a" / "out")
     jax.tree.map(np.testing.assert_array_equal, back.learner, learned.learner)
-    for name in ("error_model", "training", "source", "iteration", "seed", "kept", "dt", "logs"):
+    same = "error_model training source smoothing iteration seed kept dt logs"
+    for name in same.split():
         assert getattr(back, name) == getattr(learned, name)
     np.testing.assert_array_equal(back.torque_limit, learned.torque_limit)
     np.testing.assert_array_equal(back.feedforward_limit, learned.feedforward_limit)
@@ -59,19 +68,19 @@ def cut(path):
         ("feedforward.json", lambda path: path.write_text("[]"), "jaxidl learn wrote"),
     ],
 )
-def test_a_damaged_folder_is_refused(name, damage, words, learned, tmp_path):
-    save(learned, tmp_path / "out")
+def test_a_damaged_folder_is_refused(name, damage, words, saved, tmp_path):
+    shutil.copytree(saved, tmp_path / "out")
     damage(tmp_path / "out" / name)
     with pytest.raises(StoreError, match=words) as caught:
         load(tmp_path / "out")
     assert "\n" not in str(caught.value)
 
 
-def test_folders_of_others_are_left_alone(learned, tmp_path):
+def test_folders_of_others_are_left_alone(learned, saved, tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(StoreError, match=r"notes\.txt"):
         check_folder(tmp_path)
-    save(learned, tmp_path / "out")
+    shutil.copytree(saved, tmp_path / "out")
     check_folder(tmp_path / "out")
     (tmp_path / "out" / "mine.txt").write_text("mine")
     with pytest.raises(StoreError, match=r"mine\.txt"):
@@ -80,8 +89,8 @@ def test_folders_of_others_are_left_alone(learned, tmp_path):
         check_folder(tmp_path / "notes.txt")
 
 
-def test_a_failure_leaves_the_older_folder(learned, tmp_path, monkeypatch):
-    save(learned, tmp_path / "out")
+def test_a_failure_leaves_the_older_folder(learned, saved, tmp_path, monkeypatch):
+    shutil.copytree(saved, tmp_path / "out")
     monkeypatch.setattr("jaxidl.robot.folder._check_copy", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         save(learned, tmp_path / "out", {"x": b"new"})
@@ -95,5 +104,5 @@ def test_a_model_of_several_files_is_refused(learned, gantry, tmp_path):
     (tmp_path / "outer.xml").write_text('<mujoco><include file="inner.xml"/></mujoco>')
     model = read_model(tmp_path / "outer.xml")
     with pytest.raises(ModelError, match="whole model by itself"):
-        save(learned.__class__(**(vars(learned) | {"model": model})), tmp_path / "out")
+        save(replace(learned, model=model), tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -19,11 +19,11 @@ from jaxidl.robot.settings import Wish
 from jaxidl.systems.arm import arm
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import Dataset, State
-from tests.helpers.executions import NETWORKS, TRAINING, columns_of
+from tests.helpers.executions import NETWORKS, SMOOTHING, TRAINING, columns_of
 from tests.helpers.logs import write
 from tests.robot.conftest import SEED
 
-WISH = Wish(source="joint", seed=SEED, guard=Guard(), motion="finite_difference")
+WISH = Wish(smoothing=SMOOTHING, seed=SEED, guard=Guard(), motion="finite_difference")
 
 
 def read(path, model, **more):
@@ -52,7 +52,7 @@ def assert_same(one, other, rtol):
 
 def test_logs_give_the_weights_of_learn_to_rounding(iterations, learned_in_simulation):
     _, learner, _ = learned_in_simulation
-    assert iterations[-1].iteration == 3
+    assert (iterations[-1].iteration, iterations[-1].source) == (3, "weighted")
     assert_same(iterations[-1].learner, learner, 1e-5)
     # without the optimiser's state they would differ by far more
     moved = jax.tree.map(lambda a, b: a - b, iterations[-1].learner, iterations[-2].learner)
@@ -116,6 +116,9 @@ def test_what_does_not_fit_the_last_iteration_is_refused(iterations, logs, gantr
     ("wish", "words"),
     [
         (Wish(source="jiont"), "did you mean joint"),
+        (Wish(source="weighted"), "--smoothing for --source weighted; got none"),
+        (Wish(smoothing=0.0), "0 < --smoothing <= 1; got 0"),
+        (Wish(smoothing=float("nan")), "0 < --smoothing <= 1; got nan"),
         (Wish(kept=-1), "--kept >= 0"),
         (Wish(torque_limit=(1.0, 2.0, 3.0)), "one --torque-limit > 0, or 2"),
         (Wish(feedforward_limit=(-1.0,)), "one --feedforward-limit > 0"),
