@@ -96,6 +96,24 @@ EVERYTHING = {
         (f"PYTHON={PYTHON} experiments/robot_loop/run.sh {WORK}/robot_loop figures",),
         12,
     ),
+    "weighted": Made(
+        ("weighted.*",),
+        (f"{EXPERIMENTS}/weighted.py figures --sweeps {WORK}/guard",),
+        20,
+    ),
+    "arm_sources": Made(
+        ("arm_sources*.*",),
+        (f"{EXPERIMENTS}/arm_sources.py figures --sweeps {WORK}/arm_sources",),
+        20,
+    ),
+    "excite": Made(
+        ("excite.*",),
+        (
+            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}"
+            " --parts arm ur10e --steps 50",
+        ),
+        15,
+    ),
     "demo": Made(
         ("gap_where.png",),
         (

@@ -7,7 +7,8 @@ from .errors import ConfigurationError, EffectError, JaxidlError, StoreError
 from .learning.execute import Task, desired_trajectory, execute
 from .learning.guard import Guard
 from .learning.iterate import Metrics, Setting, learn, measure
-from .learning.sources import SOURCES, direct, indirect, joint
+from .learning.schedule import Schedule
+from .learning.sources import SOURCES, direct, indirect, joint, weighted
 from .models import ErrorModel, Training
 from .paper.grid import Grid
 from .paper.runs import read_results, run_sweep
@@ -39,6 +40,7 @@ __all__ = [
     "PidGains",
     "Plant",
     "PointMass",
+    "Schedule",
     "Setting",
     "State",
     "StoreError",
@@ -59,4 +61,5 @@ __all__ = [
     "point_mass",
     "read_results",
     "run_sweep",
+    "weighted",
 ]

@@ -23,6 +23,7 @@ from jaxidl import __version__
 from jaxidl.cli.ablate import ablate
 from jaxidl.cli.arm import arm
 from jaxidl.cli.bench import bench
+from jaxidl.cli.excite import excite
 from jaxidl.cli.export import export
 from jaxidl.cli.gap import gap, gap_benchmark
 from jaxidl.cli.learn import learn
@@ -46,6 +47,7 @@ COMMANDS = {
     "export": export,
     "gap": gap,
     "gap-benchmark": gap_benchmark,
+    "excite": excite,
     "bench": bench,
 }
 

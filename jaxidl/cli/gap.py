@@ -75,6 +75,7 @@ def gap(
         topic: of a ROS bag that has several with joint states.
     """
     from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
+    from jaxidl.gap.experiments import designed
     from jaxidl.gap.inputs import read_inputs
     from jaxidl.jobs.progress import Bar
     from jaxidl.report import check_folder, save, table
@@ -116,6 +117,8 @@ def gap(
         bar.at(1.0, "writing the report")
         page = save(found, out)
     print(table(found))
+    if found.doubtful:
+        print(f"the motion that would settle it: {designed(model, out)}")
     print(f"report in {page}")
 
 

@@ -19,6 +19,7 @@ def sweep(
     noise_levels: Annotated[str, arg(metavar="program|printed")] = "program",
     train_on: Annotated[str, arg(metavar="true_state|sensed_state")] = "true_state",
     guard: bool = False,
+    schedule: bool = False,
 ) -> None:
     """Run a grid of learning runs; continue where an interrupted one stopped.
 
@@ -31,6 +32,8 @@ def sweep(
         train_on: the state that the networks are trained on.
         guard: limit learned torques to the range of their data, and fade them out where the robot
             strays from the desired trajectory.
+        schedule: let the applied gains fall with the feedback that is left, down to a quarter, and
+            return where the robot strays.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep
@@ -43,7 +46,9 @@ def sweep(
     if axes.noise == Axes().noise:
         axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
     grid = Grid(**vars(axes))
-    study = PaperStudy(train_on=train_on, guard="on" if guard else "off")
+    study = PaperStudy(
+        train_on=train_on, guard="on" if guard else "off", schedule="on" if schedule else "off"
+    )
     choose_devices(running.devices)
     run_sweep(grid, out, study, **running.keywords())
     print(f"wrote {out}")

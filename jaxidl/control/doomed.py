@@ -35,6 +35,9 @@ class Doomed(struct.PyTreeNode):
     gradient_smoothing: Scalar = 0.9  # weight of a new gradient [-]
     limit: Joints | Scalar = jnp.inf  # bound of the offset [N]
 
+    def scaled(self, share: Joints | Scalar) -> "Doomed":
+        return self.replace(rate=share * self.rate)
+
     def init(self, q: Joints) -> DoomedState:
         return DoomedState(jnp.zeros_like(q), start_average(q), start_average(q))
 

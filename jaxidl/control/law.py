@@ -25,6 +25,10 @@ class FeedbackLaw(Protocol):
         """Return the weight of a new sample in the learning feedback [-]; 1: not filtered."""
         ...
 
+    def scaled(self, share: Joints | Scalar) -> "FeedbackLaw":
+        """Return the law with its applied gains times ``share``, and the learner's as they are."""
+        ...
+
     def init(self, q: Joints) -> Any:
         """Return the memory at the start of an execution at position ``q`` (J,)."""
         ...

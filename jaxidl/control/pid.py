@@ -38,6 +38,9 @@ class Pid(struct.PyTreeNode):
     learner: PidGains
     smoothing: Scalar  # weight of a new sample in the learning feedback [-]
 
+    def scaled(self, share: Joints | Scalar) -> "Pid":
+        return self.replace(applied=PidGains(*(share * gain for gain in self.applied)))
+
     def init(self, q: Joints) -> PidState:
         return PidState(jnp.zeros_like(q), start_average(q))
 

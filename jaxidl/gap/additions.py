@@ -68,7 +68,7 @@ def additions(
             that they are not counted again.
     """
     joints = signals.q.shape[1]
-    columns, inner, places = _narrowed(effects)
+    columns, inner, places = narrowed(effects)
     drive, starts = driven(signals, tau, predicted, columns)
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(inner), SIDE_BY_SIDE):
@@ -95,7 +95,7 @@ def additions(
 Columns = slice | list[int]  # joints
 
 
-def _narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
+def narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
     """Return the joints that effects concern, the effects on those alone, and where they reach.
 
     The effects are as if the mechanism had no other joints, so that one program serves all joints;
@@ -163,7 +163,7 @@ def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt
 
     def one(values: Any, joint: Any) -> Terms:
         effect = jax.tree.unflatten(structure, values)
-        return _along(
+        return along(
             effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect,
             drive,
             starts,
@@ -173,7 +173,11 @@ def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt
     return jax.vmap(one)(leaves, where)
 
 
-def _along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+def along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+    """Return the terms (T, J) of one effect along a motion; differentiable by the motion.
+
+    ``starts`` (T,) says at which instants a run begins.
+    """
     inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
     change = drive.tau * 0.0
     if inner.actuate is not Effect.actuate:

@@ -149,6 +149,11 @@ class Diagnosis:
         )
 
     @property
+    def doubtful(self) -> bool:
+        """Return whether another log could decide between explanations."""
+        return self.verdict == "ambiguous" or bool(self.ambiguous)
+
+    @property
     def frame(self) -> str:
         """Name of the body in whose frame a load is given."""
         return getattr(self.model.plant.body, "carrier", "")

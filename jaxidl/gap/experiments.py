@@ -1,6 +1,8 @@
 """Experiments that separate effects which one log cannot tell apart."""
 
+import shlex
 from collections.abc import Sequence
+from pathlib import Path
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Key
@@ -18,3 +20,9 @@ def experiment(candidates: Sequence[Key]) -> str:
         return "move one joint at a time, with the others held still"
     ordered = sorted((CATALOGUE[name] for name in names), key=lambda cls: cls.prior)
     return "; or ".join(list(dict.fromkeys(cls.advice for cls in ordered))[:MOST])
+
+
+def designed(model: Path, folder: Path) -> str:
+    """Return the command that designs the motion to settle the diagnosis in ``folder``."""
+    where = shlex.join(["--model", str(model), "--for", str(folder)])
+    return f"jaxidl excite {where} --out motion.csv"

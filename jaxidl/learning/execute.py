@@ -86,6 +86,7 @@ def execute(
     start: Joints | None = None,
     *,
     fade: Callable[[State, State], Joints | Scalar] | None = None,
+    gains: Callable[[State, State], Joints | Scalar] | None = None,
     checkpoint: bool = False,
 ) -> Trajectory:
     """Run the task once (Algorithm 1) as a scan over control steps.
@@ -101,6 +102,8 @@ def execute(
         start: (J,) true initial position of the mechanism. Default: the task's.
         fade: share of the error model's torque that is applied, from the sensed and the desired
             state; see :mod:`jaxidl.learning.guard`. Default: all of it.
+        gains: share of the applied gains, from the sensed and the desired state; see
+            :mod:`jaxidl.learning.schedule`. Default: all of them.
         checkpoint: for derivatives in reverse mode, see :func:`jaxidl.scan.scan`. Forward mode
             needs hardly any memory.
 
@@ -120,7 +123,8 @@ def execute(
         t, desired, draw, now = inputs
         qdd_desired = task.policy(sensed.q, sensed.qd, t)
         tau_rbd = task.clip(model.inverse_dynamics(sensed.q, sensed.qd, qdd_desired))
-        feedback, memory = law.act(memory, desired, sensed)
+        acting = law.scaled(gains(sensed, desired)) if gains else law
+        feedback, memory = acting.act(memory, desired, sensed)
         applied = task.clip(feedback.applied)
         tau_ff = jnp.zeros_like(tau_rbd)
         if feedforward:
@@ -139,7 +143,7 @@ def execute(
         true_next, hidden = present.step(true, hidden, tau, task.dt)
         q_sensed = present.sense(hidden, true_next.q, draw)
         motion, estimate = task.estimator.update(estimate, sensed, q_sensed, qdd_desired, task.dt)
-        memory = law.observe(memory, motion.qdd_desired, motion.qdd)
+        memory = acting.observe(memory, motion.qdd_desired, motion.qdd)
         record = Trajectory(
             q=true.q,
             qd=true.qd,

@@ -15,6 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.guard import Guard, Strayed, distance
+from jaxidl.learning.schedule import Schedule
 from jaxidl.learning.sources import rows
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
@@ -69,6 +70,7 @@ def learn(
     refine: Callable[[Trajectory], Trajectory] = lambda run: run,
     learner: Learner | None = None,
     guard: Guard | None = None,
+    schedule: Schedule | None = None,
     derivative: str | None = None,
 ) -> tuple[Metrics, Learner, Trajectory | None]:
     """Run K executions with K − 1 trainings between them.
@@ -90,6 +92,8 @@ def learn(
             one.
         guard: limits what a new model may do; see :mod:`jaxidl.learning.guard`. Default: none, as
             in the paper.
+        schedule: lets the applied gains fall as the model earns trust; see
+            :mod:`jaxidl.learning.schedule`. Default: none, as in the paper.
         derivative: "forward" or "reverse" if the result is to be differentiated in that mode, by
             anything continuous in ``setting``, ``training.learning_rate``, ``learner``, ``noise``
             or ``starts``: through all executions and all training steps. The values are the same
@@ -104,9 +108,12 @@ def learn(
         learner = start(training, error_model.init(jax.random.fold_in(key, 0)))
     checkpoint = derivative == "reverse"
 
-    desired = None if guard is None else desired_trajectory(setting.task).q
+    watched = guard is not None or schedule is not None
+    desired = desired_trajectory(setting.task).q if watched else None
 
-    def run_once(inputs: Any, feedforward: Any = None, fade: Any = None) -> tuple[Any, Any, Any]:
+    def run_once(
+        inputs: Any, feedforward: Any = None, fade: Any = None, gains: Any = None
+    ) -> tuple[Any, Any, Any]:
         draws, begin = inputs
         run = execute(
             setting.plant,
@@ -117,6 +124,7 @@ def learn(
             feedforward,
             begin,
             fade=fade,
+            gains=gains,
             checkpoint=checkpoint,
         )
         data = rows(source, refine(run), setting.law, train_on)
@@ -124,7 +132,7 @@ def learn(
         return data, (measure(run, setting.reference), run if keep else None), strayed
 
     def iteration(carry: Any, inputs: Any) -> tuple[Any, Any]:
-        learner, memory, past = carry
+        learner, memory, past, share = carry
         k, *now = inputs
         known = recall(memory, k)
         size = int(training.mask_of(known.x.shape[0], 1 + kept).sum())
@@ -139,25 +147,30 @@ def learn(
             derivative=derivative,
         )
         feedforward: Any = partial(error_model.torque, learner.params)
-        fade = None
+        fade = gains = None
         if guard is not None:
             region = guard.region(known, past)
             feedforward, fade = region.feedforward(error_model, learner.params), region.fade
-        data, (metrics, run), strayed = run_once(now, feedforward, fade)
+        if schedule is not None:
+            gains = schedule.gains(share, past)
+        data, (metrics, run), strayed = run_once(now, feedforward, fade, gains)
         # a failed training makes a failed iteration
         finite = metrics.finite & jnp.isfinite(progress.validation)
         memory = jax.tree.map(lambda new, old: jnp.concatenate([new[None], old[:-1]]), data, memory)
-        if guard is not None:
+        if watched:
             past = past.after(strayed)
-        return (learner, memory, past), (metrics._replace(finite=finite), run)
+        if schedule is not None:
+            share = schedule.after(share, strayed, past)
+        return (learner, memory, past, share), (metrics._replace(finite=finite), run)
 
     everything = noise, starts
     data, first, strayed = run_once(jax.tree.map(lambda x: x[0], everything))
-    past = None if guard is None else Strayed.of(strayed)
+    past = Strayed.of(strayed) if watched else None
+    share = None if schedule is None else jnp.ones_like(past.mean)
     rest = jax.tree.map(lambda x: x[1:], everything)
     memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
     last, later = jax.lax.scan(
-        iteration, (learner, memory, past), (jnp.arange(1, noise.shape[0]), *rest)
+        iteration, (learner, memory, past, share), (jnp.arange(1, noise.shape[0]), *rest)
     )
     metrics, runs = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first, later)
     return metrics, last[0], runs

@@ -33,3 +33,6 @@ class Request:
     guard: bool = False
     """Limit learned torques to the range of their data, and fade them out where the robot strays
     from the desired trajectory."""
+    schedule: bool = False
+    """Let the applied gains fall with the feedback that is left, and return where the robot
+    strays."""

@@ -21,7 +21,7 @@ from jaxidl.jobs.programs import Job
 from jaxidl.learning.iterate import Metrics, learn
 from jaxidl.paper.example import example
 from jaxidl.paper.grid import AXES, GAINS, Grid
-from jaxidl.paper.study import GUARDS, Condition, PaperStudy, draw_noise
+from jaxidl.paper.study import GUARDS, SCHEDULES, Condition, PaperStudy, draw_noise
 from jaxidl.paper.vary import check, traced, varied
 from jaxidl.types import Trajectory
 
@@ -115,6 +115,7 @@ class LearningRun:
                 keep=keep,
                 kept=study.kept,
                 guard=GUARDS[study.guard],
+                schedule=SCHEDULES[study.schedule],
             )
         return metrics, runs
 

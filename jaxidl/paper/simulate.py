@@ -26,8 +26,9 @@ def simulate(request: Request, out: Path, study: PaperStudy | None = None) -> di
         StoreError: if ``out`` cannot be written.
     """
     study = study or PaperStudy()
-    if request.guard:
-        study = replace(study, guard="on")
+    for name in ("guard", "schedule"):
+        if getattr(request, name):
+            study = replace(study, **{name: "on"})
     at = _checked(request)
     executions = 1 if request.source is None else request.executions or 20
     with jax.enable_x64(True):
@@ -53,14 +54,11 @@ def _checked(request: Request) -> dict[str, Any]:
     ):
         if value not in valid:
             raise one_of(f"--{what}", value, valid)
-    if request.source is None and request.executions is not None:
-        raise ConfigurationError(
-            "--source with --executions", "no --source", "name the data source to learn from"
-        )
-    if request.source is None and request.guard:
-        raise ConfigurationError(
-            "--source with --guard", "no --source", "name the data source to learn from"
-        )
+    for name in ("executions", "guard", "schedule"):
+        if request.source is None and getattr(request, name):
+            raise ConfigurationError(
+                f"--source with --{name}", "no --source", "name the data source to learn from"
+            )
     grid = Grid(
         (request.controller,),
         (request.gain,),

@@ -15,6 +15,7 @@ from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.guard import Guard
 from jaxidl.learning.iterate import Setting
+from jaxidl.learning.schedule import Schedule
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
 from jaxidl.paper.grid import CONTROLLERS
@@ -22,6 +23,7 @@ from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Scalar, State
 
 GUARDS = {"off": None, "on": Guard()}
+SCHEDULES = {"off": None, "on": Schedule()}
 WIDTHS = ("friction_width", "stiction_width")
 
 
@@ -62,14 +64,16 @@ class PaperStudy:
     stiction_width: float = 0.0  # of the stiction's, as a share of each [-]; 0: sharp
     kept: int = 0  # earlier executions whose data are learned from, too, beside the last one's
     guard: str = "off"  # of the learned torques; "on" is not the paper's
+    schedule: str = "off"  # of the applied gains; "on" is not the paper's
     error_model: ErrorModel = field(default_factory=ErrorModel)
     training: Training = field(default_factory=Training)  # its epochs are an axis of the grid
 
     def __post_init__(self) -> None:
         if self.train_on not in TRAIN_ON:
             raise one_of("train_on", self.train_on, TRAIN_ON)
-        if self.guard not in GUARDS:
-            raise one_of("guard", self.guard, GUARDS)
+        for name, known in (("guard", GUARDS), ("schedule", SCHEDULES)):
+            if getattr(self, name) not in known:
+                raise one_of(name, getattr(self, name), known)
         for name in ("true_mass", "dt", "torque_limit"):
             _check(name, getattr(self, name), above=0.0)
         for name in (
@@ -94,8 +98,9 @@ class PaperStudy:
     def to_dict(self) -> dict[str, Any]:
         """Return all numbers, nested, ready for JSON; with a condition they determine a result."""
         numbers = asdict(self)
-        if self.guard == "off":  # as in results from before there was one
-            del numbers["guard"]
+        for name in ("guard", "schedule"):
+            if numbers[name] == "off":  # as in results from before there was one
+                del numbers[name]
         return numbers
 
     def task(self) -> Task:

@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import SURE, Diagnosis, Finding
+from jaxidl.gap.experiments import designed
 from jaxidl.gap.localise import Place
 from jaxidl.gap.network import SYSTEMATIC
 from jaxidl.report.html import Html, join, table, tag
@@ -367,11 +368,20 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
     beside = "Keep effects.json beside model.xml: MuJoCo simulates only model.xml, jaxidl both."
     inside = "All effects are in model.xml, so MuJoCo simulates them too." if record else None
     mujoco = inside if all(entry.get("in_mjcf") for entry in record) else beside
-    steps = [ADVICE[d.verdict]]
+    steps: list[Any] = [ADVICE[d.verdict]]
     steps += [
         f"To separate {' from '.join(on_joint(d, k) for k in a.candidates)}: {a.experiment}."
         for a in d.ambiguous
     ]
+    if d.doubtful:
+        steps.append(
+            join(
+                [
+                    "The motion that settles it best within limits is designed by ",
+                    tag("code", designed(d.model.path, folder)),
+                ]
+            )
+        )
     patched = "The patched model" if d.findings else "The model, unchanged,"
     use = (
         tag("p", f"{patched} loads from the command line and in Python:"),

@@ -24,7 +24,7 @@ def place(source: mujoco.MjModel, q: Joints) -> dict[str, Array]:
     about its centre of mass, ``xipos`` and ``ximat``, and of joints ``xanchor`` and ``xaxis`` (J,
     3) [m].
     """
-    still, turn = _matrices(source.body_quat), _matrices(source.body_iquat)
+    still, turn = matrices(source.body_quat), matrices(source.body_iquat)
     pos, rot = [jnp.zeros(3, q.dtype)], [jnp.eye(3, dtype=q.dtype)]
     anchors, axes = [], []
     for b in range(1, source.nbody):
@@ -72,7 +72,7 @@ def rotation(axis: np.ndarray, angle: Scalar) -> Float[Array, "3 3"]:
     )
 
 
-def _matrices(quaternions: np.ndarray) -> np.ndarray:
+def matrices(quaternions: np.ndarray) -> np.ndarray:
     """Return rotation matrices (B, 3, 3) of unit quaternions (B, 4)."""
     flat = np.zeros((len(quaternions), 9))
     for row, quaternion in zip(flat, quaternions, strict=True):

@@ -47,6 +47,7 @@ WRONG = [
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--seed", "-1"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--executions", "3"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--guard"],
+    ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--schedule"],
     ["simulate", "--out", "{d}/t.npz", "--controller", "pid", "--gain", "low", "--source", "all"],
     [
         "simulate",

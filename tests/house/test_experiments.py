@@ -12,7 +12,8 @@ SCRIPTS = sorted(path for path in (ROOT / "experiments").glob("*.py"))
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_scripts_are_up_to_date_with_the_package(script):
+def test_scripts_are_up_to_date_with_the_package(script, monkeypatch):
+    monkeypatch.syspath_prepend(str(script.parent))  # as where it is run
     if '__name__ == "__main__"' not in script.read_text():
         pytest.skip("runs as a whole")
     spec = importlib.util.spec_from_file_location(f"script_{script.stem}", script)

@@ -116,9 +116,9 @@ def test_what_does_not_fit_the_last_iteration_is_refused(iterations, logs, gantr
     ("wish", "words"),
     [
         (Wish(source="jiont"), "did you mean joint"),
-        (Wish(source="weighted"), "--smoothing for --source weighted, got none"),
-        (Wish(smoothing=0.0), "0 < --smoothing <= 1, got 0"),
-        (Wish(smoothing=float("nan")), "0 < --smoothing <= 1, got nan"),
+        (Wish(source="weighted"), "--smoothing for --source weighted; got none"),
+        (Wish(smoothing=0.0), "0 < --smoothing <= 1; got 0"),
+        (Wish(smoothing=float("nan")), "0 < --smoothing <= 1; got nan"),
         (Wish(kept=-1), "--kept >= 0"),
         (Wish(torque_limit=(1.0, 2.0, 3.0)), "one --torque-limit > 0, or 2"),
         (Wish(feedforward_limit=(-1.0,)), "one --feedforward-limit > 0"),

@@ -59,16 +59,24 @@ class Controller:
     The feedback is on the encoder readings.
 
     Attributes:
-        wanted: the reference (T, J) [m or rad], a different motion for every seed.
+        wanted: the reference (T, J) [m or rad], a different motion for every seed unless a
+            ``motion`` is given: positions, speeds and accelerations (T, J) at the rate.
         ahead: the torques (T, J) [N or Nm] that the believed model needs for it.
     """
 
-    def __init__(self, model_xml: str, seed: int, duration: float, rate: float):
+    def __init__(
+        self,
+        model_xml: str,
+        seed: int,
+        duration: float,
+        rate: float,
+        motion: tuple[Array, Array, Array] | None = None,
+    ):
         model, rng = believe(model_xml), np.random.default_rng(seed)
         kinds = [
             "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in model.jnt_type
         ]
-        self.wanted, speed, acceleration = reference(
+        self.wanted, speed, acceleration = motion or reference(
             rng, np.array([SPAN[kind] for kind in kinds]), duration, rate
         )
         self.ahead = inverse_dynamics(model, self.wanted, speed, acceleration)

@@ -17,6 +17,7 @@ from jaxidl.gap.benchmark.draw import PLACES, clipping, parameters
 from jaxidl.gap.benchmark.engine import Run, run
 from jaxidl.gap.benchmark.mechanisms import JOINTS, MECHANISMS
 from jaxidl.gap.benchmark.outside import OUTSIDE
+from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.severity import SIZES
 
 EXCLUDED: dict[tuple[str, str], str] = {
@@ -172,8 +173,10 @@ class Case:
         """Measure and write log and model: see :func:`write_case`."""
         write_case(self, folder)
 
-    def measure(self, duration: float = 24.0) -> Run:
-        """Run the engine.
+    def measure(
+        self, duration: float = 24.0, motion: tuple[Array, Array, Array] | None = None
+    ) -> Run:
+        """Run the engine, along a given ``motion`` if there is one.
 
         Raises:
             Diverged: if the controller lost the mechanism, as for a case or two of most roots.
@@ -183,6 +186,7 @@ class Case:
             [make(*hidden) for hidden in self.hidden],
             self.seed,
             duration,
+            motion=motion,
         )
 
 

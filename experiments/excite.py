@@ -1,0 +1,386 @@
+"""What a designed motion is worth: ``python experiments/excite.py FOLDER --work WORK``.
+
+(a) On the seven-joint arm: predicted standard errors of D- and A-optimal motions, of motions of
+least condition number, and of random ones, all of the same length and limits. (b) On the measured
+UR10e, where its log is there: predicted standard errors of a designed motion of 50 s against those
+on the measured excitation, with the noise measured there. (c) On the benchmark's ambiguous single
+effects that physics does not tie: the designed motion and a random one of the same length and
+limits are executed in the benchmark's engine, and each log is diagnosed together with the old one.
+
+FOLDER gets excite.md and excite.json, excite.png and excite.pdf; cases of the benchmark stay in
+WORK, and an interrupted run continues.
+"""
+
+import argparse
+import itertools
+import json
+import os
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+from matplotlib.figure import Figure
+
+from jaxidl.backend import choose_devices
+from jaxidl.errors import JaxidlError
+from jaxidl.excite.contest import contested, earlier
+from jaxidl.excite.criteria import standard_errors
+from jaxidl.excite.design import Designed, Effort, design, random_motion
+from jaxidl.excite.doubt import doubt
+from jaxidl.excite.limits import Limits, limits_of
+from jaxidl.excite.parameters import common
+from jaxidl.excite.plan import Noise, compiled
+from jaxidl.excite.prepare import ALIGNMENT, Prepared, prepared
+from jaxidl.excite.table import separated
+from jaxidl.files import markdown, plain, write_bytes
+from jaxidl.gap import diagnose, read
+from jaxidl.gap.benchmark import judge
+from jaxidl.gap.benchmark.believed import Diverged
+from jaxidl.gap.benchmark.cases import Case, all_cases, truth
+from jaxidl.gap.benchmark.run import run_benchmark
+from jaxidl.gap.benchmark.score import share
+from jaxidl.gap.library import library, noise_of, residual
+from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import present
+from jaxidl.jobs.statistics import geometric
+from jaxidl.logs.signals import prepare
+from jaxidl.plot.style import house_style, save
+from jaxidl.systems.arm import arm
+from jaxidl.systems.bounds import bounds
+from jaxidl.systems.mjcf import Model, read_model
+
+SPEED, ACCELERATION = 2.0, 6.0  # of the arm's joints [rad/s, rad/s^2]
+POSTURE = (0.0, 0.7, 0.0, 1.4, 0.0, -0.7, 0.0)
+CRITERIA = ("d", "a", "condition")
+# the same motion whichever of them it is: a turned base or encoder or link of a pendulum, a turned
+# base or first encoder, or a turned last encoder or last link, of two links in a plane
+TIED = (
+    ("pendulum", {"position_bias", "base_tilt", "com_error"}),
+    ("two_link", {"position_bias", "base_tilt"}),
+    ("two_link", {"position_bias", "com_error"}),
+)
+RATE = 500.0  # of the benchmark's logs [Hz]
+
+
+def relative(made: Prepared, grams: Any) -> np.ndarray:
+    """Return standard errors over the columns' sizes, without those of the timing."""
+    kept = [n for n, label in enumerate(made.labels) if label.effect != ALIGNMENT]
+    size = np.asarray(made.plan.size)
+    return (standard_errors(np.asarray(grams), size) / size)[kept]
+
+
+def information(made: Prepared, q: Any, qd: Any, qdd: Any, dt: float) -> np.ndarray:
+    """Return the information (P, P) of a motion about a plan's columns."""
+    run = compiled(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
+    return np.asarray(run(q, qd, qdd))
+
+
+def of_motion(made: Prepared, motion: Designed, every: int) -> np.ndarray:
+    """Return the information (P, P) of every ``every``-th sample of a motion."""
+    q, qd, qdd = (x[::every] for x in (motion.q, motion.qd, motion.qdd))
+    return information(made, q, qd, qdd, every * float(motion.time[1] - motion.time[0]))
+
+
+def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
+    """Compare criteria on the arm: geometric means of the standard errors, over random motion's."""
+    model = arm()
+    file = bounds(model)
+    limits = limits_of(
+        model.names,
+        file._replace(speed=np.full(7, SPEED)),
+        reached={"acceleration": np.full(7, ACCELERATION)},
+        start=POSTURE,
+    )
+    made = prepared(model, limits, top=1.0)
+    rows: dict[str, list[float]] = {name: [] for name in (*CRITERIA, "random")}
+    seconds = []
+    for seed, name in itertools.product(range(seeds), (*CRITERIA, "random")):
+        plan = made.plan if name == "random" else replace(made.plan, criterion=name)
+        began = time.monotonic()
+        found = (
+            random_motion(plan, None, seed, 100.0)
+            if name == "random"
+            else design(plan, None, Effort(3, steps, seed))
+        )
+        seconds.append(time.monotonic() - began)
+        gram = of_motion(made, found, 20)
+        rows[name].append(float(np.exp(np.mean(np.log(relative(made, gram))))))
+        print(f"arm: {name}, seed {seed}: {rows[name][-1]:.4g}, {seconds[-1]:.0f} s", flush=True)
+    ratios = {
+        f"{a} over {b}": geometric(np.array(rows[a]) / np.array(rows[b]))
+        for a, b in (("d", "random"), ("a", "random"), ("condition", "random"), ("d", "condition"))
+    }
+    return {
+        "seeds": seeds,
+        "standard_errors": rows,
+        "ratios": {n: [r.value, *r.interval] for n, r in ratios.items() if r and r.interval},
+        "seconds_of_a_design": max(seconds),
+        "load": os.getloadavg()[0],
+    }
+
+
+def measured_arm(folder: Path, steps: int) -> dict[str, Any] | None:
+    """Compare a designed motion of 50 s with the measured excitation of the UR10e."""
+    path, log_path = folder / "ur10e.xml", folder / "without_load.csv"
+    if not path.is_file():
+        print(f"no {path}: left out", flush=True)
+        return None
+    model, log = read_model(path), read(log_path)
+    signals = prepare(log, model.plant.body, model.plant.effects)
+    rows = library(
+        rows_of(signals, model.plant.effects, 0.1), common(), present(model.plant.effects)
+    )
+    noise, effective = noise_of(rows.rows, residual(rows.rows, rows.envelope))
+    top = lambda x: np.quantile(np.abs(x), 0.999, axis=0)
+    reached = {
+        "lower": signals.q.min(0),
+        "upper": signals.q.max(0),
+        "speed": top(signals.qd),
+        "acceleration": top(signals.qdd),
+        "torque": np.abs(signals.tau).max(0),
+    }
+    seconds = len(signals.q) * signals.dt
+    measured = Noise(noise, effective / (seconds * 0.9), signals.sigma)
+    inf = np.full(len(noise), np.inf)
+    file = bounds(model)._replace(lower=-inf, upper=inf, torque=inf)
+    limits = replace(limits_of(model.names, file, reached=reached), margin=0.0, torque_margin=0.0)
+    made = prepared(model, limits, measured, seconds=seconds, top=0.6)
+    found = design(made.plan, None, Effort(2, steps), sampling=50.0)
+    old = relative(made, earlier(made.plan, signals))
+    new = relative(made, of_motion(made, found, 10))
+    logs = np.log(new / old)
+    groups = [label.effect for label in made.labels if label.effect != ALIGNMENT]
+    return {
+        "parameters": len(new),
+        "seconds": seconds,
+        "designed over measured": float(np.exp(logs.mean())),
+        "quartiles": np.exp(np.quantile(logs, [0.0, 0.25, 0.5, 0.75, 1.0])),
+        "by effect": {
+            name: float(
+                np.exp(np.mean([x for x, g in zip(logs, groups, strict=True) if g == name]))
+            )
+            for name in dict.fromkeys(groups)
+        },
+        "old": old,
+        "new": new,
+    }
+
+
+def open_cases(work: Path, root: int, severities: tuple[str, ...]) -> list[tuple[Case, Any]]:
+    """Return the benchmark's ambiguous single effects that physics does not tie, with reports."""
+    run_benchmark(work, ("single",), severities, 2, os.cpu_count() or 1, root)
+    known = truth(all_cases(root))
+    out = []
+    for case in all_cases(root):
+        path = work / "reports" / f"{case.id}.json"
+        if not path.is_file() or case.family != "single":
+            continue
+        report = json.loads(path.read_text())
+        doubted = report.get("verdict") == "ambiguous" or report.get("ambiguous")
+        if "lost" in report or "error" in report or not doubted:
+            continue
+        names = {name for group in judge.candidates(report) for name, _ in group}
+        tied = judge.tied(known[case.id]) or any(
+            case.mechanism == where and len(names & group) > 1 for where, group in TIED
+        )
+        if not tied:
+            out.append((case, report))
+    return sorted(out, key=lambda c: c[0].id.split("-")[-1])  # in no order of mechanisms
+
+
+def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
+    """Execute a designed and a random motion for one case, and diagnose each with the old log."""
+    folder = work / "doubts" / case.id
+    write_bytes(folder / "report.json", json.dumps(report).encode())
+    place = work / "cases" / case.id
+    model, old = read_model(place / "model.xml"), place / case.log
+    hidden = truth([case])[case.id]["hidden"][0]
+    found = doubt(folder, model, [old])
+    limits = limits_of(model.names, bounds(model), reached=found.reached())
+    made = contested(found, model, limits, top=1.5)
+    best = design(made.plan, None, Effort(2, steps, case.seed % 1000), RATE)
+    chance = random_motion(made.plan, None, case.seed, RATE)
+    out: dict[str, Any] = {
+        "case": case.id,
+        "hidden": judge.key(hidden),
+        "explanations": found.titles,
+        "before": judge.single_credit(hidden, report),
+    }
+    for name, motion in (("designed", best), ("random", chance)):
+        gram = of_motion(made, motion, 50)
+        apart = separated(made, found.titles, made.plan.earlier, gram + made.plan.earlier)
+        out[name] = executed(case, model, limits, old, motion, hidden) | {
+            "separation": min((a["after"] for a in apart), default=np.nan)
+        }
+        print(case.id, judge.key(hidden), name, out[name], flush=True)
+    return out
+
+
+def executed(
+    case: Case, model: Model, limits: Limits, old: Path, motion: Designed, hidden: Any
+) -> dict[str, Any]:
+    """Execute a motion in the engine, and diagnose its log together with the old one."""
+    try:
+        run = case.measure(motion=(motion.q, motion.qd, motion.qdd))
+    except Diverged as error:
+        return {"right": 0.0, "lost": str(error)}
+    kept = bool(
+        np.all((run.clean > limits.lower) & (run.clean < limits.upper))
+        and np.all(np.abs(np.gradient(run.clean, 1.0 / RATE, axis=0)) < limits.speed)
+        and np.all(np.abs(run.tau) < limits.torque)
+    )
+    new = old.with_name("new.npz")
+    np.savez(new, **run.log())  # pyright: ignore[reportArgumentType]
+    try:
+        report = diagnose([old, new], model, rollouts=False).to_dict()
+    except JaxidlError as error:
+        return {"right": 0.0, "error": str(error), "limits_kept": kept}
+    return {
+        "right": judge.single_credit(hidden, report),
+        "verdict": report["verdict"],
+        "named": judge.named(report),
+        "limits_kept": kept,
+    }
+
+
+def text(result: dict[str, Any]) -> str:
+    """Return all results as Markdown."""
+    out = ["Standard errors are predicted; ratios below one: the first is better.", ""]
+    if "arm" in result:
+        head = ["seven-joint arm, 20 s", "ratio of standard errors", "95 % over seeds"]
+        rows = [
+            [name, f"{v[0]:.3f}", f"{v[1]:.3f} to {v[2]:.3f}"]
+            for name, v in result["arm"]["ratios"].items()
+        ]
+        out += [markdown(head, rows), ""]
+        out += [
+            f"A design took {result['arm']['seconds_of_a_design']:.0f} s at most, with"
+            f" {result['arm']['load']:.1f} processes waiting for two cores.",
+            "",
+        ]
+    if result.get("ur10e"):
+        u = result["ur10e"]
+        head = ["UR10e, 50 s, designed over measured excitation", "ratio of standard errors"]
+        rows = [["all", f"{u['designed over measured']:.2f}"]]
+        rows += [[name, f"{value:.2f}"] for name, value in u["by effect"].items()]
+        out += [markdown(head, rows), ""]
+    if result.get("cases"):
+        head = ["ambiguous cases", "resolved rightly", "95 %"]
+        rows = []
+        for name in ("before", "designed", "random"):
+            s = result["resolved"][name]
+            rows.append(
+                [
+                    name,
+                    f"{s['share'] * s['n']:.0f} of {s['n']}",
+                    f"{s['low']:.2f} to {s['high']:.2f}",
+                ]
+            )
+        out += [markdown(head, rows), ""]
+        head = ["case", "hidden", "explanations", "designed", "random"]
+        say = lambda r: (
+            f"{'right' if r['right'] == 1 else r.get('verdict', 'lost')},"
+            f" {r.get('separation', float('nan')):.3g} apart"
+        )
+        out += [
+            markdown(
+                head,
+                (
+                    [
+                        c["case"],
+                        f"{c['hidden'][0]} {c['hidden'][1]}",
+                        "; ".join(c["explanations"]),
+                        say(c["designed"]),
+                        say(c["random"]),
+                    ]
+                    for c in result["cases"]
+                ),
+            ),
+            "",
+        ]
+    return "\n".join(out)
+
+
+def draw(result: dict[str, Any], folder: Path) -> None:
+    """Draw standard errors on both arms, and how often doubts were resolved."""
+    with house_style():
+        panels = 2 + bool(result.get("cases"))
+        figure = Figure(figsize=(3.1 * panels, 3.1), layout="constrained")
+        axes = figure.subplots(1, panels)
+        marks = {"random": "s", "condition": "v", "d": "^", "a": "o"}
+        for n, (name, mark) in enumerate(marks.items()):
+            values = result.get("arm", {}).get("standard_errors", {}).get(name, [])
+            axes[0].plot([n] * len(values), values, mark, color="#0072B2", alpha=0.7)
+        axes[0].set_xticks(range(4), ["random", "condition\nnumber", "D", "A"])
+        axes[0].set_yscale("log")
+        axes[0].set_title("seven-joint arm:\nmean standard error / 5 % torque")
+        if result.get("ur10e"):
+            old, new = (np.array(result["ur10e"][k]) for k in ("old", "new"))
+            axes[1].loglog(old, new, "^", color="#0072B2")
+            low, high = min(old.min(), new.min()), max(old.max(), new.max())
+            axes[1].plot([low, high], [low, high], color="0.4", linewidth=0.8)
+            axes[1].set(xlabel="measured excitation", ylabel="designed motion")
+        axes[1].set_title("UR10e: standard errors")
+        for n, name in enumerate(("before", "random", "designed")):
+            s = result.get("resolved", {}).get(name)
+            if s:
+                axes[2].bar(n, s["share"], color=("0.6", "#D55E00", "#0072B2")[n], width=0.6)
+                middle = [[s["share"] - s["low"]], [s["high"] - s["share"]]]
+                axes[2].errorbar(n, s["share"], middle, color="black", capsize=3)
+        if panels == 3:
+            axes[2].set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
+            axes[2].set_ylim(0.0, 1.0)
+            axes[2].set_title(f"doubts resolved rightly, n = {len(result.get('cases', []))}")
+        save(figure, folder, "excite")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--work", type=Path, default=Path("out/everything/excite"))
+    parser.add_argument("--ur10e", type=Path, default=Path("../shared/data/ur10e"))
+    parser.add_argument("--parts", nargs="+", default=["arm", "ur10e", "cases"])
+    parser.add_argument("--root", type=int, default=310)
+    parser.add_argument("--most", type=int, default=20, help="cases")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--steps", type=int, default=100)
+    given = parser.parse_args()
+    choose_devices(None)
+    kept = given.folder / "excite.json"
+    result: dict[str, Any] = json.loads(kept.read_text()) if kept.is_file() else {}
+
+    def keep() -> None:
+        write_bytes(kept, (json.dumps(plain(result), indent=1) + "\n").encode())
+        write_bytes(given.folder / "excite.md", text(plain(result)).encode())
+
+    with jax.enable_x64(True):
+        if "cases" in given.parts:
+            result |= {"root": given.root, "cases": []}
+            opened = open_cases(given.work, given.root, ("clear",))
+            print(f"{len(opened)} open cases", flush=True)
+            result["open"] = len(opened)
+            for case, report in opened[: given.most]:
+                result["cases"].append(settled(case, report, given.work, min(given.steps, 60)))
+                result["resolved"] = {"before": share(c["before"] == 1 for c in result["cases"])}
+                for name in ("designed", "random"):
+                    result["resolved"][name] = share(
+                        float(c[name]["right"] == 1) for c in result["cases"]
+                    )
+                keep()
+        if "arm" in given.parts:
+            result["arm"] = arm_errors(given.seeds, given.steps)
+            keep()
+        if "ur10e" in given.parts and (found := measured_arm(given.ur10e, given.steps)):
+            result["ur10e"] = found
+            keep()
+    draw(plain(result), given.folder)
+    print(text(plain(result)))
+
+
+if __name__ == "__main__":
+    main()

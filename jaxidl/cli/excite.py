@@ -1,0 +1,86 @@
+"""The command ``jaxidl excite``."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
+
+from jaxidl.errors import ConfigurationError
+
+
+def excite(
+    *,
+    model: Annotated[Path, arg(metavar="ROBOT.xml")],
+    out: Annotated[Path, arg(metavar="FILE.csv")] = Path("motion.csv"),
+    for_: Annotated[
+        Path | None, arg(name="for", metavar="DIR", help_behavior_hint="(optional)")
+    ] = None,
+    limits: Annotated[
+        Path | None, arg(metavar="FILE.yaml", help_behavior_hint="(optional)")
+    ] = None,
+    start: Annotated[tuple[float, ...], arg(metavar="Q ...", help_behavior_hint="(optional)")] = (),
+    seconds: float = 20.0,
+    criterion: Annotated[str, arg(metavar="d|a")] = "d",
+    kind: Annotated[str, arg(metavar="fourier|spline")] = "fourier",
+    top: float = 1.5,
+    rate: float = 100.0,
+    starts: int = 4,
+    steps: int = 150,
+    seed: int = 0,
+) -> None:
+    """Design a motion that tells most: small standard errors of all effects, or, after a diagnosis
+    in doubt, the motion that settles it.
+
+    Args:
+        model: MJCF or URDF file.
+        out: the motion: time, q0..., qd0..., qdd0..., tau0...; beside it a picture (.png) and what
+            it is predicted to tell (.json).
+        for_: folder of a diagnosis (--out of jaxidl gap): tell its explanations apart, with the
+            noise of its log, and no further than its log went where no limits are given.
+        limits: YAML file with position, speed, acceleration, torque, margins, clearance and start.
+        start: posture at both ends [m or rad] (default: the middle of the range).
+        seconds: length of the motion.
+        criterion: D-optimal (product of the standard errors) or A-optimal (sum of their relative
+            squares); with --for it is T-optimal.
+        kind: Fourier series or B-spline.
+        top: highest frequency of the motion [Hz].
+        rate: samples of the file per second.
+        starts: number of random motions that are improved side by side.
+        steps: of gradient descent.
+        seed: of the random motions.
+    """
+    from jaxidl.backend import choose_devices
+    from jaxidl.excite.run import Request
+    from jaxidl.excite.run import excite as run
+    from jaxidl.files import as_json, write_bytes
+    from jaxidl.jobs.progress import Bar
+    from jaxidl.plot.excite import draw_excite
+    from jaxidl.stop import STOP
+
+    if out.suffix != ".csv":
+        raise ConfigurationError("--out FILE.csv", str(out), "give the motion a name with .csv")
+    if not all(map(math.isfinite, (seconds, top, rate, *start))):
+        raise ConfigurationError("finite numbers", "inf or nan", "correct the options")
+    request = Request(criterion, kind, seconds, top, rate, starts, steps, seed)
+    choose_devices(None)
+    with Bar("reading", transient=True) as bar:
+        result = run(
+            model,
+            request,
+            limits=limits,
+            start=start,
+            diagnosis=for_,
+            watch=lambda what, share: bar.at(share, what),
+        )
+    files = {out: result.csv(), out.with_suffix(".json"): as_json(result.record()) + "\n"}
+    for path, content in files.items():
+        write_bytes(path, content.encode())
+    draw_excite(result, out.with_suffix(".png"))
+    print(result.table)
+    for note in result.notes():
+        print(note)
+    for path in (*files, out.with_suffix(".png")):
+        print(f"wrote {path}")
+    if STOP.is_set():  # interrupted: these files hold the best so far
+        raise KeyboardInterrupt

@@ -1,0 +1,1 @@
+"""Motions that tell most about what a simulation may be missing."""

@@ -1,0 +1,191 @@
+"""What effects add to the torque along a motion, differentiable by the motion.
+
+The gap finder computes the same along a measured log (:mod:`jaxidl.gap.additions`), filtered as
+the log is. A planned motion has no noise, so nothing is filtered here; dry friction changes its
+sign within a narrow range of speeds instead of at once, so that derivatives see reversals.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from jaxidl.effects import Effect, OnJoint
+from jaxidl.gap.additions import Drive, along, narrowed, reaches
+from jaxidl.logs.signals import on_encoders
+from jaxidl.systems.mujoco_body import MujocoBody
+from jaxidl.systems.regressor import inverse_dynamics, table
+from jaxidl.systems.tables import Tables
+
+
+class Family(NamedTuple):
+    """G effects of one class and structure, on joints ``where`` (G, n)."""
+
+    structure: Any
+    leaves: tuple[np.ndarray, ...]  # (G, ...) each
+    where: np.ndarray
+    whole: bool  # they see all joints
+    sensors: bool  # they change what the encoders read
+    places: tuple[int, ...]  # (G,) in the list that they come from
+
+
+class Rigid(NamedTuple):
+    """G effects that only alter the rigid body: by how much, per effect."""
+
+    link: np.ndarray  # (G, J, 10) of the joints' bodies
+    mass: np.ndarray  # (G, J)
+    load: np.ndarray  # (G, 10)
+    rotor: np.ndarray  # (G, J)
+    tilt: np.ndarray  # (G, 2)
+    places: tuple[int, ...]
+
+
+class _Recorder:
+    """A body that records how it is altered."""
+
+    def __init__(self, joints: int):
+        self.link, self.mass, self.load = np.zeros((joints, 10)), np.zeros(joints), np.zeros(10)
+        self.rotor, self.turn = np.zeros(joints), np.zeros(2)
+
+    def add_inertia(self, extra: Any) -> "_Recorder":
+        self.rotor = self.rotor + np.asarray(extra)
+        return self
+
+    def add_mass(self, extra: Any) -> "_Recorder":
+        self.mass = self.mass + np.asarray(extra)
+        return self
+
+    def add_link(self, extra: Any) -> "_Recorder":
+        self.link = self.link + np.asarray(extra)
+        return self
+
+    def add_payload(self, extra: Any) -> "_Recorder":
+        self.load = self.load + np.asarray(extra)
+        return self
+
+    def tilt(self, angles: Any) -> "_Recorder":
+        self.turn = self.turn + np.asarray(angles)
+        return self
+
+
+def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ...]:
+    """Return effects of a mechanism of ``joints`` joints, those of one structure together."""
+    rigid = [n for n, e in enumerate(effects) if type(inner(e)).rigid()]
+    found: list[Rigid | Family] = []
+    if rigid:
+        records: list[Any] = [effects[n].alter(_Recorder(joints)) for n in rigid]
+        parts = ("link", "mass", "load", "rotor", "turn")
+        found.append(
+            Rigid(
+                **{
+                    "tilt" if p == "turn" else p: np.stack([getattr(r, p) for r in records])
+                    for p in parts
+                },
+                places=tuple(rigid),
+            )
+        )
+    together: dict[Any, list[int]] = {}
+    for n, effect in enumerate(effects):
+        if n not in rigid:
+            bare = inner(effect) if isinstance(effect, OnJoint) else effect
+            shapes = str([np.shape(x) for x in jax.tree.leaves(bare)])
+            free = bare.replace(joint=0, other=1) if hasattr(bare, "other") else bare
+            together.setdefault((jax.tree.structure(free), shapes), []).append(n)
+    found += [_family([effects[n] for n in places], tuple(places)) for places in together.values()]
+    return tuple(found)
+
+
+def inner(effect: Any) -> Any:
+    """Return the effect itself, without the joint that it is on."""
+    return effect.effect if isinstance(effect, OnJoint) else effect
+
+
+def _family(effects: list[Any], places: tuple[int, ...]) -> Family:
+    _, alone, joints = narrowed(effects)
+    first = effects[0]
+    whole = not hasattr(first, "other") and not (
+        isinstance(first, OnJoint) and not any(reaches(e.effect) for e in effects)
+    )
+    if hasattr(first, "other"):
+        where = np.array([[e.joint, e.other] for e in effects])
+    elif whole:
+        where = np.array(joints)[:, None]
+    else:
+        where = np.array([[e.joint] for e in effects])
+    leaves = tuple(
+        np.stack([np.asarray(x, float) for x in each])
+        for each in zip(*map(jax.tree.leaves, alone), strict=True)
+    )
+    return Family(
+        jax.tree.structure(alone[0]), leaves, where, whole, any(map(on_encoders, effects)), places
+    )
+
+
+def driven(
+    body: MujocoBody, own: Sequence[Rigid | Family], q: Any, qd: Any, qdd: Any, rest: Any, dt: float
+) -> Drive:
+    """Return what drives effects along a motion (T, J) sampled every ``dt`` [s].
+
+    The torque is that of the ``body`` and of the model's ``own`` effects, friction included, whose
+    sign changes within about ``rest`` (J,) [m/s or rad/s].
+    """
+    tables = jax.vmap(lambda *x: table(body, *x))(q, qd, qdd)
+    drive = Drive(q, qd, qdd, tables.torque, tables.torque, tables)
+    more = sum((added(f, drive, body, rest, dt).sum(0) for f in own), jnp.zeros_like(q))
+    return drive._replace(tau=drive.tau + more, predicted=drive.predicted + more)
+
+
+def added(
+    family: Rigid | Family, drive: Drive, body: MujocoBody, rest: Any, dt: float
+) -> jax.Array:
+    """Return the torque (G, T, J) [N or Nm] that each effect adds to the command needed."""
+    if isinstance(family, Rigid):
+        t = drive.table
+        return (
+            jnp.einsum("tijp,gjp->gti", t.by_link, family.link)
+            + jnp.einsum("tij,gj->gti", t.by_mass, family.mass)
+            + jnp.einsum("tip,gp->gti", t.by_load, family.load)
+            + jnp.einsum("tj,gj->gtj", drive.qdd, family.rotor)
+            + jnp.einsum("tia,ga->gti", t.by_tilt, family.tilt)
+        )
+    rest, starts = jnp.asarray(rest), np.zeros(len(drive.q), bool)
+    starts[0] = True
+
+    def one(values: Any, where: Any) -> jax.Array:
+        effect = jax.tree.unflatten(family.structure, values)
+        if family.whole and isinstance(effect, OnJoint):
+            effect = effect.replace(joint=where[0])
+        seen = drive if family.whole else _of(drive, where)
+        speeds = rest if family.whole else rest[where]
+        net = _net(effect, seen, starts, speeds, dt)
+        if family.sensors:
+            net = net + _moved(effect, drive, body, dt)
+        return net if family.whole else jnp.zeros_like(drive.q).at[:, where].set(net)
+
+    return jax.vmap(one)(tuple(map(jnp.asarray, family.leaves)), jnp.asarray(family.where))
+
+
+def _of(drive: Drive, where: Any) -> Drive:
+    """Return the drive of some joints, as if they were alone; nothing there reads the tables."""
+    T, n = len(drive.q), where.shape[0]
+    sizes = ((n,), *((n, n),) * 4, (n, n, 10), (n, 10), (n, 3), (n, 2))
+    blank = Tables(*(jnp.zeros((T, *size)) for size in sizes))
+    q, qd, qdd, tau, predicted = (x[:, where] for x in drive[:5])
+    return Drive(q, qd, qdd, tau, predicted, blank)
+
+
+def _net(effect: Any, drive: Drive, starts: Any, rest: Any, dt: float) -> jax.Array:
+    terms = along(effect, drive, starts, dt)
+    slide = terms.level * jnp.tanh(drive.qd / rest[None])
+    return slide - terms.torque - terms.change + terms.inertia
+
+
+def _moved(effect: Any, drive: Drive, body: MujocoBody, dt: float) -> jax.Array:
+    """Return the change (T, J) of the torque where the true positions are not the read ones."""
+    shift = effect.true_position(drive.q, dt) - drive.q
+    speed: Any = jnp.gradient(shift, dt, axis=0)
+    step = shift, speed, jnp.gradient(speed, dt, axis=0)
+    torque = jax.vmap(lambda *x: inverse_dynamics(body, *x))
+    return jax.jvp(torque, (drive.q, drive.qd, drive.qdd), step)[1]

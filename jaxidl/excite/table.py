@@ -1,0 +1,110 @@
+"""What a motion is predicted to tell: standard errors and separations, before and after."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jaxidl.excite.criteria import RIDGE, separations, standard_errors
+from jaxidl.excite.design import Designed
+from jaxidl.excite.parameters import Parameter
+from jaxidl.excite.plan import compiled
+from jaxidl.excite.prepare import Prepared
+from jaxidl.files import markdown
+from jaxidl.gap.words import readable
+
+MORE_THAN = 1e3  # sizes: a standard error of more says that the motion tells nothing
+HARDLY = 0.9  # share of what was known beforehand, likewise
+TOLD_APART = 10.0  # separation from which explanations are told apart: odds of more than 100 to 1
+
+
+def grams(made: Prepared, found: Designed) -> tuple[np.ndarray, np.ndarray]:
+    """Return the information (P, P) before and with the motion.
+
+    Before is the earlier log's or, where there is none, that of the median random motion.
+    """
+    plan = made.plan
+    run = compiled(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
+    stride = max(1, round(plan.dt / float(found.time[1] - found.time[0])))
+    dt = stride * float(found.time[1] - found.time[0])
+    new = np.asarray(run(*(x[::stride] for x in (found.q, found.qd, found.qdd)), dt))
+    if np.any(plan.earlier):
+        return np.asarray(plan.earlier), new + plan.earlier
+    return np.asarray(run(*found.first, plan.dt)), new
+
+
+def errors(made: Prepared, before: np.ndarray, after: np.ndarray) -> list[dict[str, Any]]:
+    """Return the predicted standard errors of each parameter, before and after."""
+    plan, rows = made.plan, []
+    contest = plan.contest
+    sets = [tuple(range(len(plan.size)))] if contest is None else contest.free
+    seen: set[Parameter] = set()
+    for own in sets:
+        at = np.array(own)
+        pair = []
+        for gram in (before, after):
+            inside = gram[np.ix_(at, at)]
+            pair.append(standard_errors(inside, plan.size[at], 1.0 if contest else RIDGE))
+        for n, (a, b) in zip(own, zip(*pair, strict=True), strict=True):
+            label = made.labels[n]
+            if label not in seen and plan.size[n] > 0.0:
+                seen.add(label)
+                most = MORE_THAN if contest is None else HARDLY
+                known = b < most * plan.size[n]
+                rows.append(
+                    label._asdict() | {"before": float(a), "after": float(b), "known": bool(known)}
+                )
+    return rows
+
+
+def separated(
+    made: Prepared, titles: Sequence[str], before: np.ndarray, after: np.ndarray
+) -> list[dict[str, Any]]:
+    """Return for each pair of explanations how well it is told apart, before and after.
+
+    It is the expected difference of log likelihoods where the wrong one is fitted.
+    """
+    contest = made.plan.contest
+    if contest is None:
+        return []
+    values = [np.asarray(separations(gram, contest)) / 2.0 for gram in (before, after)]
+    return [
+        {"true": titles[a], "fitted": titles[b], "before": float(old), "after": float(new)}
+        for (a, b), old, new in zip(contest.pairs, *values, strict=True)
+    ]
+
+
+def text(
+    names: Sequence[str], rows: Sequence[dict[str, Any]], apart: Sequence[dict[str, Any]], old: str
+) -> str:
+    """Return both tables as Markdown; ``old`` says what "before" is."""
+    out = []
+    if apart:
+        head = ["if it is", "and one fits", f"log likelihood apart, {old}", "with this motion"]
+        out.append(
+            markdown(
+                head,
+                (
+                    [r["true"], r["fitted"], f"{r['before']:.3g}", f"{r['after']:.3g}"]
+                    for r in apart
+                ),
+            )
+        )
+    head = ["effect", "joint", "parameter", f"standard error, {old}", "with this motion", "ratio"]
+    out.append(
+        markdown(
+            head,
+            (
+                [
+                    readable(r["effect"]),
+                    "" if r["joint"] is None else names[r["joint"]],
+                    r["name"],
+                    f"{r['before']:.2g} {r['unit']}".strip(),
+                    f"{r['after']:.2g} {r['unit']}".strip() if r["known"] else "not known",
+                    f"{r['after'] / r['before']:.2f}",
+                ]
+                for r in rows
+            ),
+        )
+    )
+    return "\n\n".join(out)
