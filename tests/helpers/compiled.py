@@ -64,14 +64,21 @@ def compiler() -> list[str]:
 
 
 def build(command: list[str], folder: Path, out: str, *options: str) -> Path:
-    """Compile all C files of a folder; any warning is an error."""
-    files = sorted(str(path) for path in folder.glob("*.c"))
-    done = subprocess.run(
-        [*command, *STRICT, *options, *files, "-o", str(folder / out), "-lm"],
-        capture_output=True,
-        text=True,
-    )
-    assert done.returncode == 0, done.stderr[:3000]
+    """Compile all C files of a folder; any warning is an error.
+
+    Linked with -ffast-math, a library would flush subnormal numbers to zero in the whole process
+    that loads it, this one.
+    """
+    linking = [word for word in options if word != "-ffast-math"]
+    steps = []
+    objects = []
+    for path in sorted(folder.glob("*.c")):
+        objects.append(str(path.with_suffix(f".{out}.o")))
+        steps.append([*STRICT, *options, "-c", str(path), "-o", objects[-1]])
+    steps.append([*linking, *objects, "-o", str(folder / out), "-lm"])
+    for words in steps:
+        done = subprocess.run([*command, *words], capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr[:3000]
     return folder / out
 
 
