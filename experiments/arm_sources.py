@@ -137,11 +137,13 @@ def main() -> None:
     file = (given.sweeps or given.folder) / "arm_weighted.nc"
     weighted = run_study(run.arm, run.grid, file, run.identity())
     three = xr.load_dataset(given.folder / "arm_conditions.nc")
+    about: dict[str, Any] = {"git_revision": weighted.attrs["git_revision"]}
     picked = pick(json.loads((given.folder / "arm.json").read_text())["pick"])
     found = rows([three, weighted], run.arm.feedforward_limit)
+    about |= {"rows": found, "pick": picked}
     write_bytes(
         given.folder / "arm_sources.json",
-        (json.dumps(plain({"rows": found, "pick": picked}), indent=1) + "\n").encode(),
+        (json.dumps(plain(about), indent=1) + "\n").encode(),
     )
     write_bytes(given.folder / "arm_sources_pick.md", (pick_table(picked) + "\n").encode())
     write_bytes(given.folder / "arm_sources.md", (table(found) + "\n").encode())

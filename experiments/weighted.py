@@ -206,12 +206,14 @@ def main() -> None:
     parser.add_argument("--sweeps", type=Path)
     given = parser.parse_args()
     choose_devices(None)
-    data = errors(given.folder / "study.nc", given.sweeps or given.folder)
+    sweeps = given.sweeps or given.folder
+    data = errors(given.folder / "study.nc", sweeps)
     found = rows(data)
+    revision = xr.load_dataset(sweeps / "weighted_paper.nc").attrs["git_revision"]
     listed = [r | {"ratio": [r["ratio"].value, *(r["ratio"].interval or ())]} for r in found]
     write_bytes(
         given.folder / "weighted.json",
-        (json.dumps(plain({"rows": listed}), indent=1) + "\n").encode(),
+        (json.dumps(plain({"git_revision": revision, "rows": listed}), indent=1) + "\n").encode(),
     )
     write_bytes(given.folder / "weighted.md", (table(found) + "\n").encode())
     draw(data, given.folder)
