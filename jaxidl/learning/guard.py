@@ -111,5 +111,5 @@ class Region(struct.PyTreeNode):
 
 
 def distance(q: History, desired: History) -> Float[Array, "*T"]:
-    """Return the distance (T,) of positions (T, J), or of one (J,), from those desired [m or rad]."""
+    """Return the distance (T,) of positions (T, J), or of one (J,), from the desired ones."""
     return root(jnp.sum((q - desired) ** 2, axis=-1))
