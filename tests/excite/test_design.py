@@ -89,6 +89,7 @@ def test_shapes_stay_apart(tmp_path, made, limits):
         design(replace(made.plan, limits=start), shapes, Effort(2, 20))
 
 
+@pytest.mark.slow
 def test_a_file_is_read_again_as_a_log(pendulum, tmp_path):
     limits = tmp_path / "limits.yaml"
     limits.write_text("position: [-1, 1]\nspeed: 2\nacceleration: 8\n")

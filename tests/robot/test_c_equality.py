@@ -67,7 +67,7 @@ def late(*values):
     return pytest.param(*values, marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize("name", ["urdf", "arm", *map(late, ("two_link", "rich", "ur10e"))])
+@pytest.mark.parametrize("name", ["urdf", *map(late, ("arm", "two_link", "rich", "ur10e"))])
 def test_rigid_bodies_and_the_effects_of_their_files(name, tmp_path):
     model = robot(name, tmp_path)
     joints = len(model.names)
