@@ -166,7 +166,7 @@ def learn(
     everything = noise, starts
     data, first, strayed = run_once(jax.tree.map(lambda x: x[0], everything))
     past = Strayed.of(strayed) if watched else None
-    share = None if schedule is None else jnp.ones_like(past.mean)
+    share = None if schedule is None else jnp.ones(())
     rest = jax.tree.map(lambda x: x[1:], everything)
     memory = jax.tree.map(lambda x: jnp.stack([x] * (1 + kept)), data)
     last, later = jax.lax.scan(
