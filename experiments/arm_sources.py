@@ -8,11 +8,10 @@ after the first, and how many of these touch the bound of the learned torque; ar
 pick and place (FOLDER/arm.json), execution by execution.
 """
 
-import argparse
 import json
-from pathlib import Path
 from typing import Any
 
+import guard
 import jax
 import numpy as np
 import xarray as xr
@@ -126,12 +125,7 @@ def pick_table(found: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--sweeps", type=Path)
-    given = parser.parse_args()
+    given = guard.folders(__doc__ or "")
     choose_devices(None)
     run = ArmRun(grid=ArmGrid(sources=("weighted",)))
     file = (given.sweeps or given.folder) / "arm_weighted.nc"

@@ -138,13 +138,18 @@ def draw(data: dict[str, xr.Dataset], folder: Path) -> None:
         save(figure, folder, "guard")
 
 
-def main() -> None:
+def folders(about: str) -> argparse.Namespace:
+    """Return the command's FOLDER and ``--sweeps``."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+        description=about, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--sweeps", type=Path)
-    given = parser.parse_args()
+    return parser.parse_args()
+
+
+def main() -> None:
+    given = folders(__doc__ or "")
     choose_devices(None)
     data = sweeps(given.sweeps or given.folder)
     rows = compared(data)

@@ -7,7 +7,6 @@ on, with and without the guard. FOLDER gets weighted.md, .json, .png and .pdf; t
 ``--sweeps`` (default: FOLDER), and an interrupted run continues.
 """
 
-import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -199,12 +198,7 @@ def draw(data: dict[str, xr.DataArray], folder: Path) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path)
-    parser.add_argument("--sweeps", type=Path)
-    given = parser.parse_args()
+    given = guard.folders(__doc__ or "")
     choose_devices(None)
     sweeps = given.sweeps or given.folder
     data = errors(given.folder / "study.nc", sweeps)

@@ -192,7 +192,7 @@ static int loop(int robot, int watchdog_ms)
     }
 }
 
-static void hurry(int priority)
+static void take_priority(int priority)
 {
     struct sched_param how;
     memset(&how, 0, sizeof how);
@@ -225,7 +225,7 @@ int main(int count, char **given)
         return UNUSABLE;
     }
     heading();
-    if (count > 4 && atoi(given[4]) > 0) hurry(atoi(given[4]));
+    if (count > 4 && atoi(given[4]) > 0) take_priority(atoi(given[4]));
     if (!meet(robot)) {
         fprintf(stderr, "controller: expected a robot at port %s; got no reading\n", given[1]);
         return UNUSABLE;

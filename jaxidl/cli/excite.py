@@ -6,6 +6,7 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.errors import ConfigurationError
 
 
@@ -16,10 +17,8 @@ def excite(
     for_: Annotated[
         Path | None, arg(name="for", metavar="DIR", help_behavior_hint="(optional)")
     ] = None,
-    limits: Annotated[
-        Path | None, arg(metavar="FILE.yaml", help_behavior_hint="(optional)")
-    ] = None,
-    start: Annotated[tuple[float, ...], arg(metavar="Q ...", help_behavior_hint="(optional)")] = (),
+    limits: Annotated[Path | None, optional("FILE.yaml")] = None,
+    start: Annotated[tuple[float, ...], optional("Q ...")] = (),
     seconds: float = 20.0,
     criterion: Annotated[str, arg(metavar="d|a")] = "d",
     kind: Annotated[str, arg(metavar="fourier|spline")] = "fourier",

@@ -10,14 +10,10 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.errors import ConfigurationError, JaxidlError, needs_checkout
 
 Names = tuple[str, ...]
-
-
-def _optional(metavar: str) -> Any:
-    """An option whose default, nothing, says nothing in a help text."""
-    return arg(metavar=metavar, help_behavior_hint="(optional)")
 
 
 def gap(
@@ -32,16 +28,16 @@ def gap(
     out: Annotated[Path, arg(metavar="DIR")] = Path("gap"),
     held_out: float = 0.3,
     min_gain: float = 0.05,
-    reference: Annotated[tuple[Path, ...], _optional("OLD ...")] = (),
-    effects: Annotated[Names, _optional("NAME ...")] = (),
-    exclude: Annotated[Names, _optional("NAME ...")] = (),
-    plugin: Annotated[Names, _optional("FILE.py ...")] = (),
+    reference: Annotated[tuple[Path, ...], optional("OLD ...")] = (),
+    effects: Annotated[Names, optional("NAME ...")] = (),
+    exclude: Annotated[Names, optional("NAME ...")] = (),
+    plugin: Annotated[Names, optional("FILE.py ...")] = (),
     refine: bool = False,
-    joints: Annotated[Names, _optional("NAME ...")] = (),
-    columns: Annotated[Names, _optional("KEY=TITLE ...")] = (),
-    motor: Annotated[Path | None, _optional("FILE.yaml")] = None,
-    torque_constant: Annotated[tuple[float, ...], _optional("NM/A ...")] = (),
-    gear_ratio: Annotated[tuple[float, ...], _optional("RATIO ...")] = (),
+    joints: Annotated[Names, optional("NAME ...")] = (),
+    columns: Annotated[Names, optional("KEY=TITLE ...")] = (),
+    motor: Annotated[Path | None, optional("FILE.yaml")] = None,
+    torque_constant: Annotated[tuple[float, ...], optional("NM/A ...")] = (),
+    gear_ratio: Annotated[tuple[float, ...], optional("RATIO ...")] = (),
     topic: Annotated[str | None, arg(metavar="NAME")] = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect,

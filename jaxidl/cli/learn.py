@@ -6,13 +6,8 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.errors import ConfigurationError
-
-
-def _optional(metavar: str) -> Any:
-    """An option whose default, nothing, says nothing in a help text."""
-    return arg(metavar=metavar, help_behavior_hint="(optional)")
-
 
 Numbers = tuple[float, ...]
 
@@ -26,20 +21,20 @@ def learn(
     /,
     *,
     out: Annotated[Path, arg(metavar="DIR")],
-    model: Annotated[Path | None, _optional("ROBOT.xml")] = None,
+    model: Annotated[Path | None, optional("ROBOT.xml")] = None,
     continued: Annotated[Path | None, arg(name="continue", metavar="DIR")] = None,
-    source: Annotated[str | None, _optional("indirect|direct|joint|weighted")] = None,
+    source: Annotated[str | None, optional("indirect|direct|joint|weighted")] = None,
     guard: bool = False,
-    smoothing: Annotated[float | None, _optional("ALPHA")] = None,
-    gains: Annotated[Path | None, _optional("FILE.yaml")] = None,
-    torque_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
-    feedforward_limit: Annotated[Numbers, _optional("LIMIT ...")] = (),
-    kept: Annotated[int | None, _optional("N")] = None,
-    motion: Annotated[str | None, _optional("offline|finite_difference|filtered")] = None,
-    epochs: Annotated[int | None, _optional("N")] = None,
-    layers: Annotated[tuple[int, ...], _optional("N ...")] = (),
-    seed: Annotated[int | None, _optional("N")] = None,
-    columns: Annotated[tuple[str, ...], _optional("KEY=TITLE ...")] = (),
+    smoothing: Annotated[float | None, optional("ALPHA")] = None,
+    gains: Annotated[Path | None, optional("FILE.yaml")] = None,
+    torque_limit: Annotated[Numbers, optional("LIMIT ...")] = (),
+    feedforward_limit: Annotated[Numbers, optional("LIMIT ...")] = (),
+    kept: Annotated[int | None, optional("N")] = None,
+    motion: Annotated[str | None, optional("offline|finite_difference|filtered")] = None,
+    epochs: Annotated[int | None, optional("N")] = None,
+    layers: Annotated[tuple[int, ...], optional("N ...")] = (),
+    seed: Annotated[int | None, optional("N")] = None,
+    columns: Annotated[tuple[str, ...], optional("KEY=TITLE ...")] = (),
     tolerance: float = 0.05,
 ) -> None:
     """Learn from executions that were recorded on a robot: write the feedforward for the next one.

@@ -2,7 +2,7 @@
 
 The matrix is Fisher's information of the columns' coefficients. D: the mean logarithm of the
 standard errors. A: their mean square, each relative to a size. T: how well the best of several
-explanations can be told from the others (Atkinson and Fedorov 1975). All are to be minimised, are
+explanations differs from the others (Atkinson and Fedorov 1975). All are to be minimised, are
 logarithms, and can be differentiated.
 """
 

@@ -114,5 +114,5 @@ def random_start(plan: Plan, rng: np.random.Generator) -> np.ndarray:
 
 
 def compiled(f: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    """Return ``f`` compiled in a hurry: compiling takes longer than running."""
+    """Return ``f`` compiled with few optimisations: compiling takes longer than running."""
     return jax.jit(f, compiler_options=QUICK, **options)

@@ -18,7 +18,7 @@ from jaxidl.excite.doubt import Doubt, doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
-from jaxidl.excite.table import TOLD_APART, errors, grams, separated, text
+from jaxidl.excite.table import APART, errors, grams, separated, text
 from jaxidl.systems.bounds import Shapes, bounds
 from jaxidl.systems.mjcf import Model, read_model
 
@@ -89,7 +89,7 @@ class Result(NamedTuple):
                 " of torque or clearance"
             )
         for pair in self.apart:
-            if pair["after"] < TOLD_APART:
+            if pair["after"] < APART:
                 out.append(
                     f"{pair['true']} and {pair['fitted']}: even this motion hardly tells them apart"
                     f" (log likelihood {pair['after']:.3g}); wider limits or a known load may"

@@ -15,7 +15,7 @@ from jaxidl.gap.words import readable
 
 MORE_THAN = 1e3  # sizes: a standard error of more says that the motion tells nothing
 HARDLY = 0.9  # share of what was known beforehand, likewise
-TOLD_APART = 10.0  # separation from which explanations are told apart: odds of more than 100 to 1
+APART = 10.0  # separation from which a log decides between explanations: odds above 100 to 1
 
 
 def grams(made: Prepared, found: Designed) -> tuple[np.ndarray, np.ndarray]:
@@ -60,7 +60,7 @@ def errors(made: Prepared, before: np.ndarray, after: np.ndarray) -> list[dict[s
 def separated(
     made: Prepared, titles: Sequence[str], before: np.ndarray, after: np.ndarray
 ) -> list[dict[str, Any]]:
-    """Return for each pair of explanations how well it is told apart, before and after.
+    """Return for each pair of explanations how far apart it is, before and after.
 
     It is the expected difference of log likelihoods where the wrong one is fitted.
     """
