@@ -20,6 +20,7 @@ What it feels with which model: :doc:`/explanation/pushes`.
 """
 
 from functools import cache
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -36,25 +37,42 @@ FEWEST = 3  # executions that a threshold needs
 DRAWS = 20_000  # of sets of executions, for the threshold's margin
 
 
+class Memory(NamedTuple):
+    """What an observer keeps from step to step, (J,) each."""
+
+    residual: Joints  # [N or Nm]
+    command: Joints  # that shows in the sensed velocity by now [N or Nm]
+
+
 class Observer(struct.PyTreeNode):
     """The generalised momentum observer of the torque from outside."""
 
     model: RigidBody | Plant  # a plant's friction is explained, too
     dt: Scalar  # control step [s]
     smoothing: Scalar = 0.1  # weight of a new sample in the residual [-]
+    # time until a command shows in the sensed velocity [s]: the motor's delay, half a step, and the
+    # delay of the velocity's own filter
+    lag: Scalar = 0.0
 
-    def update(self, residual: Joints, before: State, after: State, tau: Joints) -> Joints:
-        """Return the residual (J,) [N or Nm] after a control step.
+    def start(self, sensed: State) -> Memory:
+        """Return the memory at rest in the ``sensed`` state."""
+        zero = jnp.zeros_like(sensed.q)
+        return Memory(zero, self.model.inverse_dynamics(sensed.q, zero, zero))
+
+    def update(self, memory: Memory, before: State, after: State, tau: Joints) -> Memory:
+        """Return the memory with the residual after a control step.
 
         Args:
-            residual: before the step; zero at the start.
+            memory: before the step.
             before: sensed state before the step.
             after: sensed state after it.
             tau: (J,) the command of the step less what a learned model says [N or Nm].
         """
         qdd = (after.qd - before.qd) / self.dt
-        needed = self.model.inverse_dynamics(before.q, before.qd, qdd)
-        return residual + self.smoothing * (needed - tau - residual)
+        command = memory.command + self.dt / (self.lag + self.dt) * (tau - memory.command)
+        outside = self.model.inverse_dynamics(before.q, before.qd, qdd) - command
+        residual = memory.residual + self.smoothing * (outside - memory.residual)
+        return Memory(residual, command)
 
     def along(self, run: Trajectory) -> History:
         """Return the residual (T, J) of an execution, before each of its steps.
@@ -62,16 +80,16 @@ class Observer(struct.PyTreeNode):
         What the error model said counts as explained.
         """
 
-        def step(residual: Joints, now: tuple[State, State, Joints]) -> tuple[Joints, Joints]:
-            residual = self.update(residual, *now)
-            return residual, residual
+        def step(memory: Memory, now: tuple[State, State, Joints]) -> tuple[Memory, Joints]:
+            memory = self.update(memory, *now)
+            return memory, memory.residual
 
         sensed = State(run.q_sensing, run.qd_sensing)
         before, after = (jax.tree.map(lambda x, at=at: x[at], sensed) for at in (_ALL, _NEXT))
-        explained = run.tau - run.tau_feedforward
-        zero = jnp.zeros_like(sensed.q[0])
-        later = jax.lax.scan(step, zero, (before, after, explained[:-1]))[1]
-        return jnp.concatenate([zero[None], later])
+        explained = (run.tau - run.tau_feedforward)[_ALL]
+        start = self.start(State(sensed.q[0], sensed.qd[0]))
+        later = jax.lax.scan(step, start, (before, after, explained))[1]
+        return jnp.concatenate([start.residual[None], later])
 
 
 _ALL, _NEXT = slice(None, -1), slice(1, None)

@@ -1,0 +1,337 @@
+"""Which pushes a detector feels, with which model: ``python experiments/pushes.py FOLDER``.
+
+The seven-joint arm repeats its task with what it has learned from weighted data, and is pushed on
+one joint at a random moment: 1 to 10 Nm for 20 to 200 ms. Thresholds come from earlier executions
+without a push. Compared are the learning feedback that is left, and the generalised momentum
+observer with the rigid model, with the model that ``jaxidl gap`` has corrected, and with the
+learned one. FOLDER gets pushes.md, .json, .png and .pdf; the diagnosis stays in ``--sweeps``
+(default: FOLDER), and is not repeated.
+"""
+
+import json
+from collections.abc import Callable
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import guard
+import jax
+import jax.numpy as jnp
+import numpy as np
+import wall
+from matplotlib.figure import Figure
+from scipy.stats import binomtest
+
+from jaxidl import report
+from jaxidl.arm.hidden import Logged, find
+from jaxidl.arm.setup import ArmStudy, learn_arm
+from jaxidl.backend import choose_devices, compiler_options
+from jaxidl.effects import ConstantOffset
+from jaxidl.files import markdown, plain, write_bytes
+from jaxidl.jobs.provenance import revision
+from jaxidl.learning.detector import Observer, calibrate
+from jaxidl.learning.execute import execute
+from jaxidl.plot.style import house_style, save
+from jaxidl.systems import Plant
+from jaxidl.systems.arm import JOINTS, arm
+from jaxidl.systems.mjcf import read_model
+from jaxidl.types import Trajectory
+
+SEEDS = (31, 32, 33)  # of learning runs; others were looked at while this was made
+NOISE = 1e-5  # of the encoders [rad]
+LEARNED, EARLIER, QUIET, PUSHED, WALLS = 6, 20, 150, 150, 50  # executions of each seed
+SIZE, LASTS = (1.0, 10.0), (0.02, 0.2)  # of a push [Nm], [s]; drawn uniformly in the logarithm
+FILTER = 1.5e-3  # [s] of delay in the sensed velocity
+AFTER = 0.1  # [s] after a push in which it may still be felt
+ASKED = 60.0  # false alarms an hour
+MARGINS = np.linspace(-2.0, 20.0, 221)  # standard deviations above the mean largest residual
+LARGE, LONG = 3.0, 0.06  # [Nm], [s] from which on a push is called so
+MODELS = {
+    "feedback": "learning feedback",
+    "rigid": "observer, rigid model",
+    "corrected": "observer, corrected by gap",
+    "learned": "observer, learned model",
+}
+STYLE = {
+    "feedback": {"color": "#D55E00", "linestyle": "--"},
+    "rigid": {"color": "#777777", "linestyle": "-."},
+    "corrected": {"color": "#0072B2", "linestyle": ":"},
+    "learned": {"color": "#009E73", "linestyle": "-"},
+}
+KINDS = {"pushes": "pushed on one joint", "collisions": "run into a wall"}
+Pushes = dict[str, np.ndarray]  # joint, size, begin, end: (N,) each
+
+
+def draw(study: ArmStudy, number: int, seed: int) -> Pushes:
+    """Return as many pushes: joint, torque [Nm], first and last step."""
+    rng = np.random.default_rng([seed, 1])
+    between = lambda low, high: np.exp(rng.uniform(np.log(low), np.log(high), number))
+    size, lasts = between(*SIZE) * rng.choice([-1.0, 1.0], number), between(*LASTS) / study.dt
+    begin = rng.integers(100, study.steps - round((LASTS[1] + AFTER) / study.dt), number)
+    joint = rng.integers(0, JOINTS, number)
+    return {"joint": joint, "size": size, "begin": begin, "end": begin + lasts.round().astype(int)}
+
+
+def pushed(plant: Plant, circumstances: Any) -> Plant:
+    """Return the plant with a torque (J,) [Nm] from outside."""
+    *rest, _ = plant.effects
+    return plant.replace(effects=(*rest, ConstantOffset(circumstances)))
+
+
+def residuals(study: ArmStudy, corrected: Plant, run: Trajectory, delay: float) -> dict[str, Any]:
+    """Return the residuals (T, J) of one execution, by model; the motors' ``delay`` is in [s]."""
+    lag = delay + FILTER + 0.5 * study.dt
+    observe = lambda model, run: Observer(model, study.dt, study.smoothing, lag).along(run)
+    body = arm().plant.body
+    unlearned = run.replace(tau_feedforward=jnp.zeros_like(run.tau))
+    found = {
+        "feedback": run.tau_feedback,
+        "rigid": observe(body, unlearned),
+        "corrected": observe(corrected, unlearned),
+        "learned": observe(body, run),
+    }
+    return jax.tree.map(lambda x: x.astype(jnp.float32), found)
+
+
+@cache
+def learned(study: ArmStudy, seed: int) -> Any:
+    """Return the weights after ``LEARNED`` executions."""
+    learn = lambda key: learn_arm(study, "weighted", jnp.asarray(NOISE), key, LEARNED)
+    jitted = jax.jit(learn, compiler_options=compiler_options())
+    return jitted(jax.random.key(seed)).learner.params
+
+
+def runner(
+    study: ArmStudy, params: Any, corrected: Plant
+) -> Callable[[Any, Pushes], dict[str, np.ndarray]]:
+    """Return a function of a key and pushes (N,) to residuals (N, T, J) of each model."""
+    setting = study.setting(jnp.asarray(NOISE))
+    plant = setting.plant.replace(
+        effects=(*setting.plant.effects, ConstantOffset(jnp.zeros(JOINTS)))
+    )
+    feedforward = lambda state, qdd, _: study.error_model.torque(params, state, qdd)
+
+    def one(inputs: Any) -> dict[str, Any]:
+        key, push = inputs
+        draws, start = jax.random.split(key)
+        t = jnp.arange(study.steps)[:, None]
+        now = (t >= push["begin"]) & (t < push["end"]) & (jnp.arange(JOINTS) == push["joint"])
+        task = setting.task.replace(circumstances=jnp.where(now, push["size"], 0.0), world=pushed)
+        off = NOISE * jnp.clip(jax.random.normal(start, (JOINTS,)), -1.0, 1.0)
+        noise = jax.random.normal(draws, (study.steps, JOINTS))
+        start_at = task.start.q + off
+        run = execute(plant, setting.model, setting.law, task, noise, feedforward, start_at)
+        return residuals(study, corrected, run, study.delay)
+
+    all_of = jax.jit(partial(jax.lax.map, one), compiler_options=compiler_options())
+    return lambda key, pushes: jax.tree.map(
+        np.asarray, all_of((jax.random.split(key, len(pushes["joint"])), pushes))
+    )
+
+
+def corrected_model(folder: Path) -> Plant:
+    """Return the arm's model as the gap finder corrects it from a log, diagnosed once."""
+    to = folder / "pushes_corrected"
+    if not (to / "report" / "model.xml").exists():
+        find(Logged(), to, report.save)
+    return read_model(to / "report" / "model.xml").plant
+
+
+def executed(folder: Path, seed: int) -> tuple[ArmStudy, Pushes, dict[str, Any]]:
+    """Learn, then execute: return the pushes and residuals of each kind of execution and model."""
+    study = ArmStudy(acceleration="zero_phase")
+    run = runner(study, learned(study, seed), corrected_model(folder))
+    none = lambda number: {**draw(study, number, seed), "size": np.zeros(number)}
+    kinds = {
+        "earlier": none(EARLIER),
+        "quiet": none(QUIET),
+        "pushed": draw(study, PUSHED, seed),
+    }
+    keys = jax.random.split(jax.random.fold_in(jax.random.key(seed), 7), len(kinds))
+    found = {name: run(k, kind) for k, (name, kind) in zip(keys, kinds.items(), strict=True)}
+    return study, kinds["pushed"], found
+
+
+def collided(folder: Path, seed: int) -> tuple[ArmStudy, Pushes, dict[str, Any]]:
+    """Learn, then execute in MuJoCo: the same, with walls in the way instead of pushes."""
+    study = ArmStudy(acceleration="zero_phase")
+    corrected, engine = corrected_model(folder), wall.Engine(study, NOISE, folder)
+    observed = lambda run: residuals(study, corrected, run, 0.0)
+    once = wall.executions(study, learned(study, seed), engine, observed)
+    key = jax.random.fold_in(jax.random.key(seed), 8)
+    engine.begin()
+    path = np.asarray(once(key)[1])
+    places = [()] * (EARLIER + WALLS) + wall.walls(path, study.dt, WALLS, seed)
+    found, touched = [], []
+    for k, place in enumerate(places):
+        engine.begin(*place)
+        found.append(jax.tree.map(np.asarray, once(jax.random.fold_in(key, 1 + k))[0]))
+        touched.append(engine.touched)
+    begin = np.array(touched[-WALLS:])
+    assert (begin >= 0).all()
+    assert max(touched[:-WALLS]) < 0
+    several = lambda runs: {model: np.stack([run[model] for run in runs]) for model in MODELS}
+    cut = {
+        "earlier": several(found[:EARLIER]),
+        "quiet": several(found[EARLIER:-WALLS]),
+        "pushed": several(found[-WALLS:]),
+    }
+    # of a collision there is neither size nor end: what counts is how soon it is felt
+    none = np.zeros(WALLS)
+    return study, {"joint": none, "size": none, "begin": begin, "end": begin}, cut
+
+
+def heights(residual: np.ndarray, earlier: np.ndarray) -> np.ndarray:
+    """Return the height (N, T) of residuals (N, T, J) above the largest of earlier executions.
+
+    In their standard deviations, of the joint that is highest.
+    """
+    largest = np.abs(earlier).max(1)
+    return ((np.abs(residual) - largest.mean(0)) / largest.std(0, ddof=1)).max(-1)
+
+
+def delays(height: np.ndarray, pushes: Pushes, margins: np.ndarray, dt: float) -> np.ndarray:
+    """Return the delay (N, M) [s] with which each push is felt at each margin.
+
+    NaN: not felt until ``AFTER`` its end, or there was an alarm before it.
+    """
+    steps, begin = np.arange(height.shape[1]), pushes["begin"][:, None]
+    during = (steps >= begin) & (steps < pushes["end"][:, None] + AFTER / dt)
+    # the first step at which the height so far exceeds the margin
+    rising = np.maximum.accumulate(np.where(during, height, -np.inf), axis=1)
+    first = np.stack([np.searchsorted(row, margins, "right") for row in rising])
+    before = np.where(steps < begin, height, -np.inf).max(1)[:, None]
+    missed = (first == len(steps)) | (before > margins)
+    return np.where(missed, np.nan, dt * (first - begin))
+
+
+def scored(seeds: list[tuple[ArmStudy, Pushes, dict[str, Any]]]) -> dict[str, Any]:
+    """Return for each model its curve, and what it feels at the rate of alarms that was asked."""
+    out = {}
+    for model in MODELS:
+        alarms, felt, asked = [], [], []
+        for study, pushes, found in seeds:
+            earlier, quiet, push = (found[kind][model] for kind in ("earlier", "quiet", "pushed"))
+            alarms.append(heights(quiet, earlier).max(1)[:, None] > MARGINS)
+            felt.append(np.isfinite(delays(heights(push, earlier), pushes, MARGINS, study.dt)))
+            detector = calibrate(jnp.asarray(earlier), study.dt, ASKED)
+            # one where a joint is above its threshold, minus one elsewhere
+            signs = [
+                2.0 * np.asarray(detector.feels(jnp.asarray(kind))) - 1.0 for kind in (quiet, push)
+            ]
+            asked.append(
+                {
+                    "alarms": signs[0].max(1) > 0.0,
+                    "delay": delays(signs[1], pushes, np.zeros(1), study.dt)[:, 0],
+                    "threshold": np.asarray(detector.threshold),
+                    **pushes,
+                }
+            )
+        hours = seeds[0][0].steps * seeds[0][0].dt / 3600.0  # of an execution
+        out[model] = {
+            "alarms_per_hour": np.concatenate(alarms).mean(0) / hours,
+            "fewest": 1.0 / (hours * len(np.concatenate(alarms))),
+            "felt": np.concatenate(felt).mean(0),
+            **at_asked({k: np.concatenate([part[k] for part in asked]) for k in asked[0]}, hours),
+        }
+    return out
+
+
+def at_asked(found: dict[str, np.ndarray], hours: float) -> dict[str, Any]:
+    """Return what is felt, and how often falsely, at the threshold of ``ASKED`` alarms an hour."""
+    alarms, delay = found["alarms"], found["delay"]
+    near = binomtest(int(alarms.sum()), len(alarms)).proportion_ci()
+    large = np.abs(found["size"]) >= LARGE
+    long = found["end"] - found["begin"] >= LONG / 1e-3
+    felt = np.isfinite(delay)
+    return {
+        "false": alarms.mean() / hours,
+        "false_between": [near.low / hours, near.high / hours],
+        "threshold": found["threshold"].reshape(-1, JOINTS).mean(0),
+        "share": felt.mean(),
+        "share_of": {
+            name: felt[which].mean()
+            for name, which in {
+                "small, short": ~large & ~long,
+                "small, long": ~large & long,
+                "large, short": large & ~long,
+                "large, long": large & long,
+            }.items()
+            if which.any()
+        },
+        "delay": np.nanpercentile(delay, (50, 90)),
+    }
+
+
+def draw_figure(found: dict[str, Any], folder: Path) -> None:
+    """Draw which share of pushes and collisions is felt, over false alarms an hour."""
+    with house_style():
+        figure = Figure(figsize=(7.2, 3.1), layout="constrained")
+        panels = figure.subplots(1, 2, sharey=True)
+        for axes, (kind, title) in zip(panels, KINDS.items(), strict=True):
+            for model, row in found[kind].items():
+                alarms = np.array(row["alarms_per_hour"])
+                # none seen: less than one in all of them
+                shown = np.maximum(alarms, row["fewest"] / 2.0)
+                axes.plot(shown, 100.0 * np.array(row["felt"]), label=MODELS[model], **STYLE[model])
+                axes.plot(
+                    max(row["false"], row["fewest"] / 2.0),
+                    100.0 * row["share"],
+                    "o",
+                    color=STYLE[model]["color"],
+                    markersize=5,
+                )
+            axes.axvline(ASKED, color="black", linewidth=0.6)
+            axes.set(title=title, xscale="log", xlabel="false alarms an hour", ylim=(0.0, 103.0))
+        panels[0].set_ylabel("felt [%]")
+        panels[0].legend(loc="lower left")
+        save(figure, folder, "pushes")
+
+
+def table(found: dict[str, dict[str, Any]]) -> str:
+    """Return the rows as Markdown."""
+    heads = [
+        "what is watched",
+        f"false alarms an hour (asked: {ASKED:g})",
+        "felt",
+        *(f"felt, {name}" for name in next(iter(found["pushes"].values()))["share_of"]),
+        "delay, median and 90 %",
+        "collisions felt",
+        "delay",
+    ]
+    rows = []
+    for model, row in found["pushes"].items():
+        wall = found["collisions"][model]
+        ms = lambda delay: "{:.0f}, {:.0f} ms".format(*(1e3 * np.array(delay)))
+        rows.append(
+            [
+                MODELS[model],
+                "{:.0f} [{:.0f}, {:.0f}]".format(row["false"], *row["false_between"]),
+                f"{row['share']:.0%}",
+                *(f"{x:.0%}" for x in row["share_of"].values()),
+                ms(row["delay"]),
+                f"{wall['share']:.0%}",
+                ms(wall["delay"]),
+            ]
+        )
+    return markdown(heads, rows)
+
+
+def main() -> None:
+    given = guard.folders(__doc__ or "")
+    choose_devices(None)
+    jax.config.update("jax_enable_x64", True)
+    work = given.sweeps or given.folder
+    found = {
+        "pushes": scored([executed(work, seed) for seed in SEEDS]),
+        "collisions": scored([collided(work, seed) for seed in SEEDS]),
+    }
+    about = {"git_revision": revision(), "asked": ASKED, "seeds": SEEDS, **found}
+    write_bytes(given.folder / "pushes.json", (json.dumps(plain(about), indent=1) + "\n").encode())
+    write_bytes(given.folder / "pushes.md", (table(found) + "\n").encode())
+    draw_figure(found, given.folder)
+    print(table(found))
+
+
+if __name__ == "__main__":
+    main()
