@@ -10,6 +10,7 @@ learned one. FOLDER gets pushes.md, .json, .png and .pdf; the diagnosis stays in
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from jaxidl import report
 from jaxidl.arm.hidden import Logged, find
 from jaxidl.arm.setup import ArmStudy, learn_arm
 from jaxidl.backend import choose_devices, compiler_options
+from jaxidl.control import Filtered
 from jaxidl.effects import ConstantOffset
 from jaxidl.files import markdown, plain, write_bytes
 from jaxidl.jobs.provenance import revision
@@ -41,7 +43,6 @@ SEEDS = (31, 32, 33)  # of learning runs; others were looked at while this was m
 NOISE = 1e-5  # of the encoders [rad]
 LEARNED, EARLIER, QUIET, PUSHED, WALLS = 6, 20, 150, 150, 50  # executions of each seed
 SIZE, LASTS = (1.0, 10.0), (0.02, 0.2)  # of a push [Nm], [s]; drawn uniformly in the logarithm
-FILTER = 1.5e-3  # [s] of delay in the sensed velocity
 AFTER = 0.1  # [s] after a push in which it may still be felt
 ASKED = 60.0  # false alarms an hour
 MARGINS = np.linspace(-2.0, 20.0, 221)  # standard deviations above the mean largest residual
@@ -80,10 +81,10 @@ def pushed(plant: Plant, circumstances: Any) -> Plant:
 
 def residuals(study: ArmStudy, corrected: Plant, run: Trajectory, delay: float) -> dict[str, Any]:
     """Return the residuals (T, J) of one execution, by model; the motors' ``delay`` is in [s]."""
-    lag = delay + FILTER + 0.5 * study.dt
+    lag = delay + Filtered(study.velocity_band, study.acceleration_band).lag(study.dt)
     observe = lambda model, run: Observer(model, study.dt, study.smoothing, lag).along(run)
     body = arm().plant.body
-    unlearned = run.replace(tau_feedforward=jnp.zeros_like(run.tau))
+    unlearned = replace(run, tau_feedforward=jnp.zeros_like(run.tau))
     found = {
         "feedback": run.tau_feedback,
         "rigid": observe(body, unlearned),

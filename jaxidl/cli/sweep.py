@@ -32,8 +32,8 @@ def sweep(
         train_on: the state that the networks are trained on.
         guard: limit learned torques to the range of their data, and fade them out where the robot
             strays from the desired trajectory.
-        schedule: let the applied gains fall with the feedback that is left, down to a quarter, and
-            return where the robot strays.
+        schedule: let the applied gains fall while tracking stays close to the best execution's,
+            down to a quarter, and return where the robot strays.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep

@@ -6,6 +6,7 @@ They come with the desired acceleration to compare them with.
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax.numpy as jnp
+import numpy as np
 from flax import struct
 
 from jaxidl.types import Joints, Scalar, State
@@ -51,6 +52,10 @@ class FiniteDifference(struct.PyTreeNode):
         qd = (q - before.q) / dt
         return Motion(State(q, qd), (qd - before.qd) / dt, qdd_desired), ()
 
+    def lag(self, dt: float) -> float:
+        """Return how late the velocity is [s]: a difference is that of the middle of its step."""
+        return 0.5 * dt
+
 
 class FilterMemory(NamedTuple):
     """Memory of :class:`Filtered`, (J,) each."""
@@ -88,6 +93,11 @@ class Filtered(struct.PyTreeNode):
         return Motion(State(q, qd), qdd, wanted), FilterMemory(
             difference, qd, qdd, qdd_desired, wanted
         )
+
+    def lag(self, dt: float) -> float:
+        """Return how late the velocity is [s]: half a step, and the delay of its filter."""
+        weight = float(np.asarray(share(self.velocity_band, dt)))
+        return (1.0 / weight - 0.5) * dt
 
 
 def share(band: Scalar, dt: float) -> Scalar:

@@ -155,4 +155,4 @@ def exceeded(executions: int, share: float) -> float:
     def excess(margin: float) -> float:
         return float(np.mean(-np.expm1(-np.exp(-(mean + margin * deviation)))) - share)
 
-    return float(brentq(excess, -10.0, 1e4))
+    return brentq(excess, -10.0, 1e4)  # type: ignore[return-value]

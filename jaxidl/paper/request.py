@@ -34,5 +34,5 @@ class Request:
     """Limit learned torques to the range of their data, and fade them out where the robot strays
     from the desired trajectory."""
     schedule: bool = False
-    """Let the applied gains fall with the feedback that is left, and return where the robot
-    strays."""
+    """Let the applied gains fall while tracking stays close to the best execution's, and return
+    where the robot strays."""

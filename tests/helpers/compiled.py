@@ -94,6 +94,7 @@ class InC:
         name = f"robot{len(list(folder.glob('*.so')))}.so"
         library = build(compiler(), folder, name, "-O1", "-shared", "-fPIC", *options)
         self.library, self.joints = ctypes.CDLL(str(library)), len(own.joints)
+        self.controller = own
         self.fields = _fields(code.header)
         self.state = ctypes.create_string_buffer(1 << 14)
 

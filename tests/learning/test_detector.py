@@ -1,15 +1,18 @@
 """A detector of pushes: the observer against its textbook form, thresholds against chance."""
 
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxidl.control import Filtered
 from jaxidl.effects import ViscousFriction
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
 from jaxidl.learning.detector import Detector, Observer, calibrate, exceeded
-from jaxidl.systems import Plant, PointMass
+from jaxidl.systems import Plant, PointMass, integrate
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import State
 from tests.helpers.studies import run_of
@@ -35,12 +38,13 @@ def moving(dt):
 def stepped(observer, states, tau):
     """The residual after every step (T, J)."""
 
-    def step(r, now):
-        r = observer.update(r, *now)
-        return r, r
+    def step(memory, now):
+        memory = observer.update(memory, *now)
+        return memory, memory.residual
 
     before, after = (State(*(x[at] for x in states)) for at in (slice(-1), slice(1, None)))
-    return jax.lax.scan(step, jnp.zeros(2), (before, after, tau[:-1]))[1]
+    start = observer.start(State(states.q[0], states.qd[0]))
+    return jax.lax.scan(step, start, (before, after, tau[:-1]))[1]
 
 
 def textbook(body, states, tau, dt):
@@ -96,9 +100,32 @@ def test_the_residual_is_the_torque_from_outside():
     assert np.abs(rigid[-1] - outside).max() > 0.1  # it takes friction for a push
 
 
+def test_a_velocity_that_lags_does_not_look_like_a_push():
+    body, dt, band = PointMass(jnp.array([2.0, 3.0])), 1e-3, 80.0
+    estimator = Filtered(band)
+    t = dt * jnp.arange(400)[:, None]
+    # a square wave on one joint: jumps of the command as a change of the goal makes them
+    jumps = jnp.where(jnp.sin(40.0 * t) > 0.0, 10.0, -10.0)
+    tau = jnp.concatenate([jumps, jnp.zeros_like(jumps)], axis=1)
+    start = State(jnp.zeros(2), jnp.zeros(2))
+
+    def step(carry, tau):
+        true, sensed, memory = carry
+        after = integrate(true, body.forward_dynamics(*true, tau), dt)
+        motion, memory = estimator.update(memory, sensed, after.q, jnp.zeros(2), dt)
+        return (after, motion.sensed, memory), sensed
+
+    states = jax.lax.scan(step, (start, start, estimator.start(start)), tau)[1]
+    found = {
+        lag: np.abs(stepped(Observer(body, dt, lag=lag), states, tau)).max()
+        for lag in (0.0, estimator.lag(dt))
+    }
+    assert found[estimator.lag(dt)] < 0.2 * found[0.0]
+
+
 def test_along_an_execution_what_was_learned_counts_as_explained():
     run = run_of("pid", "high", 5.0, 5.0)
-    learned = run.replace(tau=run.tau + 1.0, tau_feedforward=jnp.ones_like(run.tau))
+    learned = replace(run, tau=run.tau + 1.0, tau_feedforward=jnp.ones_like(run.tau))
     observer = Observer(PointMass(jnp.array([0.5, 0.5])), 1e-3)
     found = jax.jit(observer.along)(run)
     np.testing.assert_allclose(jax.jit(observer.along)(learned), found, rtol=1e-9, atol=1e-9)

@@ -14,6 +14,7 @@ from jaxidl.arm.setup import ArmStudy
 from jaxidl.control import Filtered, FiniteDifference, PdPolicy
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.learning.detector import Observer
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.guard import Region
 from jaxidl.models import ErrorModel
@@ -198,6 +199,9 @@ def test_networks_within_the_range_of_their_data(width, tmp_path):
 def replayed(in_c, run, desired, tolerance):
     """Assert that a program gives an execution's torques from its sensed positions alone."""
     dt, worst = 1e-3, 0.0
+    own = in_c.controller
+    observer = Observer(own.model, dt, lag=own.estimator.lag(dt))
+    outside = np.asarray(quick(observer.along)(run))
     in_c.init(run.q_sensing[0])
     names = {
         "qd": "qd_sensing", "qdd_desired": "qdd_desired", "tau": "tau",
@@ -214,6 +218,8 @@ def replayed(in_c, run, desired, tolerance):
         for ours, theirs in names.items():
             size = np.abs(arrays[theirs]).max() + 1.0
             worst = max(worst, np.abs(in_c[ours] - arrays[theirs][t]).max() / size)
+        size = np.abs(arrays["tau"]).max() + 1.0
+        worst = max(worst, np.abs(in_c["tau_outside"] - outside[t]).max() / size)
         if t:  # known one reading later
             size = np.abs(actual).max() + 1.0
             worst = max(worst, np.abs(in_c["qdd"] - actual[t - 1]).max() / size)

@@ -175,7 +175,8 @@ def _generate(own: Controller, name: str, source: str) -> Code:
     about = "\n".join(f" * {commented(line)}" for line in source.splitlines())
     names = ", ".join(map(commented, own.joints))
     memory = (*estimator.memory, *law.memory)
-    header = header_of(name, about, names, joints, number(own.dt), circumstances, memory)
+    times = number(own.dt), number(estimator.lag)
+    header = header_of(name, about, names, joints, *times, circumstances, memory)
     opening = program.opening(name, about, own.single)
     return Code(header, f"{opening}\n{helpers(text)}\n{text}")
 

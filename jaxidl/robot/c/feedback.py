@@ -17,6 +17,7 @@ class Part(NamedTuple):
     tables: str  # constants
     memory: tuple[tuple[str, str], ...]  # arrays (J,) of the state: name and meaning
     code: tuple[str, ...]  # bodies of its functions
+    lag: float = 0.0  # of the estimated velocity [s]
 
 
 _DIFFERENCE = """    for (j = 0; j < J; j++) {
@@ -48,7 +49,7 @@ def estimator(given: Estimator, dt: float) -> Part:
         ConfigurationError: for an estimator that has no C.
     """
     if type(given) is FiniteDifference:
-        return Part("", (), (_DIFFERENCE,))
+        return Part("", (), (_DIFFERENCE,), given.lag(dt))
     if type(given) is not Filtered:
         raise _unknown("an estimator", "Filtered or FiniteDifference", given)
     with jax.enable_x64(True):
@@ -63,7 +64,7 @@ def estimator(given: Estimator, dt: float) -> Part:
         ("difference", "difference of the last two readings over the step"),
         ("qdd_late", "desired acceleration of the step before"),
     )
-    return Part(tables, memory, (_FILTER,))
+    return Part(tables, memory, (_FILTER,), given.lag(dt))
 
 
 _PID_ACT = """    for (j = 0; j < J; j++) {

@@ -26,6 +26,15 @@ typedef double {name}_real;
 
 #define {NAME}_JOINTS {joints}
 #define {NAME}_DT {dt} /* time between two readings [s] */
+
+/* For tau_outside: the time until a command shows in qd [s], here that of the estimate, to
+ * which the drives' delay is to be added; and the weight of a new sample. */
+#ifndef {NAME}_LAG
+#define {NAME}_LAG {lag}
+#endif
+#ifndef {NAME}_OUTSIDE_SMOOTHING
+#define {NAME}_OUTSIDE_SMOOTHING 0.1
+#endif
 {circumstances_define}
 /* What a step returns. */
 enum {{
@@ -51,6 +60,11 @@ typedef struct {{
     {name}_real tau_feedback[{joints}]; /* feedback that is applied */
     {name}_real tau_learning[{joints}]; /* feedback for the learner only, never applied */
     {name}_real fade;  /* share of the networks' torque that the guard lets through */
+
+    /* The torque from outside, as the observer of the momentum estimates it: what the motion
+     * took, by the model, less what was commanded here. */
+    {name}_real tau_outside[{joints}];
+    {name}_real tau_shown[{joints}];    /* of the command, what shows in qd by now */
 
     /* The memory of estimator and feedback law. */
 {memory}    double time;       /* of the last reading [s] */
@@ -103,6 +117,7 @@ def header(
     names: str,
     joints: int,
     dt: str,
+    lag: str,
     circumstances: int,
     memory: Sequence[tuple[str, str]],
 ) -> str:
@@ -121,6 +136,7 @@ def header(
         names=names,
         joints=joints,
         dt=dt,
+        lag=lag,
         circumstances_define=define,
         memory=arrays,
         circumstances=argument(f"{name}_real", circumstances),

@@ -82,20 +82,36 @@ static int fail({name}_state *s)
     return s->status = {NAME}_FAILED;
 }}
 
-void {name}_init({name}_state *s, const real q[J])
-{{
-    int j;
-    memset(s, 0, sizeof *s);
-    for (j = 0; j < J; j++) s->q[j] = q[j];
-    if (!finite_numbers(q, J)) fail(s);
-}}
-
 void {name}_inverse_dynamics(const real q[J], const real qd[J], const real qdd[J], real tau[J])
 {{
     rigid_body(q, qd, qdd, tau);
 {effects}}}
 
+/* what the last step, with the velocity qd before it, took beyond what was commanded */
+static void feel({name}_state *s, const real qd[J])
+{{
+    const real shown = DT / (R({NAME}_LAG) + DT);
+    const real smoothing = R({NAME}_OUTSIDE_SMOOTHING);
+    real qdd[J], tau[J];
+    int j;
+    for (j = 0; j < J; j++) qdd[j] = (s->qd[j] - qd[j]) / DT;
+    {name}_inverse_dynamics(s->q, qd, qdd, tau);
+    for (j = 0; j < J; j++) {{
+        s->tau_shown[j] += shown * (s->tau[j] - s->tau_learned[j] - s->tau_shown[j]);
+        s->tau_outside[j] += smoothing * (tau[j] - s->tau_shown[j] - s->tau_outside[j]);
+    }}
+}}
+
 {learned}
+void {name}_init({name}_state *s, const real q[J])
+{{
+    int j;
+    memset(s, 0, sizeof *s);
+    for (j = 0; j < J; j++) s->q[j] = q[j];
+    {name}_inverse_dynamics(s->q, s->qd, s->qdd, s->tau_shown);
+    if (!finite_numbers(q, J)) fail(s);
+}}
+
 int {name}_sense({name}_state *s, const real q[J], double time)
 {{
     int j;
@@ -104,8 +120,11 @@ int {name}_sense({name}_state *s, const real q[J], double time)
     s->status = {NAME}_OK;
     if (s->steps > 0) {{
         const double late = time - s->time - {NAME}_DT;
+        real qd[J];
         if (late > 0.5 * {NAME}_DT || late < -0.5 * {NAME}_DT) s->status = {NAME}_LATE;
+        memcpy(qd, s->qd, sizeof qd);
         estimate(s, q);
+        feel(s, qd);
 {observe_call}    }}
     for (j = 0; j < J; j++) s->q[j] = q[j];
     s->time = time;
