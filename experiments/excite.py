@@ -24,7 +24,7 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from jaxidl.backend import choose_devices
+from jaxidl.backend import choose_devices, jit_quickly
 from jaxidl.errors import JaxidlError
 from jaxidl.excite.contest import contested, earlier
 from jaxidl.excite.criteria import standard_errors
@@ -32,7 +32,7 @@ from jaxidl.excite.design import Designed, Effort, design, random_motion
 from jaxidl.excite.doubt import doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.parameters import common
-from jaxidl.excite.plan import Noise, compiled
+from jaxidl.excite.plan import Noise
 from jaxidl.excite.prepare import ALIGNMENT, Prepared, prepared
 from jaxidl.excite.table import separated
 from jaxidl.files import markdown, plain, write_bytes
@@ -74,7 +74,7 @@ def relative(made: Prepared, grams: Any) -> np.ndarray:
 
 def information(made: Prepared, q: Any, qd: Any, qdd: Any, dt: float) -> np.ndarray:
     """Return the information (P, P) of a motion about a plan's columns."""
-    run = compiled(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
+    run = jit_quickly(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
     return np.asarray(run(q, qd, qdd))
 
 

@@ -7,8 +7,10 @@ import contextlib
 import os
 import platform
 import zlib
-from functools import cache
+from collections.abc import Callable
+from functools import cache, wraps
 from pathlib import Path
+from typing import Any
 
 import jax
 
@@ -23,6 +25,10 @@ CPU_OPTIONS = {
     # that the old weights are read for the last time before the new ones are written
     "xla_cpu_copy_insertion_use_region_analysis": True,
 }
+
+# for programs that take longer to compile than to run: without optimisations, and operation by
+# operation, which halves the time again
+QUICK_OPTIONS = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
 
 
 def choose_devices(count: int | None) -> None:
@@ -78,17 +84,32 @@ def _processor() -> str:
 
 
 @cache
-def compiler_options() -> dict[str, bool]:
+def compiler_options(*, quick: bool = False) -> dict[str, bool | int]:
     """Return options for ``jax.jit(compiler_options=…)`` on the current backend.
 
-    Options that its XLA does not know are left out.
+    Options that its XLA does not know are left out. ``quick`` is for programs that take longer to
+    compile than to run.
     """
     if jax.default_backend() != "cpu":
         return {}
-    return {name: value for name, value in CPU_OPTIONS.items() if _known(name, value)}
+    options = QUICK_OPTIONS if quick else CPU_OPTIONS
+    return {name: value for name, value in options.items() if _known(name, value)}
 
 
-def _known(name: str, value: bool) -> bool:
+def jit_quickly(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
+    """Return ``jax.jit`` of a function that takes longer to compile than to run.
+
+    The backend is not asked for before the first call.
+    """
+
+    @cache
+    def jitted() -> Callable[..., Any]:
+        return jax.jit(function, compiler_options=compiler_options(quick=True), **options)
+
+    return wraps(function)(lambda *args, **kwargs: jitted()(*args, **kwargs))
+
+
+def _known(name: str, value: bool | int) -> bool:
     try:
         jax.jit(lambda x: x, compiler_options={name: value}).lower(0.0).compile()
     except jax.errors.JaxRuntimeError:

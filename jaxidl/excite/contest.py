@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.excite.criteria import Contest, separations
 from jaxidl.excite.doubt import Doubt
@@ -20,7 +21,7 @@ from jaxidl.excite.parameters import (
     states,
     terms_of,
 )
-from jaxidl.excite.plan import Plan, compiled, random_start
+from jaxidl.excite.plan import Plan, random_start
 from jaxidl.excite.prepare import ALIGNMENT, Prepared, unit_of
 from jaxidl.gap.additions import Drive
 from jaxidl.gap.diagnosis import Key
@@ -116,7 +117,7 @@ def separable(plan: Plan, old: np.ndarray) -> Contest:
     assert plan.contest is not None
     rng = np.random.default_rng(0)
     motions = [plan.motion(random_start(plan, rng))[:3] for _ in range(3)]
-    run = compiled(lambda q, qd, qdd: plan.gram(q, qd, qdd, plan.dt)[0])
+    run = jit_quickly(lambda q, qd, qdd: plan.gram(q, qd, qdd, plan.dt)[0])
     most = np.max([separations(run(*m) + old, plan.contest) for m in motions], axis=0)
     kept = tuple(p for p, x in zip(plan.contest.pairs, most, strict=True) if x > NOTHING)
     return plan.contest._replace(pairs=kept or plan.contest.pairs)
@@ -124,7 +125,7 @@ def separable(plan: Plan, old: np.ndarray) -> Contest:
 
 def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:
     """Return the coefficients of the first columns that add ``BESIDE`` of the torque."""
-    run = compiled(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
+    run = jit_quickly(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
     return unit_of(np.asarray(run(at))[:count], np.asarray(at.predicted), BESIDE)
 
 
@@ -135,7 +136,7 @@ def _stateful(effect: Any) -> bool:
 
 def earlier(plan: Plan, signals: Signals) -> np.ndarray:
     """Return the information (P, P) of a log about a plan's columns."""
-    run = compiled(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
+    run = jit_quickly(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
     total = np.zeros(())
     stride = max(1, round(plan.dt / signals.dt))
     for part in signals.slices:

@@ -15,9 +15,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.errors import ConfigurationError
 from jaxidl.excite.motion import basis, instants
-from jaxidl.excite.plan import Plan, compiled, random_start
+from jaxidl.excite.plan import Plan, random_start
 from jaxidl.models.training import adam
 from jaxidl.systems.bounds import Near, Shapes
 from jaxidl.systems.tables import inverse_dynamics
@@ -93,7 +94,7 @@ def design(
     u = jnp.asarray(size / unit)
     optimiser = adam(RATE)
     state = jax.vmap(optimiser.init)(u)
-    advance = compiled(jax.vmap(_chunk(plan, unit, optimiser), (0, 0, 0, None)))
+    advance = jit_quickly(jax.vmap(_chunk(plan, unit, optimiser), (0, 0, 0, None)))
     best = np.asarray(u).copy()
     course: list[float] = []
     try:
@@ -108,7 +109,7 @@ def design(
     except KeyboardInterrupt:
         pass  # the best so far is what was asked for
     watch_safely(watch, 0.95)
-    judge = compiled(plan.judged)
+    judge = jit_quickly(plan.judged)
     random = [(float(judge(z)[0]), n) for n, z in enumerate(size)]
     middle = sorted(random)[len(random) // 2]
     first = tuple(np.asarray(x) for x in plan.motion(size[middle[1]])[:3])
@@ -120,7 +121,7 @@ def design(
 def random_motion(plan: Plan, shapes: Shapes | None, seed: int, sampling: float) -> Designed:
     """Return a random motion of the plan's kind that keeps the same limits, to compare with."""
     z = random_start(plan, np.random.default_rng([seed, 1]))
-    return finished(plan, z, shapes, sampling, compiled(plan.judged))
+    return finished(plan, z, shapes, sampling, jit_quickly(plan.judged))
 
 
 def watch_safely(watch: Callable[[float], None], share: float) -> None:
@@ -218,4 +219,6 @@ def finished(
 def needed(plan: Plan, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
     """Return the torque (T, J) [N or Nm] that the model and its own effects need for a motion."""
     dt = plan.seconds / (len(q) - 1)
-    return np.asarray(compiled(plan.know.drive, static_argnames="dt")(q, qd, qdd, dt=dt).predicted)
+    return np.asarray(
+        jit_quickly(plan.know.drive, static_argnames="dt")(q, qd, qdd, dt=dt).predicted
+    )

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.effects import CATALOGUE, Effect, Scale, searched
 from jaxidl.excite.columns import Family, Rigid, added, driven, families
 from jaxidl.excite.limits import Limits
@@ -23,7 +24,6 @@ from jaxidl.systems.mjcf import Model
 STATES = 400  # random ones that show which columns depend on others
 DEPENDENT = 1e-6  # share of a column that earlier ones do not imitate
 REST = 0.02  # share of the largest speed within which friction changes its sign
-QUICK = {"xla_backend_optimization_level": 0}  # compiling takes longer than running
 
 
 class Parameter(NamedTuple):
@@ -154,7 +154,7 @@ def states(know: Known, limits: Limits, seed: int = 0) -> Drive:
     q, qd, qdd = rng.uniform(-1.0, 1.0, (3, STATES, len(limits.names)))
     middle, half = 0.5 * (limits.upper + limits.lower), 0.5 * (limits.upper - limits.lower)
     motion = middle + half * q, limits.speed * qd, limits.acceleration * qdd
-    return jax.jit(know.drive, static_argnames="dt", compiler_options=QUICK)(*motion, dt=1.0)
+    return jit_quickly(know.drive, static_argnames="dt")(*motion, dt=1.0)
 
 
 def independent(columns: np.ndarray, before: np.ndarray | None = None) -> np.ndarray:

@@ -1,18 +1,16 @@
 """What is to be designed: a motion's length and limits, the columns it is judged by, the noise."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.excite.criteria import Contest, a_optimal, condition, d_optimal, t_optimal
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.motion import Basis, basis, instants
-from jaxidl.excite.parameters import QUICK, Known, Terms
+from jaxidl.excite.parameters import Known, Terms
 
 ROWS_PER_HERTZ = 5.0  # rows of the criterion per second, over the motion's highest frequency
 
@@ -111,8 +109,3 @@ def random_start(plan: Plan, rng: np.random.Generator) -> np.ndarray:
     z = 1e3 * rng.standard_normal((joints, count))
     share = np.asarray(plan.motion(z)[3])
     return z * share[:, None]
-
-
-def compiled(f: Callable[..., Any], **options: Any) -> Callable[..., Any]:
-    """Return ``f`` compiled with few optimisations: compiling takes longer than running."""
-    return jax.jit(f, compiler_options=QUICK, **options)

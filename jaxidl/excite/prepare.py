@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.parameters import (
     Known,
@@ -17,7 +18,7 @@ from jaxidl.excite.parameters import (
     states,
     terms_of,
 )
-from jaxidl.excite.plan import Noise, Plan, compiled
+from jaxidl.excite.plan import Noise, Plan
 from jaxidl.gap.additions import Drive
 from jaxidl.systems.mjcf import Model
 
@@ -86,5 +87,5 @@ def unit_of(columns: np.ndarray, torque: np.ndarray, share: float = SHARE) -> np
 
 
 def _columns(know: Known, terms: Any, at: Drive) -> np.ndarray:
-    run = compiled(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
+    run = jit_quickly(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
     return np.asarray(run(at))

@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.excite.criteria import RIDGE, separations, standard_errors
 from jaxidl.excite.design import Designed
 from jaxidl.excite.parameters import Parameter
-from jaxidl.excite.plan import compiled
 from jaxidl.excite.prepare import Prepared
 from jaxidl.files import markdown
 from jaxidl.gap.words import readable
@@ -24,7 +24,7 @@ def grams(made: Prepared, found: Designed) -> tuple[np.ndarray, np.ndarray]:
     Before is the earlier log's or, where there is none, that of the median random motion.
     """
     plan = made.plan
-    run = compiled(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
+    run = jit_quickly(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
     stride = max(1, round(plan.dt / float(found.time[1] - found.time[0])))
     dt = stride * float(found.time[1] - found.time[0])
     new = np.asarray(run(*(x[::stride] for x in (found.q, found.qd, found.qdd)), dt))

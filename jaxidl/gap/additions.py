@@ -15,13 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
+from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.logs.signals import Signals, on_encoders
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program
-QUICK = {"xla_backend_optimization_level": 0}  # compiling takes longer than running
 
 
 class Drive(NamedTuple):
@@ -154,7 +154,7 @@ def driven(
     return Drive(q, qd, qdd, torques[0], torques[1], _sliced(signals.tables, columns)), starts
 
 
-@partial(jax.jit, static_argnames=("structure", "dt"), compiler_options=QUICK)
+@partial(jit_quickly, static_argnames=("structure", "dt"))
 def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float) -> Terms:
     """Return terms (G, T, J) of G effects of one structure.
 

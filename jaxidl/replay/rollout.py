@@ -3,12 +3,14 @@
 It starts from measured states and is driven by the measured torque.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jaxtyping import Array, Float
 
+from jaxidl.backend import jit_quickly
 from jaxidl.logs.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.types import State
@@ -88,10 +90,10 @@ def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> 
     )
 
 
-@jax.jit(static_argnames=("lead", "dt"))
+@partial(jit_quickly, static_argnames=("lead", "dt"))
 def _simulate(plant: Any, windows: Windows, lead: int, dt: float) -> Any:
     """Return positions (W, S, J) after each step of W rollouts."""
-    return jax.lax.map(lambda window: replay(plant, window, lead, dt), windows)
+    return jax.vmap(lambda window: replay(plant, window, lead, dt))(windows)
 
 
 def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, "S J"]:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxidl.backend import jit_quickly
 from jaxidl.excite.criteria import Contest, separations, standard_errors
-from jaxidl.excite.plan import compiled, random_start
+from jaxidl.excite.plan import random_start
 
 BOTH = ((0, 1), (1, 0))
 CONTEST = Contest((0, 1), ((2, 3), (3, 4)), (1.0,) * 6, BOTH)
@@ -25,11 +26,11 @@ def test_derivatives_forward_reverse_and_numeric_agree(made, criterion):
     z = 0.7 * random_start(plan, rng)
     way = rng.standard_normal(z.shape) * np.abs(z)
     value = lambda z: plan.judged(z)[0]
-    forward = compiled(lambda z, way: jax.jvp(value, (z,), (way,))[1])(z, way)
-    reverse = jnp.vdot(compiled(jax.grad(value))(z), way)
+    forward = jit_quickly(lambda z, way: jax.jvp(value, (z,), (way,))[1])(z, way)
+    reverse = jnp.vdot(jit_quickly(jax.grad(value))(z), way)
     assert float(forward) != 0.0
     assert_allclose(forward, reverse, rtol=1e-7)
-    step, run = 1e-5, compiled(value)
+    step, run = 1e-5, jit_quickly(value)
     numeric = (run(z + step * way) - run(z - step * way)) / (2.0 * step)
     assert_allclose(forward, numeric, rtol=1e-4)
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxidl.backend import jit_quickly
 from jaxidl.excite.parameters import independent
-from jaxidl.excite.plan import compiled
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.regressor import table
@@ -29,7 +29,7 @@ def test_regressor_is_that_of_mujoco(text, tmp_path):
     path.write_text(text)
     body = read_model(path).plant.body
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 8, len(body.names)))
-    ours = compiled(jax.vmap(lambda *x: table(body, *x)))(q, qd, qdd)
+    ours = jit_quickly(jax.vmap(lambda *x: table(body, *x)))(q, qd, qdd)
     theirs = tables(body, q, qd, qdd)
     for name in ("torque", "by_mass", "by_link", "by_load", "by_gravity", "by_tilt"):
         assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-9)
