@@ -106,6 +106,12 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/arm_sources.py figures --sweeps {WORK}/arm_sources",),
         20,
     ),
+    "load": Made(("load.*",), (f"{EXPERIMENTS}/load.py figures",), 10),
+    "pushes": Made(
+        ("pushes.*",),
+        (f"{EXPERIMENTS}/pushes.py figures --sweeps {WORK}/pushes",),
+        30,
+    ),
     "excite": Made(
         ("excite.*",),
         (

@@ -2,18 +2,20 @@
 
 The seven-joint arm learns from weighted data, with and without the guard and a schedule of gains
 (:mod:`jaxidl.learning.schedule`). Then 2.5 kg hang on its flange that it knows nothing of. FOLDER
-gets load.md and load.json: path error and gains of the execution before, of the one in which the
-load is new, and of those after it, with a training between each two.
+gets load.md, .json, .png and .pdf: path error and gains of all executions, with a training between
+each two.
 """
 
 import json
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import guard
 import jax
 import jax.numpy as jnp
 import numpy as np
+from matplotlib.figure import Figure
 
 from jaxidl.arm.setup import ArmStudy, carrying
 from jaxidl.arm.smoothing import zero_phase
@@ -27,12 +29,18 @@ from jaxidl.learning.schedule import Schedule
 from jaxidl.learning.sources import rows
 from jaxidl.models import draw_batches, fit
 from jaxidl.models import start as start_of
+from jaxidl.plot.style import house_style, save
 from jaxidl.systems.arm import JOINTS
 from jaxidl.types import State
 
 SEEDS = (41, 42, 43)
 NOISE, LOAD = 1e-5, 2.5  # of the encoders [rad], of the load [kg]
 BEFORE, LOADED = 10, 3  # executions without and with the load
+STYLES = (
+    {"color": "#D55E00", "linestyle": "--", "marker": "s"},
+    {"color": "#0072B2", "linestyle": "-.", "marker": "^"},
+    {"color": "#009E73", "linestyle": "-", "marker": "o"},
+)
 
 
 def executed(
@@ -101,6 +109,36 @@ def table(found: dict[str, list[dict[str, list[float]]]]) -> str:
     return markdown(heads, rows_of)
 
 
+def draw(found: dict[str, list[dict[str, list[float]]]], folder: Path) -> None:
+    """Draw path error and gains of every execution: geometric mean, and the range over seeds."""
+    with house_style():
+        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
+        panels = figure.subplots(1, 2)
+        for (name, runs), style in zip(found.items(), STYLES, strict=True):
+            for axes, what, unit in zip(panels, ("path", "gains"), (1e3, 1.0), strict=True):
+                values = unit * np.array([run[what] for run in runs])
+                executions = np.arange(1, values.shape[1] + 1)
+                axes.plot(executions, np.exp(np.log(values).mean(0)), label=name, **style)
+                axes.fill_between(
+                    executions, values.min(0), values.max(0), color=style["color"], alpha=0.15
+                )
+        for axes in panels:
+            axes.axvline(BEFORE + 0.5, color="black", linewidth=0.6)
+            axes.set(xlabel="execution", xticks=range(1, BEFORE + LOADED + 1, 2))
+            axes.annotate(
+                f"{LOAD:g} kg more",
+                (BEFORE + 0.3, 1.0),
+                xycoords=("data", "axes fraction"),
+                ha="right",
+                va="top",
+                fontsize=8,
+            )
+        panels[0].set(yscale="log", ylabel="mean path error [mrad]")
+        panels[1].set(ylabel="share of the applied gains", ylim=(0.0, 1.25))
+        panels[0].legend(loc="upper center", bbox_to_anchor=(0.45, 0.92))
+        save(figure, folder, "load")
+
+
 def main() -> None:
     given = guard.folders(__doc__ or "")
     choose_devices(None)
@@ -117,6 +155,7 @@ def main() -> None:
     about = {"git_revision": revision(), "load": LOAD, "seeds": SEEDS, "runs": found}
     write_bytes(given.folder / "load.json", (json.dumps(plain(about), indent=1) + "\n").encode())
     write_bytes(given.folder / "load.md", (table(found) + "\n").encode())
+    draw(found, given.folder)
     print(table(found))
 
 
