@@ -143,7 +143,7 @@ def main() -> None:
     given = guard.folders(__doc__ or "")
     choose_devices(None)
     jax.config.update("jax_enable_x64", True)
-    study = ArmStudy(acceleration="zero_phase")
+    study, began = ArmStudy(acceleration="zero_phase"), revision()
     found = {
         name: [executed(study, seed, *kept) for seed in SEEDS]
         for name, kept in {
@@ -152,7 +152,7 @@ def main() -> None:
             "scheduled gains": (None, Schedule()),
         }.items()
     }
-    about = {"git_revision": revision(), "load": LOAD, "seeds": SEEDS, "runs": found}
+    about = {"git_revision": began, "load": LOAD, "seeds": SEEDS, "runs": found}
     write_bytes(given.folder / "load.json", (json.dumps(plain(about), indent=1) + "\n").encode())
     write_bytes(given.folder / "load.md", (table(found) + "\n").encode())
     draw(found, given.folder)

@@ -285,7 +285,7 @@ def draw_figure(found: dict[str, Any], folder: Path) -> None:
             axes.axvline(ASKED, color="black", linewidth=0.6)
             axes.set(title=title, xscale="log", xlabel="false alarms an hour", ylim=(0.0, 103.0))
         panels[0].set_ylabel("felt [%]")
-        panels[0].legend(loc="lower left")
+        panels[1].legend(loc="lower left")
         save(figure, folder, "pushes")
 
 
@@ -322,12 +322,12 @@ def main() -> None:
     given = guard.folders(__doc__ or "")
     choose_devices(None)
     jax.config.update("jax_enable_x64", True)
-    work = given.sweeps or given.folder
+    work, began = given.sweeps or given.folder, revision()
     found = {
         "pushes": scored([executed(work, seed) for seed in SEEDS]),
         "collisions": scored([collided(work, seed) for seed in SEEDS]),
     }
-    about = {"git_revision": revision(), "asked": ASKED, "seeds": SEEDS, **found}
+    about = {"git_revision": began, "asked": ASKED, "seeds": SEEDS, **found}
     write_bytes(given.folder / "pushes.json", (json.dumps(plain(about), indent=1) + "\n").encode())
     write_bytes(given.folder / "pushes.md", (table(found) + "\n").encode())
     draw_figure(found, given.folder)
