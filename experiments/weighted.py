@@ -28,7 +28,7 @@ from jaxidl.plot.style import CONTROLLER_NAME, SOURCE_STYLE, house_style, save
 PAPER, FRESH = "the paper's grid, guarded", "other conditions"
 GUARDED = "other conditions, guarded"
 ONLY = ("weighted",)
-SEEDS = (1, 2, 3, 4, 5)  # in the paper's grid, which has ten
+SEEDS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)  # in the paper's grid
 CONDITION = ("controller", "gain", "noise", "friction", "stiction")
 
 
