@@ -210,7 +210,7 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
         "before": judge.single_credit(hidden, report),
     }
     for name, motion in (("designed", best), ("random", chance)):
-        gram = of_motion(made, motion, 50)
+        gram = of_motion(made, motion, max(1, round(made.plan.dt * RATE)))
         apart = separated(made, found.titles, made.plan.earlier, gram + made.plan.earlier)
         out[name] = executed(case, model, limits, old, motion, hidden) | {
             "separation": min((a["after"] for a in apart), default=np.nan)
@@ -283,7 +283,7 @@ def text(result: dict[str, Any]) -> str:
         head = ["case", "hidden", "explanations", "designed", "random"]
         say = lambda r: (
             f"{'right' if r['right'] == 1 else r.get('verdict', 'lost')},"
-            f" {r.get('separation', float('nan')):.3g} apart"
+            + ("" if r.get("separation") is None else f" {r['separation']:.3g} apart")
         )
         out += [
             markdown(

@@ -8,8 +8,9 @@ import numpy as np
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import CATALOGUE, Effect
-from jaxidl.excite.criteria import Contest, separations
-from jaxidl.excite.doubt import Doubt
+from jaxidl.errors import ConfigurationError
+from jaxidl.excite.criteria import Contest
+from jaxidl.excite.doubt import Doubt, Explanation
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.parameters import (
     Known,
@@ -32,8 +33,8 @@ from jaxidl.systems.mjcf import Model
 
 # share of a joint's torque by which effects beside those in question may help: a good model's error
 BESIDE = 0.005
-NOTHING = 1e-2  # separation
-STATEFUL = 50.0  # rate of rows where an explanation has a hidden state [Hz]
+STATEFUL = 50.0  # least rate of rows where an explanation has a hidden state [Hz]
+PROBED = 3  # random motions on which it must stay finite
 
 
 def pairs(sets: Sequence[tuple[Key, ...]]) -> tuple[tuple[int, int], ...]:
@@ -98,29 +99,50 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
         tuple(sizes.tolist()),
         pairs([e.keys for e in found.explanations]),
     )
-    if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
-        options["rate"] = STATEFUL
     plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
+    if any(map(_stateful, found.explanations)):
+        steady = simulable(plan, 1.0 / found.signals.dt)
+        if steady is None:
+            return contested(without(found), model, limits, **options)
+        plan = steady
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
     old = earlier(plan, found.signals)
-    return Prepared(
-        replace(plan, earlier=old, contest=separable(plan, old)), (*parameters, *timing), at
-    )
+    return Prepared(replace(plan, earlier=old), (*parameters, *timing), at)
 
 
-def separable(plan: Plan, old: np.ndarray) -> Contest:
-    """Return the plan's contest without the pairs that not even random motion begins to separate.
+def simulable(plan: Plan, most: float) -> Plan | None:
+    """Return the plan with so many rows that its explanations stay finite on random motions.
 
-    They are the same on any motion, and would hide the others in the smallest separation. If none
-    is left, all stay.
+    An explanation with a hidden state, such as an elastic drive, is simulated from row to row. None
+    if that fails even at the rate ``most`` [Hz].
     """
-    assert plan.contest is not None
     rng = np.random.default_rng(0)
-    motions = [plan.motion(random_start(plan, rng))[:3] for _ in range(3)]
-    run = jit_quickly(lambda q, qd, qdd: plan.gram(q, qd, qdd, plan.dt)[0])
-    most = np.max([separations(run(*m) + old, plan.contest) for m in motions], axis=0)
-    kept = tuple(p for p, x in zip(plan.contest.pairs, most, strict=True) if x > NOTHING)
-    return plan.contest._replace(pairs=kept or plan.contest.pairs)
+    for rate in (*(STATEFUL * 2**k for k in range(6) if STATEFUL * 2**k < most), most):
+        finer = replace(plan, rate=max(rate, plan.rate))
+        run = jit_quickly(lambda q, qd, qdd, p=finer: p.gram(q, qd, qdd, p.dt)[0])
+        motions = (finer.motion(random_start(finer, rng))[:3] for _ in range(PROBED))
+        if all(np.isfinite(run(*motion)).all() for motion in motions):
+            return finer
+    return None
+
+
+def without(found: Doubt) -> Doubt:
+    """Return a doubt without the explanations that have a hidden state.
+
+    Raises:
+        ConfigurationError: if fewer than two are left.
+    """
+    kept = [n for n, e in enumerate(found.explanations) if not _stateful(e)]
+    if len(kept) < 2:
+        raise ConfigurationError(
+            "two explanations that can be simulated on other motions",
+            ", ".join(found.titles),
+            "leave out --for: a motion for all effects",
+        )
+    return found._replace(
+        explanations=tuple(found.explanations[n] for n in kept),
+        titles=tuple(found.titles[n] for n in kept),
+    )
 
 
 def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:
@@ -129,9 +151,9 @@ def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:
     return unit_of(np.asarray(run(at))[:count], np.asarray(at.predicted), BESIDE)
 
 
-def _stateful(effect: Any) -> bool:
-    inside = getattr(effect, "effect", effect)
-    return type(inside).actuate is not Effect.actuate
+def _stateful(explanation: Explanation) -> bool:
+    inner = (getattr(effect, "effect", effect) for effect in explanation.effects)
+    return any(type(effect).actuate is not Effect.actuate for effect in inner)
 
 
 def earlier(plan: Plan, signals: Signals) -> np.ndarray:
