@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxidl.backend import jit_quickly
-from jaxidl.excite.criteria import Contest, separations, standard_errors
+from jaxidl.excite.criteria import Contest, separations, standard_errors, t_optimal
 from jaxidl.excite.plan import random_start
 
 BOTH = ((0, 1), (1, 0))
@@ -64,3 +64,16 @@ def test_an_explanation_that_imitates_another_is_not_told_apart():
     x = np.stack([a, 0.0 * a, 2.0 * a])
     left = separations(jnp.asarray(x @ x.T), Contest((0, 1), ((), (2,)), (1.0, 1.0, 1e6), BOTH))
     assert float(left[0]) < 1e-6 * a @ a
+
+
+def test_a_pair_that_no_motion_separates_does_not_hide_the_others():
+    """Explanations 0 and 1 are equal; 2 differs, and more so on the second motion."""
+    a, c = np.random.default_rng(2).standard_normal((2, 50))
+    pairs = ((0, 1), (1, 0), (0, 2), (2, 0))
+    contest = Contest((0, 1, 2), ((), (), ()), (1.0,) * 3, pairs)
+    values = [
+        float(t_optimal(jnp.asarray(x @ x.T), contest))
+        for x in (np.stack([a, a, a + size * c]) for size in (0.1, 0.2))
+    ]
+    far = [np.log1p(size**2 * c @ c) for size in (0.1, 0.2)]
+    assert_allclose(values, [-0.5 * f for f in far], rtol=1e-9)
