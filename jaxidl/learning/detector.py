@@ -8,9 +8,10 @@
              - \\tau_t - r_t].
 
    This is the generalised momentum observer (De Luca and Mattone 2003; Haddadin, De Luca and
-   Albu-Schäffer 2017, eq. 41) in discrete time: momentum changes by
+   Albu-Schäffer 2017) in discrete time: momentum changes by
    :math:`M \\Delta\\dot q + \\dot M \\dot q\\,dt`, its Coriolis terms make the second part that of
-   the inverse dynamics, and the observer's gain is :math:`\\alpha/dt`.
+   the inverse dynamics, and the observer's gain is :math:`\\alpha/dt`. The command is held back by
+   as much as the sensed velocity lags behind.
 2. A joint feels a push where its residual exceeds its threshold, which follows from executions
    without one and from the false alarms that the user accepts: the largest residuals of executions
    have an extreme value distribution (Gumbel's), and another execution exceeds the threshold with
@@ -34,6 +35,7 @@ from jaxidl.systems import Plant, RigidBody
 from jaxidl.types import History, Joints, Scalar, State, Trajectory
 
 FEWEST = 3  # executions that a threshold needs
+_BEFORE, _AFTER = slice(None, -1), slice(1, None)  # of each step
 DRAWS = 20_000  # of sets of executions, for the threshold's margin
 
 
@@ -85,14 +87,11 @@ class Observer(struct.PyTreeNode):
             return memory, memory.residual
 
         sensed = State(run.q_sensing, run.qd_sensing)
-        before, after = (jax.tree.map(lambda x, at=at: x[at], sensed) for at in (_ALL, _NEXT))
-        explained = (run.tau - run.tau_feedforward)[_ALL]
+        before, after = (jax.tree.map(lambda x, at=at: x[at], sensed) for at in (_BEFORE, _AFTER))
+        explained = (run.tau - run.tau_feedforward)[_BEFORE]
         start = self.start(State(sensed.q[0], sensed.qd[0]))
         later = jax.lax.scan(step, start, (before, after, explained))[1]
         return jnp.concatenate([start.residual[None], later])
-
-
-_ALL, _NEXT = slice(None, -1), slice(1, None)
 
 
 class Detector(struct.PyTreeNode):
@@ -137,17 +136,17 @@ def calibrate(residuals: Float[Array, "E T J"], dt: float, alarms_per_hour: floa
             "correct it",
         )
     # any of the joints may give the alarm
-    margin = exceeded(executions, -np.expm1(np.log1p(-share) / joints))
+    margin = prediction_limit(executions, -np.expm1(np.log1p(-share) / joints))
     return Detector(jnp.asarray(largest.mean(0) + margin * largest.std(0, ddof=1)))
 
 
 @cache
-def exceeded(executions: int, share: float) -> float:
-    """Return the number of standard deviations above the mean that another value exceeds.
+def prediction_limit(executions: int, share: float) -> float:
+    """Return the limit that another value exceeds with probability ``share``.
 
-    It does so with probability ``share``, for values of a Gumbel distribution of which mean and
-    standard deviation are estimates from as many as ``executions``: its prediction limit, the same
-    for every such distribution. Found from ``DRAWS`` sets of values with a fixed seed.
+    It is in standard deviations above the mean, both estimated from as many values as
+    ``executions``, and the same for every Gumbel distribution. Found from ``DRAWS`` sets of values
+    with a fixed seed.
     """
     drawn = np.random.default_rng(0).gumbel(size=(DRAWS, executions))
     mean, deviation = drawn.mean(1), drawn.std(1, ddof=1)

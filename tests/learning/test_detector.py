@@ -11,7 +11,7 @@ from jaxidl.control import Filtered
 from jaxidl.effects import ViscousFriction
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.learning.detector import Detector, Observer, calibrate, exceeded
+from jaxidl.learning.detector import Detector, Observer, calibrate, prediction_limit
 from jaxidl.systems import Plant, PointMass, integrate
 from jaxidl.systems.mjcf import read_model
 from jaxidl.types import State
@@ -138,7 +138,7 @@ def test_along_an_execution_what_was_learned_counts_as_explained():
 def test_a_new_value_exceeds_the_prediction_limit_as_often_as_it_should(executions, share):
     drawn = 7.0 + 3.0 * np.random.default_rng(5).gumbel(size=(100_000, executions + 1))
     known, new = drawn[:, :-1], drawn[:, -1]
-    limit = known.mean(1) + exceeded(executions, share) * known.std(1, ddof=1)
+    limit = known.mean(1) + prediction_limit(executions, share) * known.std(1, ddof=1)
     assert np.mean(new > limit) == pytest.approx(share, rel=0.1)
 
 
@@ -163,7 +163,7 @@ def test_each_joint_has_its_own_threshold_in_both_directions():
 
 
 def test_more_executions_give_a_lower_threshold():
-    assert exceeded(10, 1e-3) < 0.7 * exceeded(5, 1e-3)
+    assert prediction_limit(10, 1e-3) < 0.7 * prediction_limit(5, 1e-3)
 
 
 @pytest.mark.parametrize(
