@@ -27,7 +27,7 @@ from matplotlib.figure import Figure
 from jaxidl.backend import choose_devices
 from jaxidl.errors import JaxidlError
 from jaxidl.excite.contest import contested, earlier
-from jaxidl.excite.criteria import standard_errors
+from jaxidl.excite.criteria import Evidence, standard_errors
 from jaxidl.excite.design import Designed, Effort, design, random_motion
 from jaxidl.excite.doubt import doubt
 from jaxidl.excite.limits import Limits, limits_of
@@ -65,23 +65,18 @@ TIED = (
 RATE = 500.0  # of the benchmark's logs [Hz]
 
 
-def relative(made: Prepared, grams: Any) -> np.ndarray:
+def relative(made: Prepared, seen: Evidence) -> np.ndarray:
     """Return standard errors over the columns' sizes, without those of the timing."""
     kept = [n for n, label in enumerate(made.labels) if label.effect != ALIGNMENT]
     size = np.asarray(made.plan.size)
-    return (standard_errors(np.asarray(grams), size) / size)[kept]
+    return (standard_errors(np.asarray(made.plan.gram(seen)), size) / size)[kept]
 
 
-def information(made: Prepared, q: Any, qd: Any, qdd: Any, dt: float) -> np.ndarray:
-    """Return the information (P, P) of a motion about a plan's columns."""
-    run = compiled(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
-    return np.asarray(run(q, qd, qdd))
-
-
-def of_motion(made: Prepared, motion: Designed, every: int) -> np.ndarray:
-    """Return the information (P, P) of every ``every``-th sample of a motion."""
-    q, qd, qdd = (x[::every] for x in (motion.q, motion.qd, motion.qdd))
-    return information(made, q, qd, qdd, every * float(motion.time[1] - motion.time[0]))
+def of_motion(made: Prepared, motion: Designed, every: int) -> Evidence:
+    """Return what every ``every``-th sample of a motion tells about a plan's columns."""
+    dt = every * float(motion.time[1] - motion.time[0])
+    run = compiled(lambda q, qd, qdd: made.plan.evidence(q, qd, qdd, dt)[0])
+    return run(*(x[::every] for x in (motion.q, motion.qd, motion.qdd)))
 
 
 def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
@@ -191,7 +186,15 @@ def open_cases(work: Path, root: int, severities: tuple[str, ...]) -> list[tuple
     return sorted(out, key=lambda c: c[0].id.split("-")[-1])  # in no order of mechanisms
 
 
-def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
+def wider(reached: dict[str, np.ndarray], factor: float) -> dict[str, np.ndarray]:
+    """Return limits ``factor`` times as far, as fast and as hard as a log went."""
+    start = reached["start"]
+    about = {k: start + factor * (reached[k] - start) for k in ("lower", "upper")}
+    more = {k: factor * reached[k] for k in ("speed", "acceleration", "torque")}
+    return reached | about | more
+
+
+def settled(case: Case, report: Any, work: Path, steps: int, factor: float) -> dict[str, Any]:
     """Execute a designed and a random motion for one case, and diagnose each with the old log."""
     folder = work / "doubts" / case.id
     write_bytes(folder / "report.json", json.dumps(report).encode())
@@ -199,7 +202,7 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
     model, old = read_model(place / "model.xml"), place / case.log
     hidden = truth([case])[case.id]["hidden"][0]
     found = doubt(folder, model, [old])
-    limits = limits_of(model.names, bounds(model), reached=found.reached())
+    limits = limits_of(model.names, bounds(model), reached=wider(found.reached(), factor))
     made = contested(found, model, limits, top=1.5)
     best = design(made.plan, None, Effort(2, steps, case.seed % 1000), RATE)
     chance = random_motion(made.plan, None, case.seed, RATE)
@@ -210,10 +213,12 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
         "before": judge.single_credit(hidden, report),
     }
     for name, motion in (("designed", best), ("random", chance)):
-        gram = of_motion(made, motion, 50)
-        apart = separated(made, found.titles, made.plan.earlier, gram + made.plan.earlier)
+        seen, before = of_motion(made, motion, 50), made.plan.earlier
+        assert before is not None
+        apart = separated(made, found.titles, before, seen.plus(before))
         out[name] = executed(case, model, limits, old, motion, hidden) | {
-            "separation": min((a["after"] for a in apart), default=np.nan)
+            "separation": min((a["after"] / a["asked"] for a in apart), default=0.0),
+            "pairs": apart,
         }
         print(case.id, judge.key(hidden), name, out[name], flush=True)
     return out
@@ -242,6 +247,7 @@ def executed(
         "right": judge.single_credit(hidden, report),
         "verdict": report["verdict"],
         "named": judge.named(report),
+        "effects": [[*judge.key(e), e["confidence"]] for e in report["effects"]],
         "limits_kept": kept,
     }
 

@@ -17,7 +17,6 @@ from jaxidl.gap.values import Value
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
-
 MOST = 24  # rivals of an effect that are solved for
 
 
@@ -84,7 +83,8 @@ def findings(
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)
-        margin = found.solution.value - best_instead(found, value, others, bare, j)
+        instead, nearest = best_instead(found, value, others, bare, j)
+        margin = found.solution.value - instead
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
@@ -115,6 +115,7 @@ def findings(
                 stderr,
                 bounds,
                 {"support": support, **speaks},
+                nearest,
             )
         )
     return tuple(sorted(out, key=lambda f: -f.share))
@@ -122,8 +123,10 @@ def findings(
 
 def best_instead(
     found: Found, value: Value, others: Sequence[Item], bare: Solution, joint: int
-) -> float:
+) -> tuple[float, Key | None]:
     """Return the highest score with another effect in place of one that was found, or with none.
+
+    Also return which effect that is.
 
     An effect that has it as a part is no rival, since it imitates it on any log. Effects are solved
     for in the order of what they promise, which mostly is too much, until none promises more than
@@ -136,7 +139,7 @@ def best_instead(
         bare: the solution without the effect.
         joint: where the effect is largest; rivals are on that joint, too.
     """
-    score, best = found.score, bare.value
+    score, best, nearest = found.score, bare.value, None
     promise = score.promise(others)
     rivals = [
         i
@@ -149,8 +152,9 @@ def best_instead(
     for i in sorted(rivals, key=lambda i: -promise[id(i)])[:MOST]:
         if bare.value + promise[id(i)] <= best:
             break
-        best = max(best, score.solve([*others, i]).value)
-    return best
+        if (reached := score.solve([*others, i]).value) > best:
+            best, nearest = reached, i.key
+    return best, nearest
 
 
 def _number(value: np.ndarray) -> float | list[float]:
