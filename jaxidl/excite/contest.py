@@ -80,6 +80,7 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
         tuple(found.left.tolist()),
         tuple(found.floor.tolist()),
         tuple(found.noise.rate * found.fitted),
+        tuple(e.asked for e in found.explanations),
     )
     if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
         options["rate"] = STATEFUL

@@ -87,6 +87,7 @@ class Contest(NamedTuple):
     left: tuple[float, ...]  # (J,) [N or Nm]
     floor: tuple[float, ...]  # (J,) [N or Nm]
     rate: tuple[float, ...]  # (J,) [1/s]
+    asked: tuple[float, ...] = ()  # difference in score that each explanation needs at least
 
 
 class Apart(NamedTuple):
@@ -126,7 +127,10 @@ def separations(seen: Evidence, contest: Contest) -> Apart:
             (
                 0.5 * jnp.sum(count * (jnp.log(floored[0]) - jnp.log(floored[1]))),
                 0.5 * jnp.sum(count * jnp.log1p(more / noise**2)),
-                jnp.maximum(EQUAL, ALIKE * jnp.sum(count * acts)),
+                jnp.maximum(
+                    contest.asked[a] if contest.asked else 0.0,
+                    jnp.maximum(EQUAL, ALIKE * jnp.sum(count * acts)),
+                ),
             )
         )
     return Apart(*(jnp.stack(x) for x in zip(*found, strict=True)))

@@ -18,6 +18,7 @@ from jaxidl.excite.parameters import (
     common,
 )
 from jaxidl.excite.plan import Noise
+from jaxidl.gap.calibration import margin_of
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
 from jaxidl.gap.inputs import read_inputs
@@ -45,6 +46,7 @@ class Explanation(NamedTuple):
     moved: tuple[tuple[int, Effect, float], ...]  # (P) which effect, changed, by which step
     labels: tuple[Parameter, ...]  # (P)
     wide: tuple[float, ...]  # (P) standard deviation beforehand
+    asked: float = 0.0  # difference in score to any other from which its effects are named
 
 
 class Doubt(NamedTuple):
@@ -121,6 +123,20 @@ def candidates(report: dict[str, Any]) -> list[tuple[Key, ...]]:
     return list(dict.fromkeys(sets))[:MOST]
 
 
+def asked(report: dict[str, Any], keys: Sequence[Key]) -> float:
+    """Return by how much an explanation's score has to exceed others' for its effects to be named.
+
+    It is known of the effects that were found, and only a motion that makes them explain a larger
+    share could help where no difference would be enough.
+    """
+    need = [
+        margin_of(SURE, e["signs"])
+        for e in report["effects"]
+        if (e["effect"], e["joint"]) in keys and e["confidence"] < SURE and e.get("signs")
+    ]
+    return max((n for n in need if np.isfinite(n)), default=0.0)
+
+
 def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
     """Return what the diagnosis in ``folder`` leaves open, with all explanations fitted to its log.
 
@@ -156,7 +172,10 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
     seconds = max(float(made.rows.training.mean()) * len(signals.q) * signals.dt, 1e-9)
     measured = Noise(noise, np.maximum(effective / seconds, 1e-3), signals.sigma)
     return Doubt(
-        tuple(_explanation(keys, s, model) for keys, s in zip(sets, solved, strict=True)),
+        tuple(
+            _explanation(keys, s, model)._replace(asked=asked(report, keys))
+            for keys, s in zip(sets, solved, strict=True)
+        ),
         signals,
         measured,
         rms(rest, made.rows.used & made.rows.training[:, None]),
