@@ -14,11 +14,13 @@ from jaxidl.excite.parameters import Parameter, known, states, terms_of
 from jaxidl.excite.plan import Plan, compiled, random_start
 from jaxidl.excite.prepare import ALIGNMENT, Prepared
 from jaxidl.gap.diagnosis import Key
-from jaxidl.logs.signals import Signals
+from jaxidl.logs.signals import BAND, HIGHEST_BAND, Signals
 from jaxidl.systems.mjcf import Model
 
 NOTHING = 1e-2  # separation over what is asked
 STATEFUL = 50.0  # rate of rows where an explanation has a hidden state [Hz]
+FASTER = 3.0  # factor of the highest frequency there
+FIFTH = 2.5  # power of the band with which encoder noise in the torque grows
 
 
 def pairs(sets: Sequence[tuple[Key, ...]]) -> tuple[tuple[int, int], ...]:
@@ -79,11 +81,16 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
         pairs([e.keys for e in found.explanations]),
         tuple(found.left.tolist()),
         tuple(found.floor.tolist()),
-        tuple(found.noise.rate * found.fitted),
+        tuple(np.std(found.signals.tau, axis=0).tolist()),
+        (BAND[0] / found.signals.band) ** FIFTH,
+        (min(BAND[1], HIGHEST_BAND / found.signals.dt) / found.signals.band) ** FIFTH,
+        tuple(found.rate.tolist()),
         tuple(e.asked for e in found.explanations),
     )
-    if "rate" not in options and any(_stateful(e) for x in found.explanations for e in x.effects):
-        options["rate"] = STATEFUL
+    if any(_stateful(e) for x in found.explanations for e in x.effects):
+        options = {"rate": STATEFUL} | options
+        # what a drive does in time shows in how torques differ by frequency
+        options["top"] = FASTER * options.get("top", Plan.top)
     plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
     old = earlier(plan, found.signals)

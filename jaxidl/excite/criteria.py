@@ -76,8 +76,9 @@ class Contest(NamedTuple):
 
     Explanation k adds the torque of column ``value[k]``; a fit of it may change the coefficients of
     columns ``free[k]``. ``wide`` (P,) is the standard deviation of each coefficient beforehand. The
-    rest is what the gap finder judges by: the residual of a good explanation, the floor below which
-    errors are equal for the encoder's noise, and independent samples of fitted rows per second.
+    rest is what the gap finder judges by: the residual of a good explanation and the floor below
+    which errors are equal for the encoder's noise, both of a log whose command had the spread
+    ``usual``; and samples that count per second.
     """
 
     value: tuple[int, ...]
@@ -86,6 +87,11 @@ class Contest(NamedTuple):
     pairs: tuple[tuple[int, int], ...]  # which explanation, and which other one is fitted to it
     left: tuple[float, ...]  # (J,) [N or Nm]
     floor: tuple[float, ...]  # (J,) [N or Nm]
+    usual: tuple[float, ...]  # (J,) [N or Nm]
+    least: (
+        float  # factors by which the filter's limits allow the noise to be less or more than then
+    )
+    most: float
     rate: tuple[float, ...]  # (J,) [1/s]
     asked: tuple[float, ...] = ()  # difference in score that each explanation needs at least
 
@@ -102,11 +108,19 @@ def separations(seen: Evidence, contest: Contest) -> Apart:
     """Return what is left of each pair's first explanation where its second is fitted to it.
 
     It is in the terms of :mod:`jaxidl.gap.score`: mean squares over all logs, of which those below
-    the floor are equal, and in the floor a share of the command's spread, which a motion that needs
-    more torque raises.
+    the floor are equal. A motion that needs more torque raises the floor: the filter's band grows
+    until noise is the same share of the command as before (:mod:`jaxidl.logs.signals`), and a share
+    of the command's spread is in the floor itself.
     """
-    left = jnp.asarray(contest.left)
-    floor = jnp.maximum(jnp.asarray(contest.floor), LEAST_FLOOR * seen.spread())
+    spread = seen.spread()
+    there = np.flatnonzero((np.array(contest.floor) > 0.0) & (np.array(contest.usual) > 0.0))
+    # the band is that of the joint with most noise for its command
+    each = spread[there] / np.array(contest.floor)[there]
+    usual = np.array(contest.usual)[there] / np.array(contest.floor)[there]
+    more = jnp.min(each) / np.min(usual) if len(there) else 1.0
+    louder = jnp.clip(more, contest.least, contest.most)
+    left = louder * jnp.asarray(contest.left)
+    floor = jnp.maximum(louder * jnp.asarray(contest.floor), LEAST_FLOOR * spread)
     floor = jnp.maximum(floor, 1e-300)
     noise, count = jnp.maximum(left, floor), jnp.asarray(contest.rate) * seen.seconds
     gram = jnp.tensordot(jnp.asarray(contest.rate) / noise**2, seen.gram, 1)
@@ -120,13 +134,13 @@ def separations(seen: Evidence, contest: Contest) -> Apart:
         at = np.array([made, fitted, *free])
         way = jnp.concatenate([jnp.array([1.0, -1.0]), -best])
         own = seen.gram[:, at[:, None], at]
-        more = jnp.maximum(jnp.einsum("p,jpq,q->j", way, own, way), 0.0) / seen.seconds
-        floored = [jnp.maximum(left**2 + x, floor**2) for x in (more, 0.0)]
+        rest = jnp.maximum(jnp.einsum("p,jpq,q->j", way, own, way), 0.0) / seen.seconds
+        floored = [jnp.maximum(left**2 + x, floor**2) for x in (rest, 0.0)]
         acts = own[:, 0, 0] + own[:, 1, 1] > ACTS * noise**2 * seen.seconds
         found.append(
             (
                 0.5 * jnp.sum(count * (jnp.log(floored[0]) - jnp.log(floored[1]))),
-                0.5 * jnp.sum(count * jnp.log1p(more / noise**2)),
+                0.5 * jnp.sum(count * jnp.log1p(rest / noise**2)),
                 jnp.maximum(
                     contest.asked[a] if contest.asked else 0.0,
                     jnp.maximum(EQUAL, ALIKE * jnp.sum(count * acts)),

@@ -57,7 +57,7 @@ class Doubt(NamedTuple):
     noise: Noise
     left: np.ndarray  # (J,) root mean square residual of the first explanation [N or Nm]
     floor: np.ndarray  # (J,) below which errors are equal for the encoder's noise [N or Nm]
-    fitted: float  # share of a log that is fitted
+    rate: np.ndarray  # (J,) samples per second of a log that count in the gap finder's score
     log: Log
     files: tuple[str, ...]
     titles: tuple[str, ...]
@@ -180,7 +180,7 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
         measured,
         rms(rest, made.rows.used & made.rows.training[:, None]),
         NOISE_MARGIN * signals.noise_floor,
-        1.0 - report["options"]["held_out"],
+        made.score.effective / seconds * (1.0 - report["options"]["held_out"]),
         log,
         tuple(map(str, files)),
         tuple(titles(sets, model.names)),

@@ -13,7 +13,9 @@ from jaxidl.excite.plan import compiled, random_start
 from jaxidl.gap.rivals import ALIKE, EQUAL
 
 BOTH = ((0, 1), (1, 0))
-CONTEST = Contest((0, 1), ((2, 3), (3, 4)), (1.0,) * 6, BOTH, (0.1,), (0.05,), (20.0,))
+CONTEST = Contest(
+    (0, 1), ((2, 3), (3, 4)), (1.0,) * 6, BOTH, (0.1,), (0.05,), (2.0,), 0.1, 9.0, (20.0,)
+)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +57,9 @@ def seen_of(x, torque=0.0, dt=0.01):
 
 
 def contest(free, left=1.0, floor=1e-6, wide=1e6):
-    return Contest((0, 1), free, (1.0, 1.0, wide), BOTH, (left,), (floor,), (50.0,))
+    # a command without a spread: the noise is as usual
+    own = (left,), (floor,), (0.0,), 0.1, 10.0, (50.0,)
+    return Contest((0, 1), free, (1.0, 1.0, wide), BOTH, *own)
 
 
 def test_separation_is_what_the_other_explanation_leaves_by_the_gap_finders_score():
@@ -83,6 +87,18 @@ def test_what_is_left_below_the_floor_does_not_count():
     # more is counted from there on, however long the motion
     heard = separations(seen_of(7.0 * x), contest(free, 0.9, 1.0))
     assert_allclose(heard.score, 0.5 * 50.0 * np.log(0.81 + 0.49), rtol=1e-6)
+
+
+def test_twice_the_torque_lets_the_filter_pass_twice_the_noise():
+    x = np.ones((3, 100))
+    x[1:] = 0.0
+    usual = contest(((), ()), 0.5, 0.6)._replace(usual=(2.0,))
+    one = separations(seen_of(x, 2.0), usual)
+    assert_allclose(one.score, 0.5 * 50.0 * np.log(1.25 / 0.36), rtol=1e-6)
+    twice = separations(seen_of(2.0 * x, 4.0), usual)  # so nothing is gained
+    assert_allclose(twice.score, one.score, rtol=1e-6)
+    most = separations(seen_of(2.0 * x, 4.0), usual._replace(most=1.0))  # but at the widest band
+    assert_allclose(most.score, 0.5 * 50.0 * np.log(4.25 / 0.36), rtol=1e-6)
 
 
 def test_what_is_asked_grows_with_the_samples_as_in_the_gap_finder():
