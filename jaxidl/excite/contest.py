@@ -19,7 +19,7 @@ from jaxidl.systems.mjcf import Model
 
 NOTHING = 1e-2  # separation over what is asked
 STATEFUL = 50.0  # rate of rows where an explanation has a hidden state [Hz]
-FASTER = 3.0  # factor of the highest frequency there
+FASTER = 2.0  # factor of the highest frequency there
 FIFTH = 2.5  # power of the band with which encoder noise in the torque grows
 
 
