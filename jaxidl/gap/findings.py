@@ -12,7 +12,7 @@ from jaxidl.gap.find import Found, aside, worse_by
 from jaxidl.gap.gram import Item
 from jaxidl.gap.library import rms
 from jaxidl.gap.rivals import part
-from jaxidl.gap.score import Solution
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
@@ -83,7 +83,7 @@ def findings(
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)
-        instead, nearest = best_instead(found, value, others, bare, j)
+        instead, nearest = best_instead(found.score, value.items, others, bare, j)
         margin = found.solution.value - instead
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
@@ -122,7 +122,7 @@ def findings(
 
 
 def best_instead(
-    found: Found, value: Value, others: Sequence[Item], bare: Solution, joint: int
+    score: Score, own: Sequence[Item], others: Sequence[Item], bare: Solution, joint: int
 ) -> tuple[float, Key | None]:
     """Return the highest score with another effect in place of one that was found, or with none.
 
@@ -133,21 +133,21 @@ def best_instead(
     the best has reached.
 
     Args:
-        found: the result of the search.
-        value: the effect that was found.
-        others: all other members, and ``bare`` their solution.
-        bare: the solution without the effect.
+        score: of all items.
+        own: the members that are the effect found.
+        others: all other members.
+        bare: their solution.
         joint: where the effect is largest; rivals are on that joint, too.
     """
-    score, best, nearest = found.score, bare.value, None
+    best, nearest = bare.value, None
     promise = score.promise(others)
     rivals = [
         i
         for i in score.items
         if id(i) in promise
-        and i.key != value.key
+        and i.key != own[0].key
         and joint in i.joints
-        and not any(part(m, i) for m in value.items)
+        and not any(part(m, i) for m in own)
     ]
     for i in sorted(rivals, key=lambda i: -promise[id(i)])[:MOST]:
         if bare.value + promise[id(i)] <= best:
