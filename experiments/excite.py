@@ -5,7 +5,8 @@ least condition number, and of random ones, all of the same length and limits. (
 UR10e, where its log is there: predicted standard errors of a designed motion of 50 s against those
 on the measured excitation, with the noise measured there. (c) On the benchmark's ambiguous single
 effects that physics does not tie: the designed motion and a random one of the same length and
-limits are executed in the benchmark's engine, and each log is diagnosed together with the old one.
+limits are executed in the benchmark's engine, and each log is diagnosed together with the old one;
+once with limits half as wide again as what the first log reached, once within that.
 
 FOLDER gets excite.md and excite.json, excite.png and excite.pdf; cases of the benchmark stay in
 WORK, and an interrupted run continues.
@@ -27,7 +28,7 @@ from matplotlib.figure import Figure
 from jaxidl.backend import choose_devices, jit_quickly
 from jaxidl.errors import JaxidlError
 from jaxidl.excite.contest import contested, earlier
-from jaxidl.excite.criteria import standard_errors
+from jaxidl.excite.criteria import Evidence, standard_errors
 from jaxidl.excite.design import Designed, Effort, design, random_motion
 from jaxidl.excite.doubt import doubt
 from jaxidl.excite.limits import Limits, limits_of
@@ -40,6 +41,7 @@ from jaxidl.gap import diagnose, read
 from jaxidl.gap.benchmark import judge
 from jaxidl.gap.benchmark.believed import Diverged
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.benchmark.run import run_benchmark
 from jaxidl.gap.benchmark.score import share
 from jaxidl.gap.library import library, noise_of, residual
@@ -61,27 +63,25 @@ TIED = (
     ("pendulum", {"position_bias", "base_tilt", "com_error"}),
     ("two_link", {"position_bias", "base_tilt"}),
     ("two_link", {"position_bias", "com_error"}),
+    # friction under load by direction, beside friction under load, is another motor constant
+    *((m, {"torque_scale", "directional_load_friction"}) for m in MECHANISMS),
 )
+LIMITS = {"wider": 1.5, "within": 1.0}  # limits over what the first log reached
 RATE = 500.0  # of the benchmark's logs [Hz]
 
 
-def relative(made: Prepared, grams: Any) -> np.ndarray:
+def relative(made: Prepared, seen: Evidence) -> np.ndarray:
     """Return standard errors over the columns' sizes, without those of the timing."""
     kept = [n for n, label in enumerate(made.labels) if label.effect != ALIGNMENT]
     size = np.asarray(made.plan.size)
-    return (standard_errors(np.asarray(grams), size) / size)[kept]
+    return (standard_errors(np.asarray(made.plan.gram(seen)), size) / size)[kept]
 
 
-def information(made: Prepared, q: Any, qd: Any, qdd: Any, dt: float) -> np.ndarray:
-    """Return the information (P, P) of a motion about a plan's columns."""
-    run = jit_quickly(lambda q, qd, qdd: made.plan.gram(q, qd, qdd, dt)[0])
-    return np.asarray(run(q, qd, qdd))
-
-
-def of_motion(made: Prepared, motion: Designed, every: int) -> np.ndarray:
-    """Return the information (P, P) of every ``every``-th sample of a motion."""
-    q, qd, qdd = (x[::every] for x in (motion.q, motion.qd, motion.qdd))
-    return information(made, q, qd, qdd, every * float(motion.time[1] - motion.time[0]))
+def of_motion(made: Prepared, motion: Designed, every: int) -> Evidence:
+    """Return what every ``every``-th sample of a motion tells about a plan's columns."""
+    dt = every * float(motion.time[1] - motion.time[0])
+    run = jit_quickly(lambda q, qd, qdd: made.plan.evidence(q, qd, qdd, dt)[0])
+    return run(*(x[::every] for x in (motion.q, motion.qd, motion.qdd)))
 
 
 def arm_errors(seeds: int, steps: int) -> dict[str, Any]:
@@ -182,16 +182,28 @@ def open_cases(work: Path, root: int, severities: tuple[str, ...]) -> list[tuple
         doubted = report.get("verdict") == "ambiguous" or report.get("ambiguous")
         if "lost" in report or "error" in report or not doubted:
             continue
+        near = [e["nearest"] for e in report["effects"] if e.get("nearest")]
         names = {name for group in judge.candidates(report) for name, _ in group}
+        names |= {e["effect"] for e in [*report["effects"], *near]}
+        truly = known[case.id]["hidden"][0]["effect"]
         tied = judge.tied(known[case.id]) or any(
-            case.mechanism == where and len(names & group) > 1 for where, group in TIED
+            case.mechanism == where and truly in group and len((names | {truly}) & group) > 1
+            for where, group in TIED
         )
         if not tied:
             out.append((case, report))
     return sorted(out, key=lambda c: c[0].id.split("-")[-1])  # in no order of mechanisms
 
 
-def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
+def wider(reached: dict[str, np.ndarray], factor: float) -> dict[str, np.ndarray]:
+    """Return limits ``factor`` times as far, as fast and as hard as a log went."""
+    start = reached["start"]
+    about = {k: start + factor * (reached[k] - start) for k in ("lower", "upper")}
+    more = {k: factor * reached[k] for k in ("speed", "acceleration", "torque")}
+    return reached | about | more
+
+
+def settled(case: Case, report: Any, work: Path, steps: int, factor: float) -> dict[str, Any]:
     """Execute a designed and a random motion for one case, and diagnose each with the old log."""
     folder = work / "doubts" / case.id
     write_bytes(folder / "report.json", json.dumps(report).encode())
@@ -199,7 +211,7 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
     model, old = read_model(place / "model.xml"), place / case.log
     hidden = truth([case])[case.id]["hidden"][0]
     found = doubt(folder, model, [old])
-    limits = limits_of(model.names, bounds(model), reached=found.reached())
+    limits = limits_of(model.names, bounds(model), reached=wider(found.reached(), factor))
     made = contested(found, model, limits, top=1.5)
     best = design(made.plan, None, Effort(2, steps, case.seed % 1000), RATE)
     chance = random_motion(made.plan, None, case.seed, RATE)
@@ -210,10 +222,12 @@ def settled(case: Case, report: Any, work: Path, steps: int) -> dict[str, Any]:
         "before": judge.single_credit(hidden, report),
     }
     for name, motion in (("designed", best), ("random", chance)):
-        gram = of_motion(made, motion, max(1, round(made.plan.dt * RATE)))
-        apart = separated(made, found.titles, made.plan.earlier, gram + made.plan.earlier)
+        seen, before = of_motion(made, motion, 50), made.plan.earlier
+        assert before is not None
+        apart = separated(made, found.titles, before, seen.plus(before))
         out[name] = executed(case, model, limits, old, motion, hidden) | {
-            "separation": min((a["after"] for a in apart), default=np.nan)
+            "separation": min((a["after"] / a["asked"] for a in apart), default=0.0),
+            "pairs": apart,
         }
         print(case.id, judge.key(hidden), name, out[name], flush=True)
     return out
@@ -242,8 +256,25 @@ def executed(
         "right": judge.single_credit(hidden, report),
         "verdict": report["verdict"],
         "named": judge.named(report),
+        "effects": [[*judge.key(e), e["confidence"]] for e in report["effects"]],
         "limits_kept": kept,
     }
+
+
+def resolved(cases: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return shares of cases that are resolved rightly, and of those predicted to be separated."""
+    shares = {"before": share(c["before"] == 1 for c in cases)}
+    for name in ("designed", "random"):
+        shares[name] = share(float(c[name]["right"] == 1) for c in cases)
+        for said, apart in (("separated", True), ("not separated", False)):
+            right = [
+                float(c[name]["right"] == 1)
+                for c in cases
+                if (c[name]["separation"] >= 1.0) == apart
+            ]
+            if right:
+                shares[f"{name}, predicted {said}"] = share(right)
+    return shares
 
 
 def text(result: dict[str, Any]) -> str:
@@ -267,23 +298,20 @@ def text(result: dict[str, Any]) -> str:
         rows = [["all", f"{u['designed over measured']:.2f}"]]
         rows += [[name, f"{value:.2f}"] for name, value in u["by effect"].items()]
         out += [markdown(head, rows), ""]
-    if result.get("cases"):
-        head = ["ambiguous cases", "resolved rightly", "95 %"]
+    for where, factor in LIMITS.items():
+        if not result.get(where, {}).get("cases"):
+            continue
+        part = result[where]
+        head = [f"limits {factor:g} times what the first log reached", "resolved rightly", "95 %"]
         rows = []
-        for name in ("before", "designed", "random"):
-            s = result["resolved"][name]
-            rows.append(
-                [
-                    name,
-                    f"{s['share'] * s['n']:.0f} of {s['n']}",
-                    f"{s['low']:.2f} to {s['high']:.2f}",
-                ]
-            )
+        for name, s in part["resolved"].items():
+            span = "" if s["low"] is None else f"{s['low']:.2f} to {s['high']:.2f}"
+            rows.append([name, f"{s['share'] * s['n']:.0f} of {s['n']}", span])
         out += [markdown(head, rows), ""]
         head = ["case", "hidden", "explanations", "designed", "random"]
         say = lambda r: (
             f"{'right' if r['right'] == 1 else r.get('verdict', 'lost')},"
-            + ("" if r.get("separation") is None else f" {r['separation']:.3g} apart")
+            f" {r['separation']:.3g} of what is asked"
         )
         out += [
             markdown(
@@ -296,7 +324,7 @@ def text(result: dict[str, Any]) -> str:
                         say(c["designed"]),
                         say(c["random"]),
                     ]
-                    for c in result["cases"]
+                    for c in part["cases"]
                 ),
             ),
             "",
@@ -307,7 +335,7 @@ def text(result: dict[str, Any]) -> str:
 def draw(result: dict[str, Any], folder: Path) -> None:
     """Draw standard errors on both arms, and how often doubts were resolved."""
     with house_style():
-        panels = 2 + bool(result.get("cases"))
+        panels = 2 + bool(result.get("wider"))
         figure = Figure(figsize=(3.1 * panels, 3.1), layout="constrained")
         axes = figure.subplots(1, panels)
         marks = {"random": "s", "condition": "v", "d": "^", "a": "o"}
@@ -325,7 +353,7 @@ def draw(result: dict[str, Any], folder: Path) -> None:
             axes[1].set(xlabel="measured excitation", ylabel="designed motion")
         axes[1].set_title("UR10e: standard errors")
         for n, name in enumerate(("before", "random", "designed")):
-            s = result.get("resolved", {}).get(name)
+            s = result.get("wider", {}).get("resolved", {}).get(name)
             if s:
                 axes[2].bar(n, s["share"], color=("0.6", "#D55E00", "#0072B2")[n], width=0.6)
                 middle = [[s["share"] - s["low"]], [s["high"] - s["share"]]]
@@ -333,7 +361,7 @@ def draw(result: dict[str, Any], folder: Path) -> None:
         if panels == 3:
             axes[2].set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
             axes[2].set_ylim(0.0, 1.0)
-            axes[2].set_title(f"doubts resolved rightly, n = {len(result.get('cases', []))}")
+            axes[2].set_title(f"doubts resolved rightly, n = {len(result['wider']['cases'])}")
         save(figure, folder, "excite")
 
 
@@ -345,6 +373,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=Path("out/everything/excite"))
     parser.add_argument("--ur10e", type=Path, default=Path("../shared/data/ur10e"))
     parser.add_argument("--parts", nargs="+", default=["arm", "ur10e", "cases"])
+    parser.add_argument("--limits", nargs="+", default=list(LIMITS), choices=list(LIMITS))
     parser.add_argument("--root", type=int, default=310)
     parser.add_argument("--most", type=int, default=20, help="cases")
     parser.add_argument("--seeds", type=int, default=3)
@@ -360,18 +389,21 @@ def main() -> None:
 
     with jax.enable_x64(True):
         if "cases" in given.parts:
-            result |= {"root": given.root, "cases": []}
             opened = open_cases(given.work, given.root, ("clear",))
             print(f"{len(opened)} open cases", flush=True)
-            result["open"] = len(opened)
-            for case, report in opened[: given.most]:
-                result["cases"].append(settled(case, report, given.work, min(given.steps, 60)))
-                result["resolved"] = {"before": share(c["before"] == 1 for c in result["cases"])}
-                for name in ("designed", "random"):
-                    result["resolved"][name] = share(
-                        float(c[name]["right"] == 1) for c in result["cases"]
-                    )
-                keep()
+            result |= {"root": given.root, "open": len(opened)}
+            for where in given.limits:
+                result[where] = {"cases": []}
+                for case, report in opened[: given.most]:
+                    path = given.work / "settled" / where / f"{case.id}.json"
+                    if not path.is_file():
+                        done = settled(
+                            case, report, given.work, min(given.steps, 60), LIMITS[where]
+                        )
+                        write_bytes(path, json.dumps(plain(done)).encode())
+                    result[where]["cases"].append(json.loads(path.read_text()))
+                    result[where]["resolved"] = resolved(result[where]["cases"])
+                    keep()
         if "arm" in given.parts:
             result["arm"] = arm_errors(given.seeds, given.steps)
             keep()

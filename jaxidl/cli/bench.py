@@ -20,6 +20,7 @@ BENCHMARKS = (
     "compilation",
     "gradients",
     "gap",
+    "excite",
     "arm",
     "real_time",
     "c_step",

@@ -7,34 +7,23 @@ from typing import Any
 import numpy as np
 
 from jaxidl.backend import jit_quickly
-from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.excite.criteria import Contest
+from jaxidl.excite.criteria import Contest, Evidence, separations
 from jaxidl.excite.doubt import Doubt, Explanation
 from jaxidl.excite.limits import Limits
-from jaxidl.excite.parameters import (
-    Known,
-    Parameter,
-    Terms,
-    common,
-    known,
-    probed,
-    states,
-    terms_of,
-)
+from jaxidl.excite.parameters import Parameter, known, states, terms_of
 from jaxidl.excite.plan import Plan, random_start
-from jaxidl.excite.prepare import ALIGNMENT, Prepared, unit_of
-from jaxidl.gap.additions import Drive
+from jaxidl.excite.prepare import ALIGNMENT, Prepared
 from jaxidl.gap.diagnosis import Key
-from jaxidl.gap.library import scales
-from jaxidl.gap.shape import shapes_of
-from jaxidl.logs.signals import Signals
+from jaxidl.logs.signals import BAND, HIGHEST_BAND, Signals
 from jaxidl.systems.mjcf import Model
 
-# share of a joint's torque by which effects beside those in question may help: a good model's error
-BESIDE = 0.005
+NOTHING = 1e-2  # separation over what is asked
 STATEFUL = 50.0  # least rate of rows where an explanation has a hidden state [Hz]
 PROBED = 3  # random motions on which it must stay finite
+FASTER = 2.0  # factor of the highest frequency there
+FIFTH = 2.5  # power of the band with which encoder noise in the torque grows
 
 
 def pairs(sets: Sequence[tuple[Key, ...]]) -> tuple[tuple[int, int], ...]:
@@ -53,24 +42,20 @@ def pairs(sets: Sequence[tuple[Key, ...]]) -> tuple[tuple[int, int], ...]:
 def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Prepared:
     """Return the plan of a motion that tells the explanations of a doubt apart.
 
-    In a fit of one explanation to another, the common effects that are not in question may take
-    part, too, each by as little as a good model may be wrong: many small helpers could imitate
-    almost anything, but no diagnosis would name them all.
+    A fit of one explanation to another may change its own parameters, and by how much the torque is
+    logged late. Other effects may not help: each would cost more of the gap finder's prior than it
+    allows an equal explanation.
     """
     inside = limits.planned()
     know = known(model, inside)
     at = states(know, inside)
     joints = len(model.names)
-    disputed = {k for e in found.explanations for k in e.keys}
-    every = scales(found.signals, np.asarray(found.noise.torque))
-    offered = [s for name in common() for scale in every for s in shapes_of(CATALOGUE[name], scale)]
-    free = [s for s in offered if (s.cls.name, s.joint) not in disputed]
-    labels, effects, sizes = probed(free, model.kinds)
-    rows: list[np.ndarray] = list(np.diag(1.0 / sizes)) if len(sizes) else []
-    whole: list[Effect] = list(effects)
+    rows: list[np.ndarray] = []
+    whole: list[Effect] = []
     value: list[int] = []
     places: list[tuple[int, ...]] = []
-    parameters, wide = list(labels), [0.0] * len(labels)
+    parameters: list[Parameter] = []
+    wide: list[float] = []
     for e in found.explanations:
         first = len(whole)
         whole += [*e.effects, *(m[1] for m in e.moved)]
@@ -90,24 +75,52 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
         wide += e.wide
     mix = np.stack([np.pad(r, (0, len(whole) - len(r))) for r in rows])
     terms = terms_of(whole, mix, joints)
-    common_size = _plausible(know, terms, at, len(labels))
-    sizes = np.array([*common_size, *wide[len(labels) :], *[found.signals.dt] * joints])
-    shared = (*range(len(labels)), *range(len(rows), len(rows) + joints))
+    sizes = np.array([*wide, *[found.signals.dt] * joints])
+    shared = tuple(range(len(rows), len(rows) + joints))
     contest = Contest(
         tuple(value),
         tuple((*shared, *own) for own in places),
         tuple(sizes.tolist()),
         pairs([e.keys for e in found.explanations]),
+        tuple(found.left.tolist()),
+        tuple(found.floor.tolist()),
+        tuple(np.std(found.signals.tau, axis=0).tolist()),
+        (BAND[0] / found.signals.band) ** FIFTH,
+        (min(BAND[1], HIGHEST_BAND / found.signals.dt) / found.signals.band) ** FIFTH,
+        tuple(found.rate.tolist()),
+        tuple(e.asked for e in found.explanations),
     )
-    plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **options)
-    if any(map(_stateful, found.explanations)):
+    stateful = any(map(_stateful, found.explanations))
+    # what a drive does in time shows in how torques differ by frequency
+    top = options.get("top", Plan.top) * (FASTER if stateful else 1.0)
+    own = {**options, "top": top}
+    plan = Plan(know, inside, terms, sizes, found.noise, criterion="t", contest=contest, **own)
+    if stateful:
         steady = simulable(plan, 1.0 / found.signals.dt)
         if steady is None:
             return contested(without(found), model, limits, **options)
         plan = steady
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
     old = earlier(plan, found.signals)
-    return Prepared(replace(plan, earlier=old), (*parameters, *timing), at)
+    return Prepared(
+        replace(plan, earlier=old, contest=separable(plan, old)), (*parameters, *timing), at
+    )
+
+
+def separable(plan: Plan, old: Evidence) -> Contest:
+    """Return the plan's contest without the pairs that not even random motion begins to separate.
+
+    They are the same on any motion, and would hide the others in the smallest separation. If none
+    is left, all stay.
+    """
+    assert plan.contest is not None
+    rng = np.random.default_rng(0)
+    motions = [plan.motion(random_start(plan, rng))[:3] for _ in range(3)]
+    run = jit_quickly(lambda q, qd, qdd: plan.evidence(q, qd, qdd, plan.dt)[0])
+    apart = [separations(run(*m).plus(old), plan.contest) for m in motions]
+    most = np.max([a.smooth / a.asked for a in apart], axis=0)
+    kept = tuple(p for p, x in zip(plan.contest.pairs, most, strict=True) if x > NOTHING)
+    return plan.contest._replace(pairs=kept or plan.contest.pairs)
 
 
 def simulable(plan: Plan, most: float) -> Plan | None:
@@ -119,9 +132,9 @@ def simulable(plan: Plan, most: float) -> Plan | None:
     rng = np.random.default_rng(0)
     for rate in (*(STATEFUL * 2**k for k in range(6) if STATEFUL * 2**k < most), most):
         finer = replace(plan, rate=max(rate, plan.rate))
-        run = jit_quickly(lambda q, qd, qdd, p=finer: p.gram(q, qd, qdd, p.dt)[0])
+        run = jit_quickly(lambda q, qd, qdd, p=finer: p.evidence(q, qd, qdd, p.dt)[0])
         motions = (finer.motion(random_start(finer, rng))[:3] for _ in range(PROBED))
-        if all(np.isfinite(run(*motion)).all() for motion in motions):
+        if all(np.isfinite(x).all() for motion in motions for x in run(*motion)):
             return finer
     return None
 
@@ -145,25 +158,21 @@ def without(found: Doubt) -> Doubt:
     )
 
 
-def _plausible(know: Known, terms: Terms, at: Drive, count: int) -> np.ndarray:
-    """Return the coefficients of the first columns that add ``BESIDE`` of the torque."""
-    run = jit_quickly(lambda drive: terms.columns(drive, know.body, know.rest, 1.0))
-    return unit_of(np.asarray(run(at))[:count], np.asarray(at.predicted), BESIDE)
-
-
 def _stateful(explanation: Explanation) -> bool:
     inner = (getattr(effect, "effect", effect) for effect in explanation.effects)
     return any(type(effect).actuate is not Effect.actuate for effect in inner)
 
 
-def earlier(plan: Plan, signals: Signals) -> np.ndarray:
-    """Return the information (P, P) of a log about a plan's columns."""
-    run = jit_quickly(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
-    total = np.zeros(())
+def earlier(plan: Plan, signals: Signals) -> Evidence:
+    """Return what a log tells about a plan's columns; the torque is the log's command."""
+    run = jit_quickly(lambda q, qd, qdd, dt: plan.evidence(q, qd, qdd, dt)[0], static_argnums=3)
+    found: list[Evidence] = []
     stride = max(1, round(plan.dt / signals.dt))
     for part in signals.slices:
         pick = slice(part.start, part.stop, stride)
         motion = (signals.q[pick], signals.qd[pick], signals.qdd[pick])
         if len(motion[0]) > 2:
-            total = total + np.asarray(run(*motion, float(stride * signals.dt)))
-    return np.asarray(total)
+            dt = float(stride * signals.dt)
+            sums = dt * signals.tau[pick].sum(0), dt * (signals.tau[pick] ** 2).sum(0)
+            found.append(run(*motion, dt)._replace(total=sums[0], square=sums[1]))
+    return Evidence(*(sum(np.asarray(x) for x in part) for part in zip(*found, strict=True)))

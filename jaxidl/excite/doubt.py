@@ -18,11 +18,12 @@ from jaxidl.excite.parameters import (
     common,
 )
 from jaxidl.excite.plan import Noise
+from jaxidl.gap.calibration import margin_of
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
 from jaxidl.gap.inputs import read_inputs
-from jaxidl.gap.library import Library, library, noise_of, residual
-from jaxidl.gap.rows import rows_of
+from jaxidl.gap.library import Library, library, noise_of, residual, rms
+from jaxidl.gap.rows import NOISE_MARGIN, rows_of
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Shape, effect_at, movable, present, vector
 from jaxidl.gap.shapes import fitted
@@ -45,6 +46,7 @@ class Explanation(NamedTuple):
     moved: tuple[tuple[int, Effect, float], ...]  # (P) which effect, changed, by which step
     labels: tuple[Parameter, ...]  # (P)
     wide: tuple[float, ...]  # (P) standard deviation beforehand
+    asked: float = 0.0  # difference in score to any other from which its effects are named
 
 
 class Doubt(NamedTuple):
@@ -53,6 +55,9 @@ class Doubt(NamedTuple):
     explanations: tuple[Explanation, ...]
     signals: Signals
     noise: Noise
+    left: np.ndarray  # (J,) root mean square residual of the first explanation [N or Nm]
+    floor: np.ndarray  # (J,) below which errors are equal for the encoder's noise [N or Nm]
+    rate: np.ndarray  # (J,) samples per second of a log that count in the gap finder's score
     log: Log
     files: tuple[str, ...]
     titles: tuple[str, ...]
@@ -80,7 +85,7 @@ def read_report(folder: Path) -> dict[str, Any]:
     path = folder / "report.json"
     try:
         report = json.loads(path.read_text(encoding="utf-8"))
-        if {"verdict", "effects", "ambiguous", "rivals", "options"} <= report.keys():
+        if {"verdict", "effects", "ambiguous", "options"} <= report.keys():
             return report
         got = "another file of that name"
     except OSError as error:
@@ -112,13 +117,24 @@ def candidates(report: dict[str, Any]) -> list[tuple[Key, ...]]:
         unsure = [e for e in report["effects"] if e["confidence"] < SURE]
         for effect in unsure:
             rest = tuple(k for k in found if k != key(effect))
-            near = [
-                (r["name"], r["joint"])
-                for r in report["rivals"]
-                if r["joint"] in (effect["joint"], None) and (r["name"], r["joint"]) not in found
-            ]
-            sets += [rest, *((*rest, k) for k in near[:2])]
+            sets.append(rest)
+            if (near := effect.get("nearest")) and key(near) not in found:
+                sets.append((*rest, key(near)))
     return list(dict.fromkeys(sets))[:MOST]
+
+
+def asked(report: dict[str, Any], keys: Sequence[Key]) -> float:
+    """Return by how much an explanation's score has to exceed others' for its effects to be named.
+
+    It is known of the effects that were found, and only a motion that makes them explain a larger
+    share could help where no difference would be enough.
+    """
+    need = [
+        margin_of(SURE, e["signs"])
+        for e in report["effects"]
+        if (e["effect"], e["joint"]) in keys and e["confidence"] < SURE and e.get("signs")
+    ]
+    return max((n for n in need if np.isfinite(n)), default=0.0)
 
 
 def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
@@ -151,13 +167,20 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
         names = list(dict.fromkeys([*common(), *wanted]))
         made = library(rows, names, present(model.plant.effects))
         solved = [_solved(made, keys) for keys in sets]
-    noise, effective = noise_of(made.rows, residual(made.rows, solved[0]))
+    rest = residual(made.rows, solved[0])
+    noise, effective = noise_of(made.rows, rest)
     seconds = max(float(made.rows.training.mean()) * len(signals.q) * signals.dt, 1e-9)
     measured = Noise(noise, np.maximum(effective / seconds, 1e-3), signals.sigma)
     return Doubt(
-        tuple(_explanation(keys, s, model) for keys, s in zip(sets, solved, strict=True)),
+        tuple(
+            _explanation(keys, s, model)._replace(asked=asked(report, keys))
+            for keys, s in zip(sets, solved, strict=True)
+        ),
         signals,
         measured,
+        rms(rest, made.rows.used & made.rows.training[:, None]),
+        NOISE_MARGIN * signals.noise_floor,
+        made.score.effective / seconds * (1.0 - report["options"]["held_out"]),
         log,
         tuple(map(str, files)),
         tuple(titles(sets, model.names)),

@@ -1,13 +1,20 @@
 """What is to be designed: a motion's length and limits, the columns it is judged by, the noise."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.excite.criteria import Contest, a_optimal, condition, d_optimal, t_optimal
+from jaxidl.excite.criteria import (
+    Contest,
+    Evidence,
+    a_optimal,
+    condition,
+    d_optimal,
+    t_optimal,
+)
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.motion import Basis, basis, instants
 from jaxidl.excite.parameters import Known, Terms
@@ -38,8 +45,7 @@ class Plan:
     top: float = 1.5  # highest frequency [Hz]
     rate: float = 0.0  # of the criterion's rows [Hz]; 0: by ``top``
     contest: Contest | None = None  # of a t criterion
-    # information (P, P) that an earlier log has already
-    earlier: np.ndarray = field(default_factory=lambda: np.zeros(()))
+    earlier: Evidence | None = None  # of a log that there is already
 
     @cached_property
     def times(self) -> np.ndarray:
@@ -75,32 +81,36 @@ class Plan:
         along = share[None]
         return jnp.asarray(limits.start)[None] + q * along, qd * along, qdd * along, share
 
-    def gram(self, q: Any, qd: Any, qdd: Any, dt: float) -> tuple[Any, Any]:
-        """Return the information (P, P) of a motion (T, J), and its torque (T, J)."""
+    def evidence(self, q: Any, qd: Any, qdd: Any, dt: float) -> tuple[Evidence, Any]:
+        """Return what a motion (T, J) tells, and its torque (T, J)."""
         drive = self.know.drive(q, qd, qdd, dt)
         x = self.terms.columns(drive, self.know.body, self.know.rest, dt)
         slope: Any = jnp.gradient(drive.predicted, dt, axis=0)
         # when exactly a torque acts is the logger's convention, and known to nobody
         timing = slope[None] * jnp.eye(q.shape[1])[:, None, :]
-        weight = jnp.sqrt(jnp.asarray(self.noise.rate * dt) / self.noise.torque**2)
-        x = jnp.concatenate([x, timing]) * weight[None, None]
-        flat = x.reshape(len(x), -1)
-        return flat @ flat.T, drive.predicted
+        x, torque = jnp.concatenate([x, timing]), drive.predicted
+        gram = dt * jnp.einsum("ptj,qtj->jpq", x, x)
+        seconds, total, square = dt * len(q), dt * torque.sum(0), dt * (torque**2).sum(0)
+        return Evidence(gram, seconds, total, square), torque
 
-    def value(self, gram: Any) -> Any:
-        """Return the criterion of a Gram matrix (P, P), together with the earlier log's."""
-        whole = gram + jnp.asarray(self.earlier)
+    def gram(self, seen: Evidence) -> Any:
+        """Return the information (P, P) of evidence, weighed with the noise."""
+        return jnp.tensordot(jnp.asarray(self.noise.rate / self.noise.torque**2), seen.gram, 1)
+
+    def value(self, seen: Evidence) -> Any:
+        """Return the criterion of evidence, together with the earlier log's."""
+        whole = seen if self.earlier is None else seen.plus(self.earlier)
         if self.criterion == "t":
             assert self.contest is not None
             return t_optimal(whole, self.contest)
-        size = jnp.asarray(self.size)
-        return {"d": d_optimal, "a": a_optimal, "condition": condition}[self.criterion](whole, size)
+        by = {"d": d_optimal, "a": a_optimal, "condition": condition}[self.criterion]
+        return by(self.gram(whole), jnp.asarray(self.size))
 
     def judged(self, z: Any) -> tuple[Any, Any, Any]:
         """Return the criterion of coefficients ``z`` (J, K), torques and positions (T, J)."""
         q, qd, qdd, _ = self.motion(z)
-        gram, torque = self.gram(q, qd, qdd, self.dt)
-        return self.value(gram), torque, q
+        seen, torque = self.evidence(q, qd, qdd, self.dt)
+        return self.value(seen), torque, q
 
 
 def random_start(plan: Plan, rng: np.random.Generator) -> np.ndarray:

@@ -18,7 +18,7 @@ from jaxidl.excite.doubt import Doubt, doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
-from jaxidl.excite.table import APART, errors, grams, separated, text
+from jaxidl.excite.table import errors, evidence, separated, text
 from jaxidl.systems.bounds import Shapes, bounds
 from jaxidl.systems.mjcf import Model, read_model
 
@@ -89,10 +89,11 @@ class Result(NamedTuple):
                 " of torque or clearance"
             )
         for pair in self.apart:
-            if pair["after"] < APART:
+            if pair["after"] < pair["asked"]:
                 out.append(
                     f"{pair['true']} and {pair['fitted']}: even this motion hardly tells them apart"
-                    f" (log likelihood {pair['after']:.3g}); wider limits or a known load may"
+                    f" (score {pair['after']:.3g} of {pair['asked']:.3g} asked); wider limits or a"
+                    " known load may"
                 )
         if self.doubt is not None:
             logs = " ".join(map(shlex.quote, self.doubt.files))
@@ -200,7 +201,7 @@ def excite(
             request.rate,
             lambda share: watch("designing", share),
         )
-        before, after = grams(made, found)
+        before, after = evidence(made, found)
         titles = () if open_ is None else open_.titles
         rows, apart = errors(made, before, after), separated(made, titles, before, after)
     return Result(made, inside, found, rows, apart, open_, request, known)

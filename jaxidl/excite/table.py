@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from jaxidl.backend import jit_quickly
-from jaxidl.excite.criteria import RIDGE, separations, standard_errors
+from jaxidl.excite.criteria import RIDGE, Evidence, separations, standard_errors
 from jaxidl.excite.design import Designed
 from jaxidl.excite.parameters import Parameter
 from jaxidl.excite.prepare import Prepared
@@ -15,34 +15,34 @@ from jaxidl.gap.words import readable
 
 MORE_THAN = 1e3  # sizes: a standard error of more says that the motion tells nothing
 HARDLY = 0.9  # share of what was known beforehand, likewise
-APART = 10.0  # separation from which a log decides between explanations: odds above 100 to 1
 
 
-def grams(made: Prepared, found: Designed) -> tuple[np.ndarray, np.ndarray]:
-    """Return the information (P, P) before and with the motion.
+def evidence(made: Prepared, found: Designed) -> tuple[Evidence, Evidence]:
+    """Return what is told before and with the motion.
 
     Before is the earlier log's or, where there is none, that of the median random motion.
     """
     plan = made.plan
-    run = jit_quickly(lambda q, qd, qdd, dt: plan.gram(q, qd, qdd, dt)[0], static_argnums=3)
+    run = jit_quickly(lambda q, qd, qdd, dt: plan.evidence(q, qd, qdd, dt)[0], static_argnums=3)
     stride = max(1, round(plan.dt / float(found.time[1] - found.time[0])))
     dt = stride * float(found.time[1] - found.time[0])
-    new = np.asarray(run(*(x[::stride] for x in (found.q, found.qd, found.qdd)), dt))
-    if np.any(plan.earlier):
-        return np.asarray(plan.earlier), new + plan.earlier
-    return np.asarray(run(*found.first, plan.dt)), new
+    new = run(*(x[::stride] for x in (found.q, found.qd, found.qdd)), dt)
+    if plan.earlier is not None:
+        return plan.earlier, new.plus(plan.earlier)
+    return run(*found.first, plan.dt), new
 
 
-def errors(made: Prepared, before: np.ndarray, after: np.ndarray) -> list[dict[str, Any]]:
+def errors(made: Prepared, before: Evidence, after: Evidence) -> list[dict[str, Any]]:
     """Return the predicted standard errors of each parameter, before and after."""
     plan, rows = made.plan, []
     contest = plan.contest
     sets = [tuple(range(len(plan.size)))] if contest is None else contest.free
     seen: set[Parameter] = set()
+    grams = [np.asarray(plan.gram(seen)) for seen in (before, after)]
     for own in sets:
         at = np.array(own)
         pair = []
-        for gram in (before, after):
+        for gram in grams:
             inside = gram[np.ix_(at, at)]
             pair.append(standard_errors(inside, plan.size[at], 1.0 if contest else RIDGE))
         for n, (a, b) in zip(own, zip(*pair, strict=True), strict=True):
@@ -58,19 +58,26 @@ def errors(made: Prepared, before: np.ndarray, after: np.ndarray) -> list[dict[s
 
 
 def separated(
-    made: Prepared, titles: Sequence[str], before: np.ndarray, after: np.ndarray
+    made: Prepared, titles: Sequence[str], before: Evidence, after: Evidence
 ) -> list[dict[str, Any]]:
     """Return for each pair of explanations how far apart it is, before and after.
 
-    It is the expected difference of log likelihoods where the wrong one is fitted.
+    It is the expected difference of the gap finder's scores where the wrong one is fitted;
+    ``asked`` is what it asks to call them different.
     """
     contest = made.plan.contest
     if contest is None:
         return []
-    values = [np.asarray(separations(gram, contest)) / 2.0 for gram in (before, after)]
+    one, both = (separations(seen, contest) for seen in (before, after))
     return [
-        {"true": titles[a], "fitted": titles[b], "before": float(old), "after": float(new)}
-        for (a, b), old, new in zip(contest.pairs, *values, strict=True)
+        {
+            "true": titles[a],
+            "fitted": titles[b],
+            "before": float(one.score[n]),
+            "after": float(both.score[n]),
+            "asked": float(both.asked[n]),
+        }
+        for n, (a, b) in enumerate(contest.pairs)
     ]
 
 
@@ -80,12 +87,12 @@ def text(
     """Return both tables as Markdown; ``old`` says what "before" is."""
     out = []
     if apart:
-        head = ["if it is", "and one fits", f"log likelihood apart, {old}", "with this motion"]
+        head = ["if it is", "and one fits", f"score apart, {old}", "with this motion", "asked"]
         out.append(
             markdown(
                 head,
                 (
-                    [r["true"], r["fitted"], f"{r['before']:.3g}", f"{r['after']:.3g}"]
+                    [r["true"], r["fitted"], *(f"{r[k]:.3g}" for k in ("before", "after", "asked"))]
                     for r in apart
                 ),
             )

@@ -84,6 +84,22 @@ def probability(found: Mapping[str, float]) -> float:
     )
 
 
+def margin_of(wanted: float, found: Mapping[str, float]) -> float:
+    """Return the margin that makes a finding as probable as ``wanted``, other signs the same.
+
+    No other effect explains the log as well by then. The margin is from 1 to 1e4, within which it
+    counts, or infinite if even that is not enough.
+    """
+    weights = _weights()
+    if not weights:
+        return 1.0
+    rest = weights["constant"] + sum(
+        weights[name] * found[name] for name in SIGNS if name not in ("margin", "tied")
+    )
+    sign = (np.log(wanted / (1.0 - wanted)) - rest) / max(weights["margin"], 1e-9)
+    return float(10.0 ** max(sign, 0.0)) if sign <= 4.0 else np.inf
+
+
 @lru_cache(maxsize=1)
 def _weights() -> dict[str, Any]:
     return json.loads(WEIGHTS.read_text())["weights"] if WEIGHTS.exists() else {}

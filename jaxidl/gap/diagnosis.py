@@ -48,6 +48,7 @@ class Finding:
     # bounds of the fitted parameters
     bounds: dict[str, tuple[float, float]] = field(default_factory=dict)
     signs: dict[str, float] = field(default_factory=dict)  # what its confidence was computed from
+    nearest: Key | None = None  # the best other effect in its place; None: no other comes near
 
     @property
     def sure(self) -> bool:
@@ -182,6 +183,7 @@ class Diagnosis:
                         "gain": f.gain,
                         "gain_stderr": f.gain_stderr,
                         "signs": f.signs,
+                        "nearest": f.nearest and {"effect": f.nearest[0], "joint": f.nearest[1]},
                     }
                     for f in self.findings
                 ],

@@ -9,10 +9,15 @@ from jaxidl.errors import EffectError
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found, aside, worse_by
+from jaxidl.gap.gram import Item
 from jaxidl.gap.library import rms
+from jaxidl.gap.rivals import part
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
+
+MOST = 24  # rivals of an effect that are solved for
 
 
 def possible(effect: Effect) -> bool:
@@ -78,13 +83,8 @@ def findings(
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)
-        promise = found.score.promise(others)
-        rivals = [
-            promise[id(i)]
-            for i in found.score.items
-            if id(i) in promise and i.key != value.key and j in i.joints
-        ]
-        margin = max(promise[id(m)] for m in value.items) - max(rivals, default=0.0)
+        instead, nearest = best_instead(found.score, value.items, others, bare, j)
+        margin = found.solution.value - instead
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
@@ -115,9 +115,46 @@ def findings(
                 stderr,
                 bounds,
                 {"support": support, **speaks},
+                nearest,
             )
         )
     return tuple(sorted(out, key=lambda f: -f.share))
+
+
+def best_instead(
+    score: Score, own: Sequence[Item], others: Sequence[Item], bare: Solution, joint: int
+) -> tuple[float, Key | None]:
+    """Return the highest score with another effect in place of one that was found, or with none.
+
+    Also return which effect that is.
+
+    An effect that has it as a part is no rival, since it imitates it on any log. Effects are solved
+    for in the order of what they promise, which mostly is too much, until none promises more than
+    the best has reached.
+
+    Args:
+        score: of all items.
+        own: the members that are the effect found.
+        others: all other members.
+        bare: their solution.
+        joint: where the effect is largest; rivals are on that joint, too.
+    """
+    best, nearest = bare.value, None
+    promise = score.promise(others)
+    rivals = [
+        i
+        for i in score.items
+        if id(i) in promise
+        and i.key != own[0].key
+        and joint in i.joints
+        and not any(part(m, i) for m in own)
+    ]
+    for i in sorted(rivals, key=lambda i: -promise[id(i)])[:MOST]:
+        if bare.value + promise[id(i)] <= best:
+            break
+        if (reached := score.solve([*others, i]).value) > best:
+            best, nearest = reached, i.key
+    return best, nearest
 
 
 def _number(value: np.ndarray) -> float | list[float]:

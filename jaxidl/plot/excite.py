@@ -84,7 +84,7 @@ def _apart(axes: Axes, result: Result) -> None:
     axes.set_yticks(places, [f"{r['true']}\nnot {r['fitted']}" for r in result.apart], fontsize=7)
     axes.set_xscale("log")
     axes.invert_yaxis()
-    axes.set_title("expected difference of log likelihoods")
+    axes.set_title("expected difference of scores")
     axes.legend(frameon=False, fontsize=7)
 
 

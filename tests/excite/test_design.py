@@ -11,7 +11,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.excite.design import Effort, design, random_motion
 from jaxidl.excite.plan import Plan
 from jaxidl.excite.run import Request, excite
-from jaxidl.excite.table import grams
+from jaxidl.excite.table import evidence
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.logs.log import read
 from jaxidl.systems.bounds import Shapes
@@ -39,7 +39,7 @@ def test_a_designed_motion_tells_more_than_random_ones_and_keeps_its_limits(made
         assert_allclose(x[[0, -1]], 0.0, atol=1e-9)
     body = plan.know.body
     assert_allclose(found.tau, inverse_dynamics(body, found.q, found.qd, found.qdd), atol=1e-9)
-    before, after = grams(made, found)
+    before, after = (np.asarray(made.plan.gram(e)) for e in evidence(made, found))
     assert np.linalg.slogdet(after)[1] > np.linalg.slogdet(before)[1]
 
 

@@ -16,12 +16,11 @@ from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.report import save
 
 
-def report(effects, ambiguous=(), rivals=()):
+def report(effects, ambiguous=(), nearest=None):
     entry = lambda key: {"effect": key[0], "joint": key[1]}
     return {
-        "effects": [entry(k) | {"confidence": c} for *k, c in effects],
+        "effects": [entry(k) | {"confidence": c, "nearest": nearest} for *k, c in effects],
         "ambiguous": [{"candidates": [entry(k) for k in group]} for group in ambiguous],
-        "rivals": [{"name": n, "joint": j} for n, j in rivals],
     }
 
 
@@ -37,8 +36,8 @@ def test_explanations_are_what_was_found_with_others_in_its_place():
     assert candidates(both) == [(("a", 0), ("b", 0)), (("a", 0),), (("b", 0),)]
 
 
-def test_without_a_set_an_unsure_effect_competes_with_none_and_with_its_rivals():
-    found = report([("a", 1, 0.5), ("b", 0, 0.9)], rivals=[("c", 1), ("d", 0)])
+def test_without_a_set_an_unsure_effect_competes_with_none_and_with_the_nearest():
+    found = report([("a", 1, 0.5), ("b", 0, 0.9)], nearest={"effect": "c", "joint": 1})
     assert candidates(found) == [
         (("a", 1), ("b", 0)),
         (("b", 0),),

@@ -9,7 +9,7 @@ import pytest
 
 from jaxidl.gap import calibration
 from jaxidl.gap.benchmark.calibration import fitted
-from jaxidl.gap.calibration import SIGNS, probability, signs
+from jaxidl.gap.calibration import SIGNS, margin_of, probability, signs
 
 GOOD = {
     "margin": 100.0,
@@ -45,6 +45,18 @@ def test_the_packaged_weights_tell_a_dry_friction_from_a_crumb():
 def test_signs_are_finite_however_extreme(name):
     for value in (0.0, 1e-300, 1e300, np.inf):
         assert all(np.isfinite(v) for v in signs(**(GOOD | {name: value})).values())
+
+
+def test_the_margin_that_is_asked_for_gives_the_probability():
+    found = signs(
+        **(GOOD | {"margin": 1.0, "share": 0.03, "company": 0.0, "odds": -2.0, "tied": 0.5})
+    )
+    margin = margin_of(0.8, found)
+    assert 1.0 < margin < 1e4
+    enough = found | {"tied": 0.0, "margin": float(np.log10(margin))}
+    assert probability(enough) == pytest.approx(0.8)
+    assert margin_of(0.8, signs(**GOOD)) == 1.0  # named whatever comes nearest
+    assert margin_of(0.9999, signs(**BAD)) == np.inf
 
 
 def test_without_weights_only_the_draws_count(monkeypatch, tmp_path):

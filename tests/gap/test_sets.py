@@ -12,6 +12,7 @@ from scipy.optimize import lsq_linear
 from jaxidl.effects import AsymmetricFriction, ConstantOffset, StribeckFriction
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
+from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.rows import Rows
@@ -564,3 +565,25 @@ def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
     assert _absorbed([part, whole]) == {part.key: whole.key}
     assert _absorbed([replace(part, always=True), whole]) == {}
     assert _absorbed([part, replace(whole, always=True)]) == {}
+
+
+def test_the_nearest_other_effect_is_solved_for_and_one_that_contains_it_is_no_rival():
+    rng = np.random.default_rng(5)
+    own, other = rng.normal(size=(2, N))
+    on = lambda column: np.stack([column])[:, :, None]
+    truth = item("constant_offset", on(own))
+    near = item("near", on(0.8 * own + 0.6 * other))
+    both, other_shape = np.stack([own, other])[:, :, None], SHAPES[2]._replace(cls=StribeckFriction)
+    # promises most, but not within its bounds
+    bounded = item("bounded", both, low=-0.01, high=0.01, shape=other_shape)
+    whole = item("asymmetric_friction", both)  # its shape contains an offset
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, 0] += own
+    score = score_of(rows_with(gap), [truth, near, bounded, whole])
+    bare = score.solve([])
+    promise = score.promise([])
+    assert promise[id(bounded)] > promise[id(near)]
+    best, nearest = best_instead(score, [truth], [], bare, 0)
+    assert nearest == near.key
+    assert best == score.solve([near]).value
+    assert best_instead(score, [truth], [], bare, 1) == (bare.value, None)  # nothing else is there
