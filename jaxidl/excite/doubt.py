@@ -25,7 +25,7 @@ from jaxidl.gap.inputs import read_inputs
 from jaxidl.gap.library import Library, library, noise_of, residual, rms
 from jaxidl.gap.rows import NOISE_MARGIN, rows_of
 from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.shape import Shape, effect_at, movable, present, vector
+from jaxidl.gap.shape import MOST_SCALED, Shape, effect_at, movable, present, vector
 from jaxidl.gap.shapes import fitted
 from jaxidl.gap.words import readable
 from jaxidl.logs.log import Log
@@ -229,6 +229,11 @@ def _explanation(keys: tuple[Key, ...], found: Solution, model: Model) -> Explan
             name, unit = _label(m.shape, n, model)
             labels.append(Parameter(m.key[0], m.key[1], name, unit))
             wide.append(WIDE * (abs(float(value)) or 1.0))
+        if not m.shape.free and (none := m.shape.scaled(0.0)):
+            # the gap finder also fits which share of it is there: all of it less none of it
+            moved.append((len(effects), m.shape.effect(**none), -1.0))
+            labels.append(Parameter(m.key[0], m.key[1], "share", "1"))
+            wide.append(MOST_SCALED - 1.0)
         effects.append(at(theta))
     return Explanation(keys, tuple(effects), tuple(moved), tuple(labels), tuple(wide))
 
