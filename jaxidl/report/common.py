@@ -12,6 +12,7 @@ from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.report.words import cut
 
 WIDTH = 7.2  # width of every figure [in]
+DPI = 180
 BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
 JOINTS = 7  # most joints in figures with a row for each
 POINTS = 6000  # most points of a curve or cloud; more are thinned out
@@ -115,11 +116,12 @@ def limits(axes: Axes, *values: np.ndarray, share: float = 0.997) -> None:
 def png(figure: Figure) -> bytes:
     """Return the figure as a PNG file's content, the same for the same figure."""
     buffer = io.BytesIO()
-    FigureCanvasAgg(figure)
+    figure.set_dpi(DPI)
     with warnings.catch_warnings():
         # a joint's name may be in another script
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        figure.savefig(buffer, format="png", dpi=180, metadata={"Software": None})
+        # ``savefig`` would draw twice
+        FigureCanvasAgg(figure).print_png(buffer, metadata={"Software": None})
     return buffer.getvalue()
 
 
