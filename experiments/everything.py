@@ -117,8 +117,9 @@ EVERYTHING = {
         (
             f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}"
             " --parts arm ur10e --steps 50",
+            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --parts cases --root 907",
         ),
-        15,
+        60,
     ),
     "demo": Made(
         ("gap_where.png",),
