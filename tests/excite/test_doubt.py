@@ -77,8 +77,8 @@ def test_a_diagnosis_in_doubt_is_continued(other, tmp_path):
     path.write_text(json.dumps(content))
     result = excite(model, Request(seconds=8.0, starts=1, steps=10), diagnosis=tmp_path / "gap")
     assert result.apart
-    # an elastic drive is simulated, and must stay finite
-    assert all(np.inf > pair["after"] > pair["before"] >= 0.0 for pair in result.apart)
+    # below the floor nothing is gained; an elastic drive is simulated, and must stay finite
+    assert all(np.inf > pair["after"] >= pair["before"] >= 0.0 for pair in result.apart)
     reached = result.doubt.reached()
     assert result.found.q.max() <= reached["upper"][0]
     assert np.abs(result.found.qd).max() <= reached["speed"][0]
