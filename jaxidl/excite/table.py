@@ -18,7 +18,7 @@ HARDLY = 0.9  # share of what was known beforehand, likewise
 
 
 def evidence(made: Prepared, found: Designed) -> tuple[Evidence, Evidence]:
-    """Return what is told before and with the motion.
+    """Return the evidence before and with the motion.
 
     Before is the earlier log's or, where there is none, that of the median random motion.
     """
