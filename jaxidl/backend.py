@@ -26,13 +26,9 @@ CPU_OPTIONS = {
     "xla_cpu_copy_insertion_use_region_analysis": True,
 }
 
-# for programs that take longer to compile than to run: without optimisations, operation by
-# operation, which halves the time again, and not in pieces for several cores
-QUICK_OPTIONS = {
-    "xla_backend_optimization_level": 0,
-    "xla_cpu_use_fusion_emitters": False,
-    "xla_cpu_parallel_codegen_split_count": 1,
-}
+# for programs that take longer to compile than to run: without optimisations, and operation by
+# operation, which halves the time again
+QUICK_OPTIONS = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emitters": False}
 
 
 def choose_devices(count: int | None) -> None:
