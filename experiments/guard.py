@@ -148,6 +148,13 @@ def folders(about: str) -> argparse.Namespace:
     return parser.parse_args()
 
 
+def keep(folder: Path, name: str, about: dict[str, Any], text: str) -> None:
+    """Write a result's numbers and its table into the folder, and print the table."""
+    write_bytes(folder / f"{name}.json", (json.dumps(plain(about), indent=1) + "\n").encode())
+    write_bytes(folder / f"{name}.md", (text + "\n").encode())
+    print(text)
+
+
 def main() -> None:
     given = folders(__doc__ or "")
     choose_devices(None)
@@ -163,10 +170,8 @@ def main() -> None:
             for at, row in rows.items()
         ],
     }
-    write_bytes(given.folder / "guard.json", (json.dumps(plain(about), indent=1) + "\n").encode())
-    write_bytes(given.folder / "guard.md", (table(rows) + "\n").encode())
+    keep(given.folder, "guard", about, table(rows))
     draw(data, given.folder)
-    print(table(rows))
 
 
 if __name__ == "__main__":

@@ -6,7 +6,6 @@ gets load.md, .json, .png and .pdf: path error and gains of all executions, with
 each two.
 """
 
-import json
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,7 @@ from matplotlib.figure import Figure
 from jaxidl.arm.setup import ArmStudy, carrying
 from jaxidl.arm.smoothing import zero_phase
 from jaxidl.backend import choose_devices, compiler_options
-from jaxidl.files import markdown, plain, write_bytes
+from jaxidl.files import markdown
 from jaxidl.jobs.provenance import revision
 from jaxidl.jobs.statistics import geometric
 from jaxidl.learning.execute import desired_trajectory, execute
@@ -153,10 +152,8 @@ def main() -> None:
         }.items()
     }
     about = {"git_revision": began, "load": LOAD, "seeds": SEEDS, "runs": found}
-    write_bytes(given.folder / "load.json", (json.dumps(plain(about), indent=1) + "\n").encode())
-    write_bytes(given.folder / "load.md", (table(found) + "\n").encode())
+    guard.keep(given.folder, "load", about, table(found))
     draw(found, given.folder)
-    print(table(found))
 
 
 if __name__ == "__main__":

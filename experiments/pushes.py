@@ -8,7 +8,6 @@ learned one. FOLDER gets pushes.md, .json, .png and .pdf; the diagnosis stays in
 (default: FOLDER), and is not repeated.
 """
 
-import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
@@ -29,7 +28,7 @@ from jaxidl.arm.setup import ArmStudy, learn_arm
 from jaxidl.backend import choose_devices, compiler_options
 from jaxidl.control import Filtered
 from jaxidl.effects import ConstantOffset
-from jaxidl.files import markdown, plain, write_bytes
+from jaxidl.files import markdown
 from jaxidl.jobs.provenance import revision
 from jaxidl.learning.detector import Observer
 from jaxidl.learning.execute import execute
@@ -241,10 +240,8 @@ def main() -> None:
         "collisions": scored([collided(work, seed) for seed in SEEDS]),
     }
     about = {"git_revision": began, "asked": ASKED, "seeds": SEEDS, **found}
-    write_bytes(given.folder / "pushes.json", (json.dumps(plain(about), indent=1) + "\n").encode())
-    write_bytes(given.folder / "pushes.md", (table(found) + "\n").encode())
+    guard.keep(given.folder, "pushes", about, table(found))
     draw_figure(found, given.folder)
-    print(table(found))
 
 
 if __name__ == "__main__":
