@@ -8,6 +8,7 @@ imported when a command runs, so that help is there at once.
 
 import contextlib
 import functools
+import gc
 import io
 import itertools
 import os
@@ -52,6 +53,7 @@ COMMANDS = {
 }
 
 
+GARBAGE = 100_000  # objects between two collections
 RENAMED = {"--iterations": "--executions"}  # options by their old names
 
 
@@ -69,6 +71,9 @@ def main(arguments: list[str] | None = None) -> int:
             from jaxidl.backend import keep_programs  # JAX: not for a help text
 
             keep_programs()
+            # tracing makes millions of objects that live on: to look through them again and again
+            # takes longer than the rest of a short command
+            gc.set_threshold(GARBAGE)
             run()
             sys.stdout.flush()
     except JaxidlError as error:

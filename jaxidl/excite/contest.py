@@ -9,7 +9,7 @@ import numpy as np
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.excite.criteria import Contest, Evidence, separations
+from jaxidl.excite.criteria import Contest, Evidence
 from jaxidl.excite.doubt import Doubt, Explanation
 from jaxidl.excite.limits import Limits
 from jaxidl.excite.parameters import Parameter, known, states, terms_of
@@ -19,7 +19,6 @@ from jaxidl.gap.diagnosis import Key
 from jaxidl.logs.signals import BAND, HIGHEST_BAND, Signals
 from jaxidl.systems.mjcf import Model
 
-NOTHING = 1e-2  # separation over what is asked
 STATEFUL = 50.0  # least rate of rows where an explanation has a hidden state [Hz]
 PROBED = 3  # random motions on which it must stay finite
 FASTER = 2.0  # factor of the highest frequency there
@@ -102,25 +101,7 @@ def contested(found: Doubt, model: Model, limits: Limits, **options: Any) -> Pre
         plan = steady
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(joints)]
     old = earlier(plan, found.signals)
-    return Prepared(
-        replace(plan, earlier=old, contest=separable(plan, old)), (*parameters, *timing), at
-    )
-
-
-def separable(plan: Plan, old: Evidence) -> Contest:
-    """Return the plan's contest without the pairs that not even random motion begins to separate.
-
-    They are the same on any motion, and would hide the others in the smallest separation. If none
-    is left, all stay.
-    """
-    assert plan.contest is not None
-    rng = np.random.default_rng(0)
-    motions = [plan.motion(random_start(plan, rng))[:3] for _ in range(3)]
-    run = jit_quickly(lambda q, qd, qdd: plan.evidence(q, qd, qdd, plan.dt)[0])
-    apart = [separations(run(*m).plus(old), plan.contest) for m in motions]
-    most = np.max([a.smooth / a.asked for a in apart], axis=0)
-    kept = tuple(p for p, x in zip(plan.contest.pairs, most, strict=True) if x > NOTHING)
-    return plan.contest._replace(pairs=kept or plan.contest.pairs)
+    return Prepared(replace(plan, earlier=old), (*parameters, *timing), at)
 
 
 def simulable(plan: Plan, most: float) -> Plan | None:

@@ -151,7 +151,10 @@ def separations(seen: Evidence, contest: Contest) -> Apart:
 
 
 def t_optimal(seen: Evidence, contest: Contest) -> Any:
-    """Return minus the logarithm of the smallest separation over what is asked, smoothly."""
+    """Return the mean logarithm of one plus what is asked over each pair's separation.
+
+    A pair that is far enough apart counts for nothing, and one that no motion separates counts the
+    same for every motion.
+    """
     apart = separations(seen, contest)
-    logs = jnp.log(apart.smooth / apart.asked + LEAST)
-    return jax.nn.logsumexp(-4.0 * logs) / 4.0
+    return jnp.mean(jnp.log1p(1.0 / (apart.smooth / apart.asked + LEAST)))

@@ -52,6 +52,7 @@ class Score(Gram):
         """Take the arguments of :class:`jaxidl.gap.gram.Gram`."""
         super().__init__(*args, **more)
         self._known: dict[frozenset[int], Solution] = {}
+        self._promised: dict[frozenset[int], dict[int, float]] = {}
 
     def solve(self, members: Iterable[Item]) -> Solution:
         """Return the set fitted with and without each block, and its score."""
@@ -224,6 +225,13 @@ class Score(Gram):
 
         It is made from the fit on all blocks.
         """
+        members = tuple(members)
+        known = frozenset(map(id, members))
+        if known not in self._promised:
+            self._promised[known] = self._promise(members)
+        return dict(self._promised[known])
+
+    def _promise(self, members: Iterable[Item]) -> dict[int, float]:
         now = self.solve(members)
         at = self._places(now.members)
         gram, push, widths = self._whole
@@ -283,14 +291,14 @@ class Score(Gram):
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        return self._with(items=list(items), _known=self._known)
+        return self._with(items=list(items), _known=self._known, _promised={})
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement.
 
         ``weights`` (B,) are how often each was drawn.
         """
-        return self._with(weights=weights, _known={})
+        return self._with(weights=weights, _known={}, _promised={})
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
