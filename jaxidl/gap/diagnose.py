@@ -13,12 +13,9 @@ from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.diagnosis import (
     SURE,
-    Ambiguity,
     Diagnosis,
     Envelope,
-    Finding,
     Gap,
-    Row,
     Side,
     Traces,
 )
@@ -26,13 +23,15 @@ from jaxidl.gap.find import Found, aside, find
 from jaxidl.gap.findings import findings, possible
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
-from jaxidl.gap.network import SYSTEMATIC, check
+from jaxidl.gap.network import check
+from jaxidl.gap.notes import notes_of
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
 from jaxidl.gap.values import Value, values
-from jaxidl.gap.words import experiment, summarise
+from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
+from jaxidl.gap.words import summarise
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import rollout_errors
@@ -40,11 +39,6 @@ from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
-MUCH = 0.04  # share of the command's spread from which a residual is reported
-SHOWN = 12  # most rivals reported
-# times the command: no model whose log is in the right units is wrong by so much
-ABSURD = 10.0
-BRIEF = 10.0  # [s]
 
 Watch = Callable[[str, float], None]
 Source = Log | str | Path | Sequence[str | Path]
@@ -112,12 +106,12 @@ def diagnose(
         )
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
-    doubts = _doubts(ties, named)
+    doubts = doubts_of(ties, named)
     handed = compared.after if named else compared.before
-    unexplained = _unexplained(found, handed.torque_rms, still)
-    verdict = _verdict(named, doubts, unexplained)
+    unexplained = unexplained_joints(found, handed.torque_rms, still)
+    verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    notes = (*measured.notes, *known.notes, *rows.signals.notes, *_warnings(rows, known))
+    notes = (*measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
     return Diagnosis(
         verdict=verdict,
         summary=summarise(
@@ -130,7 +124,7 @@ def diagnose(
         gap=compared,
         envelope=_envelope(found.library, compared),
         unexplained=unexplained,
-        rivals=_rivals(found),
+        rivals=rivals_of(found),
         network=still,
         model=known,
         traces=_traces(measured, rows, gap, after),
@@ -281,105 +275,11 @@ def _envelope(made: Library, compared: Gap) -> Envelope:
     return Envelope(left.tolist(), (left / np.maximum(command, 1e-300)).tolist())
 
 
-def _unexplained(
-    found: Found, remaining: Sequence[float], network: Sequence[tuple[float, float]]
-) -> tuple[int, ...]:
-    """Return joints with a large residual, ``remaining`` (J,) [N or Nm] in the model returned.
-
-    It exceeds that of the envelope or the command's own spread, than which no model at all would do
-    better, or a network still predicts a good part of it.
-    """
-    rows, made = found.library.rows, found.library
-    envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
-    out = []
-    for j, (gain, stderr) in enumerate(network):
-        left = remaining[j]
-        worth = left > MUCH * rows.spread[j] and left > 2.0 * rows.floor[j]
-        systematic = gain > SYSTEMATIC and gain > 2.0 * stderr
-        beaten = left > min(1.1 * envelope[j], rows.spread[j])
-        if worth and (systematic or beaten):
-            out.append(j)
-    return tuple(out)
-
-
-def _verdict(
-    findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]
-) -> str:
-    if unexplained:
-        return "unexplained"
-    sure = {(f.name, f.joint) for f in findings if f.sure}
-    if (
-        any(f for f in findings if not f.sure)
-        and doubts
-        and any(not set(d.candidates) & sure for d in doubts)
-    ):
-        return "ambiguous"
-    return "named" if sure else "ambiguous" if findings else "nothing_missing"
-
-
-def _doubts(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
-    """Return sets of effects that the log cannot tell apart, of which the first was found."""
-    there = {(f.name, f.joint) for f in named}
-    sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
-    return tuple(
-        Ambiguity(keys, experiment(keys))
-        for keys in dict.fromkeys(sets)
-        if len(keys) > 1 and keys[0] in there
-    )
-
-
-def _rivals(found: Found) -> tuple[Row, ...]:
-    """Return the effects that were not chosen, and why."""
-    dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
-    promise = found.score.promise(found.solution.members)
-    rest = sorted(
-        (i for i in found.score.items if id(i) in promise and not i.always),
-        key=lambda i: -promise[id(i)],
-    )
-    seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
-    for i in rest:
-        if i.key not in seen and len(dropped) < SHOWN:
-            seen.add(i.key)
-            dropped.append(Row(i.key[0], i.key[1], promise[id(i)], "it does not raise the score"))
-    return tuple(dropped)
-
-
 def _traces(log: Log, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
     s, at = rows.signals, rows.signals.rows
     return Traces(
         log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used
     )
-
-
-def _warnings(rows: Rows, known: Model) -> list[str]:
-    notes = []
-    if np.count_nonzero(np.diff(~rows.training)) > 2 * len(rows.signals.slices) - 1:
-        notes.append(
-            "several parts of the log are held out: its end contains motion that the rest does not"
-        )
-    still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
-    if still:
-        notes.append(f"{', '.join(still)} hardly moved: its friction cannot be found")
-    passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
-    if passive:
-        notes.append(f"{', '.join(passive)}: no torque was commanded there")
-    error, spread = rms(rows.gap, rows.used), np.where(rows.spread > 0.0, rows.spread, np.inf)
-    absurd = [known.names[j] for j in np.flatnonzero(error > ABSURD * spread)]
-    if absurd:
-        notes.append(
-            f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
-            " command; check the units of positions and torques, and the model's masses"
-        )
-    duration = len(rows.signals.q) * rows.signals.dt
-    if duration < BRIEF:
-        notes.append(
-            f"the log has only {duration:.3g} s: values and confidences need {BRIEF:g} s or more of"
-            " varied motion"
-        )
-    work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
-    if work.sum() < -0.3 * np.abs(work).sum():
-        notes.append("in total the torques brake the motion: check their sign")
-    return notes
 
 
 __all__ = ["SURE", "diagnose"]

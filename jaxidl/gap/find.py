@@ -12,7 +12,8 @@ from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.gram import Group, Item
-from jaxidl.gap.library import Library, columns_of, items_of, pushed, residual, upsampled
+from jaxidl.gap.items import columns_of, items_of
+from jaxidl.gap.library import Library, pushed, residual, upsampled
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Tie, contested, tied

@@ -7,29 +7,26 @@ of these the few that promise most beside all common effects are kept.
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import jax
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect, Scale
-from jaxidl.gap.additions import additions
 from jaxidl.gap.gram import Anchor, Item
+from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import Links, change_of, links_of
 from jaxidl.gap.projection import Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
-from jaxidl.gap.shape import Present, Shape, parameters, shapes_of
+from jaxidl.gap.shape import Present, shapes_of
 from jaxidl.logs.signals import Signals
 
 ALIKE = 20.0  # correlated samples that count as one, before their number is known
 PUSH = 0.01  # additional command, over its spread, to test whether it is delivered
 HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
-DEAF = 0.8  # share not delivered from which on any command explains the motion
-# log odds that each parameter costs: a log narrows its range to about a tenth
-PARAMETER = float(np.log(10.0))
+DEAF = 0.8
 
 
 def plausible(i: Item, links: Links | None, alike: float) -> Item:
@@ -117,116 +114,6 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
         )
         for j in range(count)
     ]
-
-
-def beside(
-    shape: Shape, columns: np.ndarray, parts: Sequence[tuple[str, np.ndarray]]
-) -> tuple[Shape, np.ndarray]:
-    """Return a shape restricted to what its parts cannot add, and its columns.
-
-    Only those combinations of its amplitudes remain that add what its ``parts`` (N, J) do not. So
-    an effect never takes the place of a simpler one that it contains: beside the simpler one it is
-    only what is specific to it.
-    """
-    flat, directions = columns.reshape(len(columns), -1), []
-    inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True)
-    for name, part in parts:
-        amplitudes = inverse @ (flat @ part.ravel())
-        if np.linalg.norm(part.ravel() - amplitudes @ flat) < 1e-6 * np.linalg.norm(part):
-            directions.append((name, amplitudes))
-    if not directions:
-        return shape, columns
-    u, s, _ = np.linalg.svd(np.array([d for _, d in directions]).T)
-    basis = np.where(np.abs(left := u[:, int(np.sum(s > 1e-9 * s[0])) :]) > 1e-9, left, 0.0)
-    return shape._replace(basis=basis, parts=tuple(directions)), np.tensordot(basis.T, columns, 1)
-
-
-def items_of(
-    shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray, others: Sequence[Item] = ()
-) -> list[Item]:
-    """Return items of shapes of one class, beside ``others`` that may be parts of them."""
-    out, whole = [], [shape._replace(basis=None, parts=()) for shape in shapes]
-    for shape, columns in zip(whole, columns_of(whole, rows, predicted), strict=True):
-        names = shape.cls.contains(shape.free) if shape.free and shape.joint is not None else ()
-        simpler = [
-            (o.key[0], spread(o, rows)[0])
-            for o in others
-            if o.key in {(name, shape.joint) for name in names} and len(o.lower) == 1
-        ]
-        shape, own = beside(shape, columns, simpler)
-        if len(own):
-            out.append(item(shape, own))
-    return [i for i in out if i.joints]
-
-
-def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> list[np.ndarray]:
-    """Return the columns (P, N, J) of each shape; one class is computed side by side."""
-    jobs = [(shape, *shape.probes()) for shape in shapes]
-    together: dict[Any, list[int]] = {}
-    for number, (_, probes, _) in enumerate(jobs):
-        alike = [np.shape(x) for x in jax.tree.leaves(probes[0])]
-        together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
-    out: list[np.ndarray] = [np.zeros(0)] * len(jobs)
-    for numbers in together.values():
-        added, _ = additions(
-            [p for n in numbers for p in jobs[n][1]], rows.signals, rows.tau, predicted
-        )
-        for n, part in zip(
-            numbers,
-            np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]),
-            strict=True,
-        ):
-            shape, _, size = jobs[n]
-            columns = part / size[:, None, None]
-            out[n] = columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
-    return out
-
-
-def spread(i: Item, rows: Rows) -> np.ndarray:
-    """Return an item's columns (P, N, J) on all joints."""
-    out = np.zeros((len(i.lower), *rows.gap.shape))
-    out[:, :, list(i.joints)] = i.columns
-    return out
-
-
-def item(shape: Shape, columns: np.ndarray) -> Item:
-    """Return the item of a shape with columns (P, N, J).
-
-    Joints that it does not affect are left out.
-    """
-    cls = shape.cls
-    size = np.sqrt(np.mean(columns**2, 1))  # (P, J)
-    joints = tuple(
-        np.flatnonzero((size > 1e-9 * np.maximum(size.max(initial=0.0), 1e-300)).any(0)).tolist()
-    )
-    lower, upper = shape.limits()
-    part = "+".join(shape.free) if cls.linear else ""
-    acts = cls.actuate is not Effect.actuate
-    odds = (
-        shape.odds
-        - PARAMETER * (rank(columns) if shape.free else 0)
-        - PARAMETER * parameters(shape)
-    )
-    group, none = (cls.name, shape.joint, part), np.zeros(len(lower))
-    return Item(
-        group,
-        shape,
-        joints,
-        columns[:, :, list(joints)],
-        lower,
-        upper,
-        odds,
-        none,
-        acts,
-        cls.common,
-    )
-
-
-def rank(columns: np.ndarray) -> int:
-    """Return how many of an effect's columns (P, N, J) the log can tell apart."""
-    flat = columns.reshape(len(columns), -1)
-    flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
-    return int(np.sum(np.linalg.eigvalsh(flat @ flat.T) > 1e-6))
 
 
 class Library(NamedTuple):

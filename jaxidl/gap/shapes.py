@@ -12,7 +12,8 @@ from scipy.optimize import least_squares
 
 from jaxidl.gap.additions import additions
 from jaxidl.gap.gram import Item
-from jaxidl.gap.library import columns_of, item, pushed
+from jaxidl.gap.items import columns_of, item
+from jaxidl.gap.library import pushed
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Shape, amplitudes, at_parameters, effect_at, limits, on_bound, vector

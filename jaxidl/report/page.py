@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.report.findings import found, worth
 from jaxidl.report.html import Html, tag
 from jaxidl.report.sections import (
     ambiguous,
     errors,
-    found,
     left,
     method,
     next_steps,
@@ -21,7 +21,6 @@ from jaxidl.report.sections import (
     refined,
     remains,
     rivals,
-    worth,
 )
 from jaxidl.report.words import badge, compared, oneline, verdict
 

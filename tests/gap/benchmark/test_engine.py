@@ -17,19 +17,11 @@ from jaxidl.gap.benchmark.believed import (
     inertia,
     inverse_dynamics,
 )
-from jaxidl.gap.benchmark.cases import (
-    EXCLUDED,
-    LATER,
-    MERGING,
-    ONCE,
-    WHOLE,
-    all_cases,
-    truth,
-    write_case,
-)
+from jaxidl.gap.benchmark.cases import all_cases, truth, write_case
 from jaxidl.gap.benchmark.catalogue import INJECTED, make
 from jaxidl.gap.benchmark.draw import PLACES
 from jaxidl.gap.benchmark.engine import run, simulate
+from jaxidl.gap.benchmark.hidden import EXCLUDED, LATER, MERGING, ONCE, WHOLE
 from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.benchmark.outside import OUTSIDE

@@ -1,0 +1,43 @@
+"""What a user should know about a log beside its diagnosis."""
+
+import numpy as np
+
+from jaxidl.gap.library import rms
+from jaxidl.gap.rows import Rows
+from jaxidl.systems.mjcf import Model
+
+# times the command: no model whose log is in the right units is wrong by so much
+ABSURD = 10.0
+BRIEF = 10.0  # [s]
+
+
+def notes_of(rows: Rows, known: Model) -> list[str]:
+    """Return sentences about what the log or the model seems to lack."""
+    notes = []
+    if np.count_nonzero(np.diff(~rows.training)) > 2 * len(rows.signals.slices) - 1:
+        notes.append(
+            "several parts of the log are held out: its end contains motion that the rest does not"
+        )
+    still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
+    if still:
+        notes.append(f"{', '.join(still)} hardly moved: its friction cannot be found")
+    passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
+    if passive:
+        notes.append(f"{', '.join(passive)}: no torque was commanded there")
+    error, spread = rms(rows.gap, rows.used), np.where(rows.spread > 0.0, rows.spread, np.inf)
+    absurd = [known.names[j] for j in np.flatnonzero(error > ABSURD * spread)]
+    if absurd:
+        notes.append(
+            f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
+            " command; check the units of positions and torques, and the model's masses"
+        )
+    duration = len(rows.signals.q) * rows.signals.dt
+    if duration < BRIEF:
+        notes.append(
+            f"the log has only {duration:.3g} s: values and confidences need {BRIEF:g} s or more of"
+            " varied motion"
+        )
+    work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
+    if work.sum() < -0.3 * np.abs(work).sum():
+        notes.append("in total the torques brake the motion: check their sign")
+    return notes

@@ -1,0 +1,77 @@
+"""The verdict on a log: what is certain, what is in doubt, and what stays unexplained."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxidl.gap.diagnosis import Ambiguity, Finding, Row
+from jaxidl.gap.find import Found, aside
+from jaxidl.gap.network import SYSTEMATIC
+from jaxidl.gap.rivals import Tie
+from jaxidl.gap.words import experiment
+
+MUCH = 0.04  # share of the command's spread from which a residual is reported
+SHOWN = 12  # most rivals reported
+
+
+def verdict_of(
+    findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]
+) -> str:
+    if unexplained:
+        return "unexplained"
+    sure = {(f.name, f.joint) for f in findings if f.sure}
+    if (
+        any(f for f in findings if not f.sure)
+        and doubts
+        and any(not set(d.candidates) & sure for d in doubts)
+    ):
+        return "ambiguous"
+    return "named" if sure else "ambiguous" if findings else "nothing_missing"
+
+
+def doubts_of(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
+    """Return sets of effects that the log cannot tell apart, of which the first was found."""
+    there = {(f.name, f.joint) for f in named}
+    sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
+    return tuple(
+        Ambiguity(keys, experiment(keys))
+        for keys in dict.fromkeys(sets)
+        if len(keys) > 1 and keys[0] in there
+    )
+
+
+def unexplained_joints(
+    found: Found, remaining: Sequence[float], network: Sequence[tuple[float, float]]
+) -> tuple[int, ...]:
+    """Return joints with a large residual, ``remaining`` (J,) [N or Nm] in the model returned.
+
+    It exceeds that of the envelope or the command's own spread, than which no model at all would do
+    better, or a network still predicts a good part of it.
+    """
+    rows, made = found.library.rows, found.library
+    envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
+    out = []
+    for j, (gain, stderr) in enumerate(network):
+        left = remaining[j]
+        worth = left > MUCH * rows.spread[j] and left > 2.0 * rows.floor[j]
+        systematic = gain > SYSTEMATIC and gain > 2.0 * stderr
+        beaten = left > min(1.1 * envelope[j], rows.spread[j])
+        if worth and (systematic or beaten):
+            out.append(j)
+    return tuple(out)
+
+
+def rivals_of(found: Found) -> tuple[Row, ...]:
+    """Return the effects that were not chosen, and why."""
+    dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
+    promise = found.score.promise(found.solution.members)
+    rest = sorted(
+        (i for i in found.score.items if id(i) in promise and not i.always),
+        key=lambda i: -promise[id(i)],
+    )
+    seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
+    for i in rest:
+        if i.key not in seen and len(dropped) < SHOWN:
+            seen.add(i.key)
+            dropped.append(Row(i.key[0], i.key[1], promise[id(i)], "it does not raise the score"))
+    return tuple(dropped)
