@@ -4,13 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxidl.gap.diagnosis import Ambiguity, Finding, Row
+from jaxidl.gap.diagnosis import MUCH, Ambiguity, Finding, Row
 from jaxidl.gap.find import Found, aside
-from jaxidl.gap.network import SYSTEMATIC
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.words import experiment
 
-MUCH = 0.04  # share of the command's spread from which a residual is reported
 SHOWN = 12  # most rivals reported
 
 
@@ -45,18 +43,19 @@ def unexplained_joints(
 ) -> tuple[int, ...]:
     """Return joints with a large residual, ``remaining`` (J,) [N or Nm] in the model returned.
 
-    It exceeds that of the envelope or the command's own spread, than which no model at all would do
-    better, or a network still predicts a good part of it.
+    Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
+    state, or all of it if it exceeds that of the envelope or the command's own spread, than which
+    no model at all would do better.
     """
     rows, made = found.library.rows, found.library
     envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
     out = []
     for j, (gain, stderr) in enumerate(network):
-        left = remaining[j]
-        worth = left > MUCH * rows.spread[j] and left > 2.0 * rows.floor[j]
-        systematic = gain > SYSTEMATIC and gain > 2.0 * stderr
-        beaten = left > min(1.1 * envelope[j], rows.spread[j])
-        if worth and (systematic or beaten):
+        left, much = remaining[j], MUCH * rows.spread[j]
+        predicted = left * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
+        systematic = predicted > much and gain > 2.0 * stderr
+        beaten = left > much and left > min(1.1 * envelope[j], rows.spread[j])
+        if left > 2.0 * rows.floor[j] and (systematic or beaten):
             out.append(j)
     return tuple(out)
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxidl.gap.diagnosis import Ambiguity, Estimate, Finding, Gap
+from jaxidl.gap.diagnosis import MUCH, Ambiguity, Estimate, Finding, Gap
 from jaxidl.gap.experiments import experiment
 from jaxidl.gap.localise import Place
 from jaxidl.systems.mjcf import Model
@@ -31,7 +31,14 @@ def summarise(
     """
     sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
     out = [
-        headline(verdict, len(sure), len(rest), [model.names[j] for j in unexplained], reference)
+        headline(
+            verdict,
+            len(sure),
+            len(rest),
+            [model.names[j] for j in unexplained],
+            large(gap, model.names),
+            reference,
+        )
     ]
     if sure:
         first = (
@@ -68,8 +75,22 @@ def summarise(
     return " ".join(out)
 
 
+def large(gap: Gap, names: Sequence[str]) -> list[str]:
+    """Return the errors that remain and are worth mentioning, each with its joint."""
+    return [
+        f"{percent(relative)} of the command on {name}"
+        for name, relative in zip(names, gap.after.torque_relative, strict=True)
+        if judged(relative) and relative > MUCH
+    ]
+
+
 def headline(
-    verdict: str, sure: int, suspected: int, unexplained: Sequence[str], reference: bool = False
+    verdict: str,
+    sure: int,
+    suspected: int,
+    unexplained: Sequence[str],
+    remaining: Sequence[str],
+    reference: bool = False,
 ) -> str:
     """Return the verdict in one or two sentences.
 
@@ -78,6 +99,7 @@ def headline(
         sure: number of effects that are certain.
         suspected: number of those that are not.
         unexplained: names of the joints with a large residual.
+        remaining: large errors that remain.
         reference: the log was compared with an earlier one.
     """
     several = sure != 1
@@ -97,7 +119,13 @@ def headline(
         nothing = (
             "Nothing has changed since the reference log" if reference else "Nothing is missing"
         )
-        return f"{nothing}: no effect of the catalogue makes the model clearly better."
+        better = f"{nothing}: no effect of the catalogue makes the model clearly better."
+        return better + (
+            f" The error that remains, {listed(remaining)}, cannot be predicted from the state: it"
+            " is noise, or has a cause that this log does not show."
+            if remaining
+            else ""
+        )
     if verdict == "ambiguous":
         if not suspected:
             return f"{lacks}, but this log does not fully determine which."

@@ -7,7 +7,7 @@ import numpy as np
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Key
 from jaxidl.gap.refined import reported_stderr
-from jaxidl.gap.words import headline, judged, listed, number, percent, readable, squared
+from jaxidl.gap.words import headline, judged, large, listed, number, percent, readable, squared
 
 BADGES = {
     "named": "Found",
@@ -33,7 +33,8 @@ def verdict(d: Diagnosis) -> str:
     """Return the verdict in one or two sentences."""
     sure = sum(f.sure for f in d.findings)
     names = [d.model.names[j] for j in d.unexplained]
-    return headline(d.verdict, sure, len(d.findings) - sure, names, compared(d))
+    left = large(d.gap, d.model.names)
+    return headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d))
 
 
 def silent(d: Diagnosis) -> dict[int, str]:

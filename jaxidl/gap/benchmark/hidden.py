@@ -259,7 +259,7 @@ def generator(root: int, mechanism: str, label: str) -> np.random.Generator:
 
     So cases can be added without changing the others.
     """
-    return np.random.defaultgenerator([root, zlib.crc32(f"{mechanism} {label}".encode())])
+    return np.random.default_rng([root, zlib.crc32(f"{mechanism} {label}".encode())])
 
 
 def number(root: int, mechanism: str, label: str) -> int:
