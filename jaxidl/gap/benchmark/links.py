@@ -92,24 +92,27 @@ class Links:
         return self.energy(error - basis @ self._fit(basis, error)[0]) ** 0.5
 
     def fitted(
-        self, names: Sequence[tuple[str, int | None]]
+        self, reported: Sequence[Mapping[str, Any]]
     ) -> dict[tuple[str, int | None], dict[str, Array]]:
-        """Return the parameters of a perfect fit with effects of these names.
+        """Return the result of a perfect fit of the parameters that a report's effects give.
 
-        Those that the motion does not determine are NaN.
+        A component that the report leaves at zero without an error was not fitted. What was not,
+        or what the motion does not determine, is NaN.
         """
-        parts = [
-            (name, key, block) for name in names for key, block in self.directions(*name).items()
-        ]
-        found: dict[tuple[str, int | None], dict[str, Array]] = {name: {} for name in names}
+        parts: list[tuple[tuple[str, int | None], str, Array, Array]] = []
+        found: dict[tuple[str, int | None], dict[str, Array]] = {}
+        for record in reported:
+            name = record["effect"], record["joint"]
+            for key, block in self.directions(*name).items():
+                free = _free(record["parameters"], key, block.shape[1])
+                found.setdefault(name, {})[key] = np.full(block.shape[1], np.nan)
+                parts.append((name, key, block[:, free], free))
         if not parts:
             return found
-        values, known = self._fit(
-            np.concatenate([block for *_, block in parts], axis=1), self.error
-        )
+        values, known = self._fit(np.concatenate([p[2] for p in parts], axis=1), self.error)
         values = np.where(known, values, np.nan)
-        for name, key, block in parts:
-            found[name][key], values = values[: block.shape[1]], values[block.shape[1] :]
+        for name, key, block, free in parts:
+            found[name][key][free], values = np.split(values, [block.shape[1]])
         return found
 
     def _fit(self, basis: Array, error: Array) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
@@ -143,6 +146,18 @@ def load(given: Mapping[str, Array]) -> Array:
     return np.array(
         [mass, *(mass * centre), *about, xy - mass * x * y, xz - mass * x * z, yz - mass * y * z]
     )
+
+
+def _free(given: Mapping[str, Any], key: str, count: int) -> Array:
+    """Return which of a parameter's components (n,) a report gives."""
+    if key == "ten":  # a load: without its inertia it is a point
+        return np.arange(count) < (count if "inertia" in given else 4)
+    if key not in given:
+        return np.zeros(count, bool)
+    stderr = given[key].get("stderr") if isinstance(given[key], Mapping) else None
+    sizes = [np.abs(_value(part)) for part in (given[key], stderr)]
+    there = [np.nan_to_num(size, nan=1.0) > 0.0 for size in sizes if len(size) == count]
+    return np.any(there, axis=0) if there else np.ones(count, bool)
 
 
 def _value(value: Any) -> Array:

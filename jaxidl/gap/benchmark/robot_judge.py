@@ -139,13 +139,14 @@ def parameter_errors(
 ) -> dict[str, tuple[float, list[float]]]:
     """Return relative errors and errors in standard errors of the parameters of ``effect``.
 
-    They are as in :func:`.translate.errors`. The truth is the result of a perfect fit with the
-    named effects: a Coulomb friction within a named Stribeck curve belongs to its level; a rotor
+    They are as in :func:`.translate.errors`. The truth is the result of a perfect fit of what the
+    report gives: a Coulomb friction within a named Stribeck curve belongs to its level; a rotor
     includes what no named link's effect can explain; values are in the log's torques.
     """
     name, names = judge.key(effect), judge.named(report)
     if name[0] in INERTIAL:
-        fitted = _links(truth).fitted(_inertial(names)).get(name, {})
+        links = [e for e in report["effects"] if e["effect"] in INERTIAL]
+        fitted = _links(truth).fitted(links).get(name, {})
         true: dict[str, True_] = dict(fitted)
     else:
         true = _merged(truth, name, names)

@@ -253,6 +253,11 @@ def test_an_effect_that_a_named_one_contains_counts_as_found(measured):
     assert robot_judge.parameter_errors(record, report(said, entry(dry)), said)["level"][0] > 0.1
 
 
+def said(effect, joint, **parameters):
+    given = {name: {"value": value, "stderr": 0.0 * value} for name, value in parameters.items()}
+    return {"effect": effect, "joint": joint, "parameters": given}
+
+
 def test_rank_decides_which_link_errors_are_one():
     """About its own vertical axis, a first link's inertia is its rotor's; on joint 1 it is not.
 
@@ -284,11 +289,16 @@ def test_rank_decides_which_link_errors_are_one():
     assert links.left(error, [("inertia_error", 0)]) < 1e-6 * whole
     assert links.left(error, [("inertia_error", 1)]) > 0.1 * whole
     assert links.left(error, [("payload", None)]) > 0.1 * whole
-    assert links.fitted([("inertia_error", 0)])["inertia_error", 0]["extra"] == pytest.approx(
-        [1.0], rel=1e-6
-    )
-    both = links.fitted([("inertia_error", 0), ("inertia_tensor_error", 0)])
-    assert np.isnan(both["inertia_error", 0]["extra"]).all()
+    rotor = said("inertia_error", 0, extra=1.0)
+    fitted = links.fitted([rotor])["inertia_error", 0]
+    assert fitted["extra"] == pytest.approx([1.0], rel=1e-6)
+    assert np.isnan(fitted["mass"]).all()
+    tensor = said("inertia_tensor_error", 0, tensor=np.ones(6))
+    assert np.isnan(links.fitted([rotor, tensor])["inertia_error", 0]["extra"]).all()
+    # a component that the report leaves at zero has no part in the fit
+    others = np.array([part != axial for part in ("xx", "yy", "zz", "xy", "xz", "yz")], float)
+    tensor = said("inertia_tensor_error", 0, tensor=others)
+    assert links.fitted([rotor, tensor])["inertia_error", 0]["extra"] == pytest.approx([1.0])
     shift = np.zeros(len(names))
     shift[names.index(f"link {joints - 1} mx")] = 1.0
     assert links.left(shift, [("payload", None)]) < 1e-6 * links.left(shift, [])
