@@ -36,7 +36,7 @@ def tuned(name: str, options: str) -> Made:
     return Made((f"tune_{name}.*",), (f"{JAXIDL} tune --out {folder} {options}", *copied), 10)
 
 
-BENCHMARK = f"{JAXIDL} gap-benchmark --root 310 --severities clear --out {WORK}/benchmark"
+BENCHMARK = f"{JAXIDL} gap-benchmark --root 411 --severities clear --out {WORK}/benchmark"
 EVERYTHING = {
     "study": Made(
         ("study.nc", "fig*.*", "claims.json"),
@@ -69,8 +69,7 @@ EVERYTHING = {
     "gap_benchmark": Made(
         ("gap_benchmark.json", "gap_confusion.png", "gap_reliability.png"),
         (
-            f"{BENCHMARK} --families single none pair outside --every 2",
-            f"{BENCHMARK} --families single none pair outside robot --every 4",
+            f"{BENCHMARK} --every 2 --every-robot 4",
             f"cp {WORK}/benchmark/benchmark.json figures/gap_benchmark.json",
             f"cp {WORK}/benchmark/confusion.png figures/gap_confusion.png",
             f"cp {WORK}/benchmark/reliability.png figures/gap_reliability.png",

@@ -162,6 +162,7 @@ def gap_benchmark(
         "clear",
     ),
     every: int = 1,
+    every_robot: int | None = None,
     root: int = 2026,
     processes: int | None = None,
     overwrite: bool = False,
@@ -175,6 +176,7 @@ def gap_benchmark(
         families: which cases.
         severities: of single effects.
         every: take only each n-th case of each kind.
+        every_robot: of whole robots, which take much longer (default: as --every).
         root: from which all cases follow; 2026 is the one that the workflow is developed with, any
             other is new to it.
         processes: how many cases at a time (default: one a core).
@@ -189,6 +191,7 @@ def gap_benchmark(
 
     if overwrite:
         set_aside(out, ("root.json",))
-    score = run_benchmark(out, families, severities, every, processes or os.cpu_count() or 1, root)
+    count = processes or os.cpu_count() or 1
+    score = run_benchmark(out, families, severities, every, count, root, every_robot)
     for path in (*write_confusion(score, out), *write_reliability(score, out)):
         print(f"wrote {path}")

@@ -29,9 +29,15 @@ AnyCase = Case | Robot
 
 
 def chosen(
-    families: tuple[str, ...], severities: tuple[str, ...], every: int, root: int = DEVELOPMENT
+    families: tuple[str, ...],
+    severities: tuple[str, ...],
+    every: int,
+    root: int = DEVELOPMENT,
+    every_robot: int | None = None,
 ) -> list[AnyCase]:
     """Return the chosen cases: of each family and severity each ``every``-th.
+
+    Of the robots it is each ``every_robot``-th, unless that is None.
 
     Raises:
         ConfigurationError: for an unknown family or severity, or if no case remains.
@@ -42,8 +48,10 @@ def chosen(
     for name in severities:
         if name not in SEVERITIES:
             raise one_of("a severity", name, SEVERITIES)
-    if every < 1:
-        raise ConfigurationError("--every of at least 1", str(every), "give 1 for all cases")
+    steps = {"--every": every, "--every-robot": every if every_robot is None else every_robot}
+    for option, step in steps.items():
+        if step < 1:
+            raise ConfigurationError(f"{option} of at least 1", str(step), "give 1 for all cases")
     groups: dict[tuple[str, str | None], list[AnyCase]] = {}
     small = all_cases(root) if set(families) - {"robot"} else []
     for case in [*small, *robots(root, ROBOTS)]:
@@ -52,7 +60,11 @@ def chosen(
     order = sorted(
         groups, key=lambda key: (FAMILIES.index(key[0]), -SEVERITIES.index(key[1] or "clear"))
     )
-    found = [case for key in order for case in groups[key][::every]]
+    found = [
+        case
+        for key in order
+        for case in groups[key][:: steps["--every-robot" if key[0] == "robot" else "--every"]]
+    ]
     if not found:
         raise ConfigurationError("at least one case", "none", "name families and severities")
     return found
@@ -65,6 +77,7 @@ def run_benchmark(
     every: int,
     processes: int,
     root: int = DEVELOPMENT,
+    every_robot: int | None = None,
 ) -> dict[str, Any]:
     """Run the cases that have no report yet, each in its own process, and return the score.
 
@@ -78,7 +91,7 @@ def run_benchmark(
         ConfigurationError: for an unknown family or severity, or where ``out`` holds cases of
             another root.
     """
-    cases = chosen(families, severities, every, root)
+    cases = chosen(families, severities, every, root, every_robot)
     _claim(out, root)
     _each(judge_case, cases, out, processes, lambda case: _report(out, case).is_file())
     driven = [case for case in cases if "lost" not in json.loads(_report(out, case).read_text())]
