@@ -73,8 +73,12 @@ def main(arguments: list[str] | None = None) -> int:
             keep_programs()
             # tracing makes millions of objects that live on: to look through them again and again
             # takes longer than the rest of a short command
+            often = gc.get_threshold()
             gc.set_threshold(GARBAGE)
-            run()
+            try:
+                run()
+            finally:
+                gc.set_threshold(*often)
             sys.stdout.flush()
     except JaxidlError as error:
         print(f"jaxidl: {error}", file=sys.stderr)
