@@ -19,8 +19,9 @@ from jaxidl.gap.diagnosis import (
     Side,
     Traces,
 )
-from jaxidl.gap.find import Found, aside, find
+from jaxidl.gap.find import Found, find
 from jaxidl.gap.findings import findings, possible
+from jaxidl.gap.held_out import aside
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import check

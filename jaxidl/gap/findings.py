@@ -8,8 +8,9 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.errors import EffectError
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
-from jaxidl.gap.find import Found, aside, worse_by
+from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item
+from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.library import rms
 from jaxidl.gap.rivals import part
 from jaxidl.gap.score import Score, Solution

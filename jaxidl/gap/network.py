@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxidl.gap.find import jackknife
+from jaxidl.gap.held_out import jackknife
 from jaxidl.gap.library import rms
 from jaxidl.gap.rows import Rows
 

@@ -16,8 +16,8 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.diagnosis import Key
-from jaxidl.gap.find import jackknife
 from jaxidl.gap.gram import Item
+from jaxidl.gap.held_out import jackknife
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, vector

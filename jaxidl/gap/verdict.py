@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxidl.gap.diagnosis import MUCH, Ambiguity, Finding, Row
-from jaxidl.gap.find import Found, aside
+from jaxidl.gap.find import Found
+from jaxidl.gap.held_out import aside
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.words import experiment
 

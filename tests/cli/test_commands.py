@@ -136,13 +136,13 @@ def test_simulate_is_the_library_and_reads_given_noise(tmp_path, capsys):
     np.save(tmp_path / "z.npy", np.random.RandomState(6).standard_normal((1000, 2)))
     given = ["--standard-normal", str(tmp_path / "z.npy")]
     assert main(["simulate", *arguments, *given, "--out", str(tmp_path / "b.npz")]) == 0
-    a, b = (np.load(tmp_path / name) for name in ("a.npz", "b.npz"))
     wanted = run_of("doomed", "high", 8, 5, 7e-4, 6)
-    for name in ARRAYS:
-        assert a[name].shape == (1000, 2)
-        assert a[name].dtype == np.float64
-        np.testing.assert_array_equal(a[name], b[name])
-        np.testing.assert_allclose(a[name], getattr(wanted, name), rtol=1e-12, atol=1e-9)
+    with np.load(tmp_path / "a.npz") as a, np.load(tmp_path / "b.npz") as b:
+        for name in ARRAYS:
+            assert a[name].shape == (1000, 2)
+            assert a[name].dtype == np.float64
+            np.testing.assert_array_equal(a[name], b[name])
+            np.testing.assert_allclose(a[name], getattr(wanted, name), rtol=1e-12, atol=1e-9)
 
 
 def test_simulate_stores_every_execution_of_a_learning_run(tmp_path):
@@ -160,11 +160,11 @@ def test_simulate_stores_every_execution_of_a_learning_run(tmp_path):
         "1",
     ]
     assert main([*words, "--out", str(tmp_path / "t.npz")]) == 0
-    data = np.load(tmp_path / "t.npz")
-    assert data["q"].shape == (3, 1000, 2)
-    assert data["q_error"].shape == (3,)
-    assert not data["tau_feedforward"][0].any()
-    assert data["tau_feedforward"][1].any()
+    with np.load(tmp_path / "t.npz") as data:
+        assert data["q"].shape == (3, 1000, 2)
+        assert data["q_error"].shape == (3,)
+        assert not data["tau_feedforward"][0].any()
+        assert data["tau_feedforward"][1].any()
 
 
 def test_the_old_name_of_executions_is_understood():

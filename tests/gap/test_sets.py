@@ -11,10 +11,11 @@ from scipy.optimize import lsq_linear
 
 from jaxidl.effects import AsymmetricFriction, ConstantOffset, StribeckFriction
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
-from jaxidl.gap.find import aside, gain, nameable, objection, worse_by
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
+from jaxidl.gap.held_out import aside, gain, worse_by
 from jaxidl.gap.noise import in_units_of_noise
+from jaxidl.gap.objections import nameable, objection
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import search

@@ -1,0 +1,53 @@
+"""How well sets of effects predict what was held out, and standard errors by the jackknife."""
+
+import numpy as np
+
+from jaxidl.gap.score import Score, Solution
+
+
+def worse_aside(score: Score, before: Solution, after: Solution, joints: list[int]) -> bool:
+    """Return whether held-out blocks are predicted worse than before.
+
+    The increase has to exceed the scatter between them, and what noise would explain.
+    """
+    count = np.maximum(score.count[~score.training], 1.0)
+    a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
+    rise = (a - b).sum(1)
+    return bool(len(rise) > 1 and rise.sum() > np.std(rise, ddof=1) * np.sqrt(len(rise)))
+
+
+def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
+    """Return the share of a joint's root mean square held-out error that is removed.
+
+    Also return its standard error.
+    """
+    a, b = (score.aside(s)[:, joint] / s.passed[joint] for s in (after, before))
+    share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))
+    return float(share(a.sum(), b.sum())), float(jackknife(share(a.sum() - a, b.sum() - b)))
+
+
+def aside(score: Score, found: Solution) -> np.ndarray:
+    """Return the mean squared error (J,) on held-out rows [noise^2].
+
+    It is relative to what actuators let through.
+    """
+    return (
+        score.aside(found).sum(0)
+        / np.maximum(score.count[~score.training].sum(0), 1.0)
+        / found.passed
+    )
+
+
+def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:
+    """Return the share (J,) by which the root mean square error on left-out blocks falls."""
+    count = np.maximum(score.count[score.training].sum(0), 1.0)
+    a, b = (
+        np.sqrt(np.maximum(s.error.sum(0) / count / s.passed, score.floor)) for s in (after, before)
+    )
+    return 1.0 - a / b
+
+
+def jackknife(samples: np.ndarray) -> np.ndarray:
+    """Return the standard error (...) of ``samples`` (B, ...), each without one block."""
+    b = len(samples)
+    return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))
