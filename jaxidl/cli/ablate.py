@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tyro.conf import OmitArgPrefixes, UseAppendAction, arg
 
+from jaxidl.cli.arguments import Names
 from jaxidl.errors import ConfigurationError
 from jaxidl.jobs.options import Options
 from jaxidl.paper.grid import COUNTS, LEVELS, Axes, Grid, Value
@@ -13,7 +14,6 @@ from jaxidl.paper.grid import COUNTS, LEVELS, Axes, Grid, Value
 if TYPE_CHECKING:
     from jaxidl.paper.study import PaperStudy
 
-Names = tuple[str, ...]
 # one's name for the grid's
 AXIS = {"controller": "controllers", "gain": "gains", "seed": "seeds", "source": "sources"}
 BASE = Axes(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (20,), (1, 2, 3, 4, 5))

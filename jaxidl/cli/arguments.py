@@ -4,6 +4,8 @@ from typing import Any
 
 from tyro.conf import arg
 
+Names = tuple[str, ...]
+
 
 def optional(metavar: str) -> Any:
     """Return an option whose default, nothing, says nothing in a help text."""

@@ -6,7 +6,8 @@ from typing import Annotated
 
 from tyro.conf import arg
 
-from jaxidl.cli.arguments import optional
+from jaxidl.cli.arguments import Names, optional
+from jaxidl.cli.plugins import load
 from jaxidl.errors import ConfigurationError
 
 
@@ -17,6 +18,7 @@ def excite(
     for_: Annotated[
         Path | None, arg(name="for", metavar="DIR", help_behavior_hint="(optional)")
     ] = None,
+    plugin: Annotated[Names, optional("FILE.py ...")] = (),
     limits: Annotated[Path | None, optional("FILE.yaml")] = None,
     start: Annotated[tuple[float, ...], optional("Q ...")] = (),
     seconds: float = 20.0,
@@ -37,6 +39,7 @@ def excite(
             it is predicted to tell (.json).
         for_: folder of a diagnosis (--out of jaxidl gap): tell its explanations apart, with the
             noise of its log, and no further than its log went where no limits are given.
+        plugin: Python files or modules with effects of your own that the diagnosis names.
         limits: YAML file with position, speed, acceleration, torque, margins, clearance and start.
         start: posture at both ends [m or rad] (default: the middle of the range).
         seconds: length of the motion.
@@ -61,6 +64,8 @@ def excite(
         raise ConfigurationError("--out FILE.csv", str(out), "give the motion a name with .csv")
     if not all(map(math.isfinite, (seconds, top, rate, *start))):
         raise ConfigurationError("finite numbers", "inf or nan", "correct the options")
+    for name in plugin:
+        load(name)
     request = Request(criterion, kind, seconds, top, rate, starts, steps, seed)
     choose_devices(None)
     with Bar("reading", transient=True) as bar:

@@ -1,19 +1,18 @@
 """The commands ``jaxidl gap`` and ``jaxidl gap-benchmark``."""
 
-import importlib
 import importlib.util
 import os
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
 import tyro
 from tyro.conf import arg
 
-from jaxidl.cli.arguments import optional
-from jaxidl.errors import ConfigurationError, JaxidlError, needs_checkout
+from jaxidl.cli.arguments import Names, optional
+from jaxidl.cli.plugins import load
+from jaxidl.errors import ConfigurationError, needs_checkout
 
-Names = tuple[str, ...]
+_FAMILIES = ("single", "none", "pair", "outside", "robot")
 
 
 def gap(
@@ -83,7 +82,7 @@ def gap(
             "find what changed first, then refine the patched model",
         )
     for name in plugin:
-        _load(name)
+        load(name)
     check_folder(out, model)
     motors: dict[str, Any] = {
         "motor": motor,
@@ -114,42 +113,8 @@ def gap(
         page = save(found, out)
     print(table(found))
     if found.doubtful:
-        print(f"the motion that would settle it: {designed(model, out)}")
+        print(f"the motion that would settle it: {designed(model, out, found.questioned)}")
     print(f"report in {page}")
-
-
-def _load(plugin: str) -> None:
-    """Import a Python file or module, whose effects register themselves."""
-    from jaxidl.effects import CATALOGUE
-
-    path, known = Path(plugin), set(CATALOGUE)
-    try:
-        if path.suffix == ".py":
-            spec = importlib.util.spec_from_file_location(path.stem, path)
-            assert spec is not None
-            assert spec.loader is not None
-            module = importlib.util.module_from_spec(spec)
-            sys.modules[path.stem] = module
-            spec.loader.exec_module(module)
-        else:
-            module = importlib.import_module(plugin)
-    except JaxidlError:
-        raise
-    except Exception as error:  # whatever a user's module raises
-        got = f"{type(error).__name__}: {' '.join(str(error).split())[:200]}"
-        raise ConfigurationError(
-            f"a Python file or module in --plugin {plugin}", got, "correct its path or its code"
-        ) from None
-    mine = any(cls.__module__ == module.__name__ for cls in CATALOGUE.values())
-    if not mine and known == set(CATALOGUE):
-        raise ConfigurationError(
-            f"an effect in --plugin {plugin}",
-            "none",
-            "put @jaxidl.effects.register above its class",
-        )
-
-
-_FAMILIES = ("single", "none", "pair", "outside", "robot")
 
 
 def gap_benchmark(

@@ -21,7 +21,7 @@ from jaxidl.excite.plan import Noise
 from jaxidl.gap.calibration import margin_of
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
-from jaxidl.gap.inputs import read_inputs
+from jaxidl.gap.inputs import read_again
 from jaxidl.gap.library import Library, library, noise_of, residual, rms
 from jaxidl.gap.rows import NOISE_MARGIN, rows_of
 from jaxidl.gap.score import Score, Solution
@@ -59,6 +59,7 @@ class Doubt(NamedTuple):
     floor: np.ndarray  # (J,) below which errors are equal for the encoder's noise [N or Nm]
     rate: np.ndarray  # (J,) samples per second of a log that count in the gap finder's score
     log: Log
+    model: Model  # of the joints that were looked at
     files: tuple[str, ...]
     titles: tuple[str, ...]
 
@@ -152,7 +153,9 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
     report = read_report(folder)
     sets = candidates(report)
     files = tuple(logs) or tuple(Path(f) for f in report["options"]["log"])
-    log = read_inputs(files, model.path).log
+    reading = report["options"].get("reading", {})
+    log, part = read_again(files, model.path, reading)
+    model = part if reading.get("joints") else model
     with jax.enable_x64(True):
         signals = prepare(log, model.plant.body, model.plant.effects)
         rows = rows_of(signals, model.plant.effects, report["options"]["held_out"])
@@ -182,6 +185,7 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
         NOISE_MARGIN * signals.noise_floor,
         made.score.effective / seconds * (1.0 - report["options"]["held_out"]),
         log,
+        model,
         tuple(map(str, files)),
         tuple(titles(sets, model.names)),
     )

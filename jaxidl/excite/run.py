@@ -19,6 +19,7 @@ from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
 from jaxidl.excite.table import errors, evidence, separated, text
+from jaxidl.gap.inputs import words
 from jaxidl.systems.bounds import Shapes, bounds
 from jaxidl.systems.mjcf import Model, read_model
 
@@ -96,9 +97,11 @@ class Result(NamedTuple):
                     " known load may"
                 )
         if self.doubt is not None:
-            logs = " ".join(map(shlex.quote, self.doubt.files))
+            logs = shlex.join(self.doubt.files)
             model = shlex.quote(str(self.model.path))
-            out.append(f"then, with both logs: jaxidl gap {logs} NEW.csv --model {model}")
+            rest = words(self.doubt.log.reading)
+            rest = f"--model {model}{' ' + rest if rest else ''}"
+            out.append(f"then, with both logs: jaxidl gap {logs} NEW.csv {rest}")
         return out
 
     def csv(self) -> str:
@@ -172,6 +175,7 @@ def excite(
         asked = {k: getattr(request, k) for k in ("seconds", "kind", "top")}
         watch("reading", 0.0)
         open_ = None if diagnosis is None else doubt(diagnosis, known)
+        known = known if open_ is None else open_.model
         inside = limits_of(
             known.names,
             bounds(known),

@@ -137,6 +137,7 @@ def diagnose(
             "min_gain": min_gain,
             "reference": reference is not None,
             "log": measured.files,
+            "reading": dict(measured.reading),
             "reference_log": () if old is None else old.files,
             "model": str(known.path),
             "version": __version__,

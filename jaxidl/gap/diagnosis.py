@@ -156,6 +156,14 @@ class Diagnosis:
         return self.verdict == "ambiguous" or bool(self.ambiguous)
 
     @property
+    def questioned(self) -> list[str]:
+        """Names of the effects that were found, and of those that could be in their place."""
+        nearest = (f.nearest for f in self.findings if f.nearest)
+        doubts = (key for a in self.ambiguous for key in a.candidates)
+        found = (f.name for f in self.findings)
+        return list(dict.fromkeys([*found, *(name for name, _ in (*doubts, *nearest))]))
+
+    @property
     def frame(self) -> str:
         """Name of the body in whose frame a load is given."""
         return getattr(self.model.plant.body, "carrier", "")

@@ -1,8 +1,10 @@
 """A matching log and model, read from files as robots provide them."""
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 
@@ -60,6 +62,16 @@ def read_inputs(
         robot = robot or part.names
         side = motor_side(part.names, motor, torque_constant, gear_ratio)
         log = read(list(logs), part.names, robot=robot, columns=columns, motor=side, topic=topic)
+        lists = {
+            "joints": joints,
+            "columns": columns,
+            "torque_constant": torque_constant,
+            "gear_ratio": gear_ratio,
+        }
+        reading: dict[str, Any] = {name: list(given) for name, given in lists.items() if given}
+        reading |= {"motor": str(motor)} if motor is not None else {}
+        reading |= {"topic": topic} if topic is not None else {}
+        log = replace(log, reading=reading)
         if not log.still or (side is not None and side.positions):
             return Inputs(log, part)
         try:
@@ -68,3 +80,20 @@ def read_inputs(
             ModelError
         ):  # not every joint can be locked anywhere; the model's notes say where it is instead
             return Inputs(log, part)
+
+
+def read_again(logs: Sequence[Path], model: Path, reading: Mapping[str, Any]) -> Inputs:
+    """Return logs and model as :func:`read_inputs` with the options of an earlier ``reading``."""
+    given = dict(reading)
+    if "motor" in given:
+        given["motor"] = Path(given["motor"])
+    return read_inputs(logs, model, **given)
+
+
+def words(reading: Mapping[str, Any]) -> str:
+    """Return the options of a ``reading`` as they are written on the command line."""
+    out = []
+    for name, given in reading.items():
+        values = [given] if isinstance(given, str) else given
+        out += [f"--{name.replace('_', '-')}", *map(str, values)]
+    return shlex.join(out)

@@ -11,10 +11,10 @@
    or for all that it can imitate, two for one or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), let effects that read the torque read
    the command as now predicted, and go to 4 until the set no longer changes.
-6. Remove members that are on a bound, that their standard error does not distinguish from zero,
-   that are not physical, that only make the encoder's noise smaller (:mod:`jaxidl.gap.noise`), or
-   without which held-out blocks are predicted better, and go to 4; those that improve by less than
-   the least improvement go last, and nothing takes their place.
+6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
+   not distinguish from zero, that are not physical, that only make the encoder's noise smaller
+   (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, and go to 4;
+   those that improve by less than the least improvement go last, and nothing takes their place.
 7. Repeat 4 on resampled blocks. How often an effect is still found, times the probability that such
    a finding is right (:mod:`jaxidl.gap.calibration`), is its confidence. Effects that explain the
    log as well in its place are reported with it.

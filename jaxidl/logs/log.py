@@ -6,10 +6,11 @@ that names column and row; what was changed is a note.
 """
 
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64, Int
@@ -44,6 +45,8 @@ class Log:
     # mean positions [m or rad] of the robot's joints that were not used, by name
     still: tuple[tuple[str, float], ...] = ()
     files: tuple[str, ...] = ()  # that it was read from
+    # options other than the default ones with which the files were read, by name
+    reading: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def joints(self) -> int:

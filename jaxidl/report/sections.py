@@ -1,16 +1,14 @@
 """The sections of the page: tables and lists, each from a diagnosis to markup."""
 
 import shlex
-import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.experiments import designed
+from jaxidl.gap.experiments import designed, plugins
 from jaxidl.gap.localise import Place
 from jaxidl.gap.network import SYSTEMATIC
 from jaxidl.report.html import Html, join, table, tag
@@ -202,7 +200,9 @@ def remains(d: Diagnosis) -> Html:
 def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Html:
     """Return advice, and how to use the patched model."""
     model = str(folder / "model.xml")
-    command = f"jaxidl gap LOG --model {shlex.quote(model)}{_plugins(record)}"
+    command = (
+        f"jaxidl gap LOG --model {shlex.quote(model)}{plugins(entry['effect'] for entry in record)}"
+    )
     python = f"from jaxidl.gap import read_model\n\nplant = read_model({model!r}).plant"
     beside = "Keep effects.json beside model.xml: MuJoCo simulates only model.xml, jaxidl both."
     inside = "All effects are in model.xml, so MuJoCo simulates them too." if record else None
@@ -217,7 +217,7 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
             join(
                 [
                     "The motion that settles it best within limits is designed by ",
-                    tag("code", designed(d.model.path, folder)),
+                    tag("code", designed(d.model.path, folder, d.questioned)),
                 ]
             )
         )
@@ -230,14 +230,6 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
     return join(
         [tag("ul", (tag("li", step) for step in steps)), *use, tag("p", mujoco) if mujoco else None]
     )
-
-
-def _plugins(record: Sequence[Mapping[str, Any]]) -> str:
-    """Return the option that loads the user's own effects among those of ``effects.json``."""
-    modules = dict.fromkeys(CATALOGUE[entry["effect"]].__module__ for entry in record)
-    own = [name for name in modules if not name.startswith("jaxidl.")]
-    files = [str(getattr(sys.modules.get(name), "__file__", None) or name) for name in own]
-    return f" --plugin {shlex.join(files)}" if files else ""
 
 
 def method(d: Diagnosis) -> Html:

@@ -13,6 +13,7 @@ from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
+from jaxidl.gap.inputs import read_inputs
 from jaxidl.report import save
 
 
@@ -64,8 +65,10 @@ def test_a_diagnosis_in_doubt_is_continued(other, tmp_path):
     model.write_text(PENDULUM)
     hidden = [make("spring", 0, {"stiffness": 0.85, "rest": -0.2})]
     columns = simulate(PENDULUM, hidden, 3, duration=12.0)
+    columns["x17"] = columns.pop("q0")  # which only --columns says
     np.savez(tmp_path / "log.npz", **columns)
-    found = diagnose(tmp_path / "log.npz", model, rollouts=False)
+    inputs = read_inputs([tmp_path / "log.npz"], model, columns=["q0=x17"])
+    found = diagnose(*inputs, rollouts=False)
     save(found, tmp_path / "gap")
     path = tmp_path / "gap" / "report.json"
     content = json.loads(path.read_text())
@@ -82,4 +85,4 @@ def test_a_diagnosis_in_doubt_is_continued(other, tmp_path):
     reached = result.doubt.reached()
     assert result.found.q.max() <= reached["upper"][0]
     assert np.abs(result.found.qd).max() <= reached["speed"][0]
-    assert any("jaxidl gap" in note for note in result.notes())
+    assert any("jaxidl gap" in n and n.endswith("--columns q0=x17") for n in result.notes())

@@ -1,9 +1,12 @@
 """A log and a model that do not have the same joints."""
 
+import json
+
 import numpy as np
 import pytest
 
-from jaxidl.gap.inputs import read_inputs
+from jaxidl.errors import LogError
+from jaxidl.gap.inputs import read_again, read_inputs, words
 from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, robot, same, write
 
 
@@ -39,3 +42,23 @@ def test_joints_that_are_not_asked_for_are_locked_where_the_log_has_them(tmp_pat
             [moving], robot(tmp_path), joints=["wrist_1", "shoulder_pan"]
         ).log.notes
     )
+
+
+def test_a_log_is_read_again_as_it_was_read(tmp_path):
+    titles = {"q2": "x17", "tau2": "c17"}
+    path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items()})
+    with pytest.raises(LogError):
+        read_again([path], robot(tmp_path), {})
+    given = {
+        "joints": ["wrist_1"],
+        "columns": ["q0=x17", "i0=c17"],
+        "torque_constant": [0.5],
+        "gear_ratio": [2.0],
+    }
+    first = read_inputs([path], robot(tmp_path), **given)
+    again = read_again([path], robot(tmp_path), json.loads(json.dumps(first.log.reading)))
+    assert again.model.names == ("wrist_1_joint",)
+    np.testing.assert_array_equal(again.log.tau, first.log.tau)
+    said = words(first.log.reading)
+    assert said.startswith("--joints wrist_1 --columns q0=x17 i0=c17 --torque-constant 0.5")
+    assert words(read_inputs([write(tmp_path / "b.csv", THREE)], robot(tmp_path)).log.reading) == ""

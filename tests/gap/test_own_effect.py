@@ -14,7 +14,7 @@ import pytest
 from flax import struct
 
 from jaxidl import gap, report
-from jaxidl.cli.gap import _load as load_plugin
+from jaxidl.cli.plugins import load as load_plugin
 from jaxidl.effects import (
     CATALOGUE,
     Effect,
@@ -30,8 +30,8 @@ from jaxidl.errors import ConfigurationError, EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
+from jaxidl.gap.experiments import plugins
 from jaxidl.gap.projection import ALIGNMENT
-from jaxidl.report.sections import _plugins as plugins
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.paths import ROOT
@@ -360,6 +360,5 @@ def test_the_reports_command_loads_the_users_effects(clean_catalogue, tmp_path):
     plugin.write_text(PLUGIN)
     load_plugin(str(plugin))
     load_plugin(str(plugin))  # again, as a notebook would
-    record = [{"effect": "plugged_magnet"}, {"effect": "coulomb_friction"}]
-    assert plugins(record) == f" --plugin {plugin}"
-    assert plugins(record[1:]) == ""
+    assert plugins(["plugged_magnet", "coulomb_friction"]) == f" --plugin {plugin}"
+    assert plugins(["coulomb_friction"]) == ""
