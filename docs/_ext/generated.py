@@ -200,7 +200,7 @@ def gap_benchmark() -> str:
         ("… robots", share(robots["parameters"]["within_two_stderr"])),
     ]  # fmt: skip
     cases = ", ".join(f"{n} {kind}" for kind, n in b["cases"].items())
-    note = f"*Root {b['root']}, revision `{b['revision']}`; cases: {cases}. `{b['command']}`*"
+    note = f"*Root {b['root']}, revision `{b['revision'][:7]}`; cases: {cases}.*"
     return table(("what", "share with 95 % interval"), rows) + f"\n\n{note}"
 
 

@@ -20,6 +20,7 @@ from jaxidl.gap.benchmark.cases import Case, all_cases, truth
 from jaxidl.gap.benchmark.robots import Robot, robots, store
 from jaxidl.gap.benchmark.score import score
 from jaxidl.jobs.pool import each
+from jaxidl.jobs.provenance import revision
 
 FAMILIES = ("single", "none", "pair", "outside", "robot")
 SEVERITIES = ("weak", "medium", "clear")
@@ -92,14 +93,12 @@ def run_benchmark(
             another root.
     """
     cases = chosen(families, severities, every, root, every_robot)
-    _claim(out, root)
+    begun = _claim(out, root)
     _each(judge_case, cases, out, processes, lambda case: _report(out, case).is_file())
     driven = [case for case in cases if "lost" not in json.loads(_report(out, case).read_text())]
     known = _truth(driven, out)
     write_bytes(out / "truth.json", json.dumps(known, indent=1).encode())
-    result = {"root": root, "lost": len(cases) - len(driven)} | score(
-        known, _reports(out, list(known))
-    )
+    result = begun | {"lost": len(cases) - len(driven)} | score(known, _reports(out, list(known)))
     write_bytes(out / "benchmark.json", as_json(result).encode())
     return result
 
@@ -205,21 +204,25 @@ def _at(work: Callable[[AnyCase, Path], None], out: Path, case: AnyCase) -> None
     work(case, out)
 
 
-def _claim(out: Path, root: int) -> None:
-    """Raise ConfigurationError if the folder has cases of another root.
+def _claim(out: Path, root: int) -> dict[str, Any]:
+    """Return the folder's root, and the revision with which its cases were begun.
 
-    Otherwise their scores would be combined.
+    Raises:
+        ConfigurationError: if the folder has cases of another root: scores would be combined.
     """
     path = out / "root.json"
-    held = json.loads(path.read_text())["root"] if path.is_file() else root
-    if held != root:
-        raise ConfigurationError(
-            f"cases of root {root} in {out}",
-            f"cases of root {held}",
-            "give another --out or --root",
-        )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    write_bytes(path, json.dumps({"root": root}).encode())
+    if path.is_file():
+        held = json.loads(path.read_text())
+        if held["root"] != root:
+            raise ConfigurationError(
+                f"cases of root {root} in {out}",
+                f"cases of root {held['root']}",
+                "give another --out or --root",
+            )
+        return held
+    begun = {"root": root, "revision": revision()}
+    write_bytes(path, json.dumps(begun).encode())
+    return begun
 
 
 def _truth(cases: list[AnyCase], out: Path) -> dict[str, Any]:
