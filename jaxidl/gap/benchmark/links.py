@@ -15,6 +15,7 @@ import numpy as np
 from jaxidl.gap.benchmark.reference import Array
 
 INERTIAL = ("inertia_error", "com_error", "inertia_tensor_error", "payload")
+Mask = np.ndarray[Any, np.dtype[np.bool_]]
 TEN = 10  # number of a link's parameters before its rotor's
 
 
@@ -99,7 +100,7 @@ class Links:
         A component that the report leaves at zero without an error was not fitted. What was not,
         or what the motion does not determine, is NaN.
         """
-        parts: list[tuple[tuple[str, int | None], str, Array, Array]] = []
+        parts: list[tuple[tuple[str, int | None], str, Array, Mask]] = []
         found: dict[tuple[str, int | None], dict[str, Array]] = {}
         for record in reported:
             name = record["effect"], record["joint"]
@@ -115,7 +116,7 @@ class Links:
             found[name][key][free], values = np.split(values, [block.shape[1]])
         return found
 
-    def _fit(self, basis: Array, error: Array) -> tuple[Array, np.ndarray[Any, np.dtype[np.bool_]]]:
+    def _fit(self, basis: Array, error: Array) -> tuple[Array, Mask]:
         """Fit the torque of ``error`` by that of the ``basis`` (P, n), by least squares.
 
         Returns values (n,), and which of them are unique.
@@ -148,7 +149,7 @@ def load(given: Mapping[str, Array]) -> Array:
     )
 
 
-def _free(given: Mapping[str, Any], key: str, count: int) -> Array:
+def _free(given: Mapping[str, Any], key: str, count: int) -> Mask:
     """Return which of a parameter's components (n,) a report gives."""
     if key == "ten":  # a load: without its inertia it is a point
         return np.arange(count) < (count if "inertia" in given else 4)
