@@ -116,7 +116,7 @@ EVERYTHING = {
         (
             f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --ur10e {UR10E}"
             " --parts arm ur10e --steps 50",
-            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --parts cases --root 907",
+            f"{EXPERIMENTS}/excite.py figures --work {WORK}/excite --parts cases --roots 411 1203",
         ),
         60,
     ),

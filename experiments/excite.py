@@ -374,8 +374,8 @@ def main() -> None:
     parser.add_argument("--ur10e", type=Path, default=Path("../shared/data/ur10e"))
     parser.add_argument("--parts", nargs="+", default=["arm", "ur10e", "cases"])
     parser.add_argument("--limits", nargs="+", default=list(LIMITS), choices=list(LIMITS))
-    parser.add_argument("--root", type=int, default=310)
-    parser.add_argument("--most", type=int, default=20, help="cases")
+    parser.add_argument("--roots", type=int, nargs="+", default=[310])
+    parser.add_argument("--most", type=int, default=20, help="cases of each root")
     parser.add_argument("--seeds", type=int, default=3)
     parser.add_argument("--steps", type=int, default=100)
     given = parser.parse_args()
@@ -389,17 +389,19 @@ def main() -> None:
 
     with jax.enable_x64(True):
         if "cases" in given.parts:
-            opened = open_cases(given.work, given.root, ("clear",))
+            opened = [
+                (given.work / str(root), *found)
+                for root in given.roots
+                for found in open_cases(given.work / str(root), root, ("clear",))[: given.most]
+            ]
             print(f"{len(opened)} open cases", flush=True)
-            result |= {"root": given.root, "open": len(opened)}
+            result |= {"roots": given.roots, "open": len(opened)}
             for where in given.limits:
                 result[where] = {"cases": []}
-                for case, report in opened[: given.most]:
-                    path = given.work / "settled" / where / f"{case.id}.json"
+                for work, case, report in opened:
+                    path = work / "settled" / where / f"{case.id}.json"
                     if not path.is_file():
-                        done = settled(
-                            case, report, given.work, min(given.steps, 60), LIMITS[where]
-                        )
+                        done = settled(case, report, work, min(given.steps, 60), LIMITS[where])
                         write_bytes(path, json.dumps(plain(done)).encode())
                     result[where]["cases"].append(json.loads(path.read_text()))
                     result[where]["resolved"] = resolved(result[where]["cases"])
