@@ -109,7 +109,10 @@ def diagnose(
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
     handed = compared.after if named else compared.before
-    unexplained = unexplained_joints(found, handed.torque_rms, still)
+    envelope = _envelope(found.library, compared)
+    unexplained = unexplained_joints(
+        handed.torque_rms, still, envelope.torque_rms, rows.spread.tolist(), rows.floor.tolist()
+    )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
     notes = (*measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
@@ -123,7 +126,7 @@ def diagnose(
         where=where,
         remaining=remaining,
         gap=compared,
-        envelope=_envelope(found.library, compared),
+        envelope=envelope,
         unexplained=unexplained,
         rivals=rivals_of(found),
         network=still,

@@ -6,7 +6,6 @@ import numpy as np
 
 from jaxidl.gap.diagnosis import MUCH, Ambiguity, Finding, Row
 from jaxidl.gap.find import Found
-from jaxidl.gap.held_out import aside
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.words import experiment
 
@@ -40,23 +39,32 @@ def doubts_of(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity,
 
 
 def unexplained_joints(
-    found: Found, remaining: Sequence[float], network: Sequence[tuple[float, float]]
+    remaining: Sequence[float],
+    network: Sequence[tuple[float, float]],
+    envelope: Sequence[float],
+    spread: Sequence[float],
+    floor: Sequence[float],
 ) -> tuple[int, ...]:
-    """Return joints with a large residual, ``remaining`` (J,) [N or Nm] in the model returned.
+    """Return joints with a large residual.
 
     Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
     state, or all of it if it exceeds that of the envelope or the command's own spread, than which
     no model at all would do better.
+
+    Args:
+        remaining: (J,) residual in the model returned [N or Nm].
+        network: (J,) share of it that a network removes, and its standard error.
+        envelope: (J,) residual of the envelope [N or Nm].
+        spread: (J,) of the command [N or Nm].
+        floor: (J,) error due to encoder noise alone [N or Nm].
     """
-    rows, made = found.library.rows, found.library
-    envelope = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
     out = []
     for j, (gain, stderr) in enumerate(network):
-        left, much = remaining[j], MUCH * rows.spread[j]
+        left, much = remaining[j], MUCH * spread[j]
         predicted = left * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
-        beaten = left > much and left > min(1.1 * envelope[j], rows.spread[j])
-        if left > 2.0 * rows.floor[j] and (systematic or beaten):
+        beaten = left > much and left > min(1.1 * envelope[j], spread[j])
+        if left > 2.0 * floor[j] and (systematic or beaten):
             out.append(j)
     return tuple(out)
 

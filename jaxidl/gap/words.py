@@ -121,8 +121,8 @@ def headline(
         )
         better = f"{nothing}: no effect of the catalogue makes the model clearly better."
         return better + (
-            f" The error that remains, {listed(remaining)}, cannot be predicted from the state: it"
-            " is noise, or has a cause that this log does not show."
+            f" The error that remains, {listed(remaining)}, can hardly be predicted from the state:"
+            " it is noise, or has a cause that this log does not show."
             if remaining
             else ""
         )

@@ -1,0 +1,33 @@
+"""What stays unexplained, and what is said about it."""
+
+import pytest
+
+from jaxidl.gap.verdict import unexplained_joints
+from jaxidl.gap.words import headline
+
+
+@pytest.mark.parametrize(
+    ("left", "gain", "stderr", "floor", "said"),
+    [
+        (0.32, 0.22, 0.04, 0.01, True),  # a fifth of a large error: 20 % of the command
+        (0.32, 0.22, 0.15, 0.01, False),  # it could be chance
+        (0.05, 0.22, 0.04, 0.01, False),  # 3 % of the command
+        (0.32, 0.22, 0.04, 0.20, False),  # the encoder's noise
+        (0.32, -0.10, 0.01, 0.01, False),  # a network predicts nothing
+        (1.10, 0.00, 0.01, 0.01, True),  # worse than no model
+    ],
+)
+def test_what_a_network_still_predicts_is_unexplained_if_it_is_large(
+    left, gain, stderr, floor, said
+):
+    joints = unexplained_joints([left], [(gain, stderr)], [2.0], [1.0], [floor])
+    assert joints == ((0,) if said else ())
+
+
+def test_an_error_that_remains_is_not_passed_over():
+    nothing = headline("nothing_missing", 0, 0, [], [])
+    assert nothing.startswith("Nothing is missing")
+    assert "remains" not in nothing
+    assert "remains, 32 % of the command on slide, can hardly be predicted" in headline(
+        "nothing_missing", 0, 0, [], ["32 % of the command on slide"]
+    )
