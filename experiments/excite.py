@@ -222,7 +222,9 @@ def settled(case: Case, report: Any, work: Path, steps: int, factor: float) -> d
         "before": judge.single_credit(hidden, report),
     }
     for name, motion in (("designed", best), ("random", chance)):
-        seen, before = of_motion(made, motion, 50), made.plan.earlier
+        # An explanation with a hidden state is simulated from row to row, hence every row.
+        every = max(1, round(made.plan.dt * RATE))
+        seen, before = of_motion(made, motion, every), made.plan.earlier
         assert before is not None
         apart = separated(made, found.titles, before, seen.plus(before))
         out[name] = executed(case, model, limits, old, motion, hidden) | {
