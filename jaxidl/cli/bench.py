@@ -47,7 +47,7 @@ def bench(
 
     Args:
         names: which benchmarks (default: all): training_step, control_step, configuration, cores,
-            growth, compilation, gradients, gap, arm, real_time, c_step, reliability.
+            growth, compilation, gradients, gap, excite, arm, real_time, c_step, reliability.
         out: folder for one JSON file of each.
     """
     run_benchmarks(names, out)
