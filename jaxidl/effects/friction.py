@@ -21,7 +21,7 @@ class ViscousFriction(Effect):
 
     name: ClassVar[str] = "viscous_friction"
     sentence: ClassVar[str] = "friction that grows in proportion to speed"
-    parameters: ClassVar = {"coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed")}
+    parameters: ClassVar = {"coefficient": Parameter("N s/m", 0.0, 1e6, "torque per speed")}
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"coefficient": "joint/damping"}
     changes: ClassVar[float] = 0.05

@@ -74,14 +74,23 @@ def _balance(spec: mujoco.MjSpec) -> list[str]:
 
 
 def _lift(spec: mujoco.MjSpec) -> list[str]:
-    """Undo rounding that made moments of inertia negative, or too small for MuJoCo."""
-    names = []
+    """Raise moments of inertia that are negative, or too small for MuJoCo.
+
+    Most often they are rounded; files also have inertia matrices that no body has.
+    """
+    none, wrong = [], []
     for body in spec.bodies[1:]:
         moments, axes = _moments(body)
-        if body.explicitinertial and -SMALL < moments[0] < SMALL:
+        if body.explicitinertial and moments[0] < SMALL:
             _write(body, np.maximum(moments, SMALL), axes)
-            names.append(_called(body))
-    return [f"no inertia of its own: {few(names)}"] if names else []
+            (none if moments[0] > -SMALL else wrong).append(_called(body))
+    notes = [f"no inertia of its own: {few(none)}"] if none else []
+    if wrong:
+        notes.append(
+            f"no mass has the inertia matrix of {few(wrong)} (a principal moment is negative): it"
+            " was raised to zero"
+        )
+    return notes
 
 
 def _fill(spec: mujoco.MjSpec) -> list[str]:

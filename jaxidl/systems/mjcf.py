@@ -4,6 +4,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import contextlib
+import re
 import tempfile
 import warnings
 from collections.abc import Generator, Mapping, Sequence
@@ -238,7 +239,8 @@ def _is_urdf(path: Path) -> bool:
     )
     if start < 0 or not content.startswith(b"<robot", start):
         return False
-    if b"<xacro:" in content:
+    # expanded files keep the comments of the xacro file that they were made from
+    if b"<xacro:" in re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL):
         raise ModelError(
             f"{path} to be URDF",
             "xacro, from which URDF is made",
@@ -257,13 +259,19 @@ def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
     own = (
         (j, cls.read_mjcf(numbers.own(j))) for j in range(model.njnt) for cls in CATALOGUE.values()
     )
-    found = [OnJoint(effect, j, model.njnt) for j, effect in own if effect is not None]
-    try:
-        return [effect.check() for effect in found]
-    except EffectError as error:
-        raise ModelError(
-            f"{path} to have possible friction and springs", str(error), "correct the joint"
-        ) from None
+    found = []
+    for joint, effect in own:
+        if effect is None:
+            continue
+        try:
+            found.append(OnJoint(effect, joint, model.njnt).check())
+        except EffectError as error:
+            raise ModelError(
+                f"{path} to have possible friction and springs",
+                str(error),
+                f"correct the joint {joint_names(model)[joint]}",
+            ) from None
+    return found
 
 
 def _notes(model: mujoco.MjModel) -> list[str]:

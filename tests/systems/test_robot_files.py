@@ -138,9 +138,16 @@ def test_unbalanced_inertia_is_balanced_and_named(tmp_path):
         @ principal.reshape(3, 3).T
     )
     np.testing.assert_allclose(tensor, [[0.03, 0.01, 0], [0.01, 0.03, 0], [0, 0, 0.02]], atol=1e-9)
-    assert "positive" in complaint(
-        stored(tmp_path, urdf(inside={3: FLAT.format(0.01, 0.01, -0.04, 0)}), "robot.urdf")
-    )
+
+
+def test_an_inertia_matrix_that_no_body_has_is_raised_and_noted(tmp_path):
+    for tensor in (FLAT.format(0.01, 0.01, -0.04, 0), FLAT.format(0.01, 0.01, 0.02, 0.03)):
+        model = read_model(stored(tmp_path, urdf(inside={3: tensor}), "robot.urdf"))
+        (note,) = [note for note in model.notes if "inertia matrix" in note]
+        assert " l3 " in note
+        moments = np.sort(model.plant.body.source.body_inertia[4])
+        assert moments[0] >= 0.0
+        assert moments[2] <= moments[0] + moments[1] + 1e-9
 
 
 def test_inertia_that_rounding_made_negative_is_none(tmp_path):
@@ -284,6 +291,10 @@ def test_xacro_and_sdf_are_refused_with_the_remedy(tmp_path):
     xacro = '<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:include filename="a"/></robot>'
     assert "expand it: xacro robot.urdf.xacro > robot.urdf" in complaint(
         stored(tmp_path, xacro, "robot.urdf.xacro")
+    )
+    expanded = urdf().replace("</robot>", "<!-- <xacro:wheel/>\n --></robot>")
+    assert len(read_model(stored(tmp_path, expanded, "robot.urdf")).names) == len(
+        read_model(stored(tmp_path, urdf(), "robot.urdf")).names
     )
     assert "SDF is not supported" in complaint(
         stored(tmp_path, '<sdf version="1.9"></sdf>', "robot.sdf")
