@@ -20,7 +20,7 @@ from jaxidl.effects.gears import (
     ThermalFriction,
 )
 from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
-from jaxidl.effects.on_joint import OnJoint, placed
+from jaxidl.effects.on_joint import OnJoint, added_to, placed
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
@@ -71,6 +71,7 @@ __all__ = [
     "TorqueScale",
     "Variant",
     "ViscousFriction",
+    "added_to",
     "from_dict",
     "paper_stiction",
     "placed",

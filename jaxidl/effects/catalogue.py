@@ -259,8 +259,12 @@ def _obstacle(cls: type[Effect]) -> EffectError | None:
     return None
 
 
-def from_dict(record: dict[str, Any]) -> Effect:
+def from_dict(record: dict[str, Any], check: bool = True) -> Effect:
     """Return the effect that :meth:`Effect.to_dict` wrote.
+
+    Args:
+        record: the effect's record.
+        check: false for a change of an effect that a model has already: it may leave the bounds.
 
     Raises:
         EffectError: for an unknown name, a missing parameter, or a value out of bounds.
@@ -286,9 +290,11 @@ def from_dict(record: dict[str, Any]) -> Effect:
             for key in cls.parameters
         }
         if (joint := record.get("joint")) is None:
-            return cls(**values, **record.get("options", {})).check()
-        alone = cls(**jax.tree.map(lambda x: x[None], values), **record.get("options", {}))
-        return OnJoint(alone, joint, record["joints"]).check()
+            effect = cls(**values, **record.get("options", {}))
+        else:
+            alone = cls(**jax.tree.map(lambda x: x[None], values), **record.get("options", {}))
+            effect = OnJoint(alone, joint, record["joints"])
+        return effect.check() if check else effect
     except (TypeError, KeyError, ValueError) as error:
         raise EffectError(
             f"a record of {name} as its to_dict writes it", f"{error}", "correct the record"

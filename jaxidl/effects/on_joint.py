@@ -1,5 +1,6 @@
 """An effect of the catalogue on one joint only."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import jax.numpy as jnp
@@ -139,3 +140,26 @@ def placed(cls: type[Effect], variant: Variant, joint: int, joints: int) -> Effe
 
     effect = cls(**{name: value(name) for name in cls.parameters}, **variant.options)
     return OnJoint(effect, joint, joints) if alone else effect
+
+
+def added_to(own: Iterable[Effect], change: Effect) -> Effect:
+    """Return an effect together with what ``own`` has of it already, on the same joint.
+
+    A change may be less than nothing, such as friction below the model's; what remains may not.
+    Only effects that are linear in all of their parameters can be added.
+    """
+    alone = getattr(change, "effect", change)
+    place, kind = getattr(change, "joint", None), type(alone)
+    same = [
+        inner
+        for e in own
+        if type(inner := getattr(e, "effect", e)) is kind and getattr(e, "joint", None) == place
+    ]
+    if not kind.linear or not same:
+        return change
+    total = {
+        name: sum((getattr(e, name) for e in same), getattr(alone, name))
+        for name in kind.parameters
+    }
+    alone = alone.replace(**total)
+    return change.replace(effect=alone) if isinstance(change, OnJoint) else alone

@@ -30,6 +30,7 @@ def consistent(
     lower: np.ndarray,
     upper: np.ndarray,
     unequal: np.ndarray,
+    least: np.ndarray,
     cones: Sequence[tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray | None:
     """Return the minimum (P,) of x·gram·x/2 − right·x, or None if there is none.
@@ -37,7 +38,7 @@ def consistent(
     Args:
         gram: (P, P); right: (P,).
         lower, upper: (P,) bounds.
-        unequal: (M, P), unequal @ x >= 0.
+        unequal: (M, P); least: (M,): unequal @ x >= least.
         cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive
             semidefinite.
     """
@@ -45,7 +46,7 @@ def consistent(
     eye = np.eye(len(right))
     low, high = np.isfinite(lower), np.isfinite(upper)
     rows = [-eye[low], eye[high], -unequal]
-    sides = [-lower[low], upper[high], np.zeros(len(unequal))]
+    sides = [-lower[low], upper[high], -least]
     kinds: list[object] = [clarabel.NonnegativeConeT(sum(len(r) for r in rows))]
     i, j = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
     weight = np.where(i == j, 1.0, np.sqrt(2.0))
@@ -85,11 +86,11 @@ def physical_fits(
     members, count = found.members, len(found.x)
     places = {id(m): found.of(m) for m in members}
     cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
-    unequal = dissipating(members, rows, places, count)
+    unequal, least = dissipating(members, rows, places, count)
     physical = all(
         np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones
     )
-    if physical and not np.any(unequal @ found.x < -1e-9):
+    if physical and not np.any(unequal @ found.x < least - 1e-9):
         return None
     gram, right = score.normal(members)
     anchor, pull = score.anchoring(members)
@@ -102,19 +103,20 @@ def physical_fits(
     for k in range(len(x)):
         g, h = whole if k == 0 else (whole[0] - gram[k - 1], whole[1] - right[k - 1])
         ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12) + anchor
-        best = consistent(g + ridge, h + pull, lower, upper, unequal, cones)
+        best = consistent(g + ridge, h + pull, lower, upper, unequal, least, cones)
         x[k] = x[k] if best is None else best
     return x
 
 
 def dissipating(
     members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int
-) -> np.ndarray:
+) -> tuple[np.ndarray, np.ndarray]:
     """Return rows (M, P): friction of a joint against its motion, by the coefficients.
 
-    There is one row for each of a number of places of the log.
+    There is one row for each of a number of places of the log. Also return the least values (M,)
+    of their products with the coefficients: the model's own friction may be less, not reversed.
     """
-    out, signals = [], rows.signals
+    out, least, signals = [], [], rows.signals
     for j in range(rows.gap.shape[1]):
         here = [
             m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)
@@ -129,8 +131,13 @@ def dissipating(
         part = np.zeros((len(picked), count))
         for m in here:
             part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
-        out.append(part / max(np.abs(part).max(), 1e-300))
-    return np.concatenate(out) if out else np.zeros((0, count))
+        size = max(np.abs(part).max(), 1e-300)
+        out.append(part / size)
+        own = rows.friction[picked, j] * np.sign(speed[picked])
+        least.append(-np.maximum(own, 0.0) / size)
+    if not out:
+        return np.zeros((0, count)), np.zeros(0)
+    return np.concatenate(out), np.concatenate(least)
 
 
 def buildable(

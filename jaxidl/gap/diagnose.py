@@ -20,7 +20,7 @@ from jaxidl.gap.diagnosis import (
     Traces,
 )
 from jaxidl.gap.find import Found, find
-from jaxidl.gap.findings import findings, possible
+from jaxidl.gap.findings import confirmed, findings, fitted_to, possible
 from jaxidl.gap.held_out import aside
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
@@ -30,7 +30,6 @@ from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
-from jaxidl.gap.values import Value, values
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.words import summarise
 from jaxidl.logs.log import Log, read
@@ -92,9 +91,10 @@ def diagnose(
         if old is not None:
             watch("searching the reference", 0.0)
             before = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
-            kept = (v.effect for v in _values(before, before.library.rows))
-            common = tuple(effect for effect in kept if possible(effect))
+            kept = (v.effect for v in fitted_to(before, before.library.rows))
+            common = tuple(e for e in kept if possible(e, known.plant.effects))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
+        found, fitted = confirmed(found)
         rows = found.library.rows
         after, gap = residual(rows, found.solution), rows.gap
         watch("checking the residual", 0.0)
@@ -102,9 +102,7 @@ def diagnose(
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
         tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
-        named = findings(
-            found, _values(found, rows.whole()), known, [n.value for n in network], tied
-        )
+        named = findings(found, fitted, known, [n.value for n in network], tied)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
@@ -231,12 +229,6 @@ def _reference(before: Found) -> Reference:
     )
 
 
-def _values(found: Found, rows: Rows) -> list[Value]:
-    """Return the effects found with parameters fitted to ``rows``."""
-    x = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
-    return values(found.solution.members, x, rows, found.score, found.predicted)
-
-
 def _gap(
     found: Found,
     gap: np.ndarray,
@@ -251,7 +243,7 @@ def _gap(
     The parameters were fitted without these rows.
     """
     rows, signals = found.library.rows, found.library.rows.signals
-    members = [v.effect for v in _values(found, rows)]
+    members = [v.effect for v in fitted_to(found, rows)]
     behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)

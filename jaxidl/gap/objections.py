@@ -12,7 +12,7 @@ from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
-from jaxidl.gap.shape import movable, on_bound, vector
+from jaxidl.gap.shape import gone, movable, on_bound, vector
 
 BOUND = "its value is on a bound"
 
@@ -113,7 +113,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     x, stderr = now.x[at], jackknife(now.folds[:, at])
     if not (np.any(np.abs(x) > EXCLUDED * stderr) or together(x, now.folds[:, at]) > EXCLUDED):
         return "its standard error does not exclude zero"
-    at_bound = (x <= m.lower) | (x >= m.upper)
+    at_bound = ((x <= m.lower) & ~gone(m.shape)) | (x >= m.upper)
     if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))

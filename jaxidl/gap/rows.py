@@ -12,6 +12,7 @@ from jaxtyping import Bool, Float
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
 from jaxidl.logs.signals import Signals
+from jaxidl.systems.free import inner
 
 # training blocks; samples of real machines are correlated, blocks hardly are
 BLOCKS = 16
@@ -38,6 +39,7 @@ class Rows(NamedTuple):
     floor: Float[np.ndarray, " J"]  # noise floor [N or Nm]
     spread: Float[np.ndarray, " J"]  # spread of the command [N or Nm]
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
+    friction: Float[np.ndarray, "N J"]  # torque that the model's own friction needs [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
     # (J,) by how much later torques are assumed to be logged [s]
@@ -102,9 +104,11 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     for j, peaks in enumerate(signals.peaks):
         at = np.searchsorted(rows, peaks[:, 0])
         gap[at, j], used[at, j] = np.sign(gap[at, j]) * peaks[:, 1], True
+    friction = np.zeros_like(gap)
     for effect in effects:
         added, tau = additions([effect], signals, tau, tau, undone=True)
         gap = gap - added[0]
+        friction += added[0] if inner(effect).friction else 0.0
     command = signals.command(tau)[rows]
     train = kept_rows(signals, held_out)
     block = np.zeros(len(rows), int)
@@ -119,6 +123,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         np.maximum(NOISE_MARGIN * signals.noise_floor, LEAST_FLOOR * spread),
         spread,
         tau,
+        friction,
         signals,
         tuple(effects),
     )

@@ -15,6 +15,7 @@ import numpy as np
 from jaxidl.effects import Effect, OnJoint, Scale
 
 ON_BOUND = 1e-3  # relative distance to a bound within which a value is on it
+ROUNDING = 1e-9  # share of an effect that stays where all of it is gone
 MOST_SCALED = 2.0  # most by which an effect may be scaled before its shape is fitted
 
 Present = Mapping[tuple[str, int | None], Mapping[str, np.ndarray]]
@@ -132,6 +133,15 @@ class Shape(NamedTuple):
         return np.array([least]), np.array([MOST_SCALED])
 
 
+def gone(shape: Shape) -> np.ndarray:
+    """Return at which lower limits (P,) an effect is gone that the model has."""
+    low, _ = shape.limits()
+    if not shape.free or shape.basis is not None:
+        return np.zeros(len(low), bool)
+    sizes = [np.size(shape.values[n]) for n in shape.free]
+    return low < np.repeat([shape.cls.parameters[n].lower for n in shape.free], sizes)
+
+
 def sees(shape: Shape) -> bool:
     """Return whether what an effect adds depends on the predicted command.
 
@@ -198,7 +208,7 @@ def shapes_of(
         within = {**variant.within}
         for n, value in less.items():
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
-            within[n] = (low - max(value, 0.0), high)
+            within[n] = (low - (1.0 - ROUNDING) * max(value, 0.0), high)
         if changed:  # it may also be less, such as a load that is gone
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
         prior = (

@@ -17,9 +17,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, added_to
 from jaxidl.effects.spec import Motor
-from jaxidl.errors import ModelError
+from jaxidl.errors import EffectError, ModelError
 from jaxidl.files import write_bytes
 from jaxidl.systems.attributes import Numbers, Principal, drives, kind, motors
 from jaxidl.systems.mjcf import Model, as_read, compile_spec, load_part, quietly
@@ -63,8 +63,9 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         ModelError: if the model's files are gone or have other joints than when they were read.
     """
     joints = len(model.names)
-    for effect in added:
-        check_fits(effect, joints)
+    for n, effect in enumerate(added):
+        added_to((*model.plant.effects, *added[:n]), effect).check()
+        check_fits(effect, joints, bounded=False)
     with quietly(), as_read(model) as path:
         entries = read_record(path, joints)
         spec, _ = load_part(path, model.part, model.locked)
@@ -73,7 +74,7 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         numbers.expect(added)
         for effect in added:
             place = effect.write_mjcf(numbers)
-            entries.append(Entry(effect, place is not None, place))
+            entries = _with(entries, Entry(effect, place is not None, place))
         made = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
         root = ET.fromstring(spec.to_xml())
         _point_to_assets(root, spec, model.path.parent)
@@ -89,6 +90,29 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
             _with_drive(entry, joints, bool(made)).to_dict(model.kinds) for entry in entries
         ],
     }
+
+
+def _with(entries: list[Entry], new: Entry) -> list[Entry]:
+    """Return the entries with a new one.
+
+    A change that cannot stand alone, such as friction that is less, is added to what it changes.
+    """
+    try:
+        new.effect.check()
+        return [*entries, new]
+    except EffectError:
+        if new.in_mjcf:
+            return [*entries, new]
+    place = getattr(new.effect, "joint", None)
+    same = [
+        e
+        for e in entries
+        if not e.in_mjcf
+        and kind(e.effect) is kind(new.effect)
+        and getattr(e.effect, "joint", None) == place
+    ]
+    whole = added_to([e.effect for e in same], new.effect)
+    return [*(e for e in entries if e not in same), new._replace(effect=whole)]
 
 
 def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:

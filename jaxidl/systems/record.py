@@ -93,8 +93,9 @@ def _entry(entry: dict[str, Any], joints: int) -> Entry:
             or not (key == "steps") <= value <= most
         ):
             raise EffectError(f"an option {key} that fits", repr(value)[:100], "correct it")
-    effect = from_dict(entry)
-    check_fits(effect, joints)
+    # what is in the model's file may be a change, such as friction that is less
+    effect = from_dict(entry, check=not in_mjcf)
+    check_fits(effect, joints, bounded=not in_mjcf)
     return Entry(effect, in_mjcf, place)
 
 
@@ -123,15 +124,17 @@ class _Probe:
         return self
 
 
-def check_fits(effect: Effect, joints: int) -> None:
+def check_fits(effect: Effect, joints: int, bounded: bool = True) -> None:
     """Raise unless the effect is within its bounds and acts on a mechanism of ``joints`` joints.
 
-    All its methods are traced, not computed, and must return one value per joint.
+    All its methods are traced, not computed, and must return one value per joint. Changes of what a
+    model has already need not be ``bounded``.
 
     Raises:
         EffectError: naming the effect or the parameter.
     """
-    effect.check()
+    if bounded:
+        effect.check()
     if isinstance(effect, OnJoint) and not (
         _whole(effect.joint) and effect.joints == joints and 0 <= effect.joint < joints
     ):

@@ -34,10 +34,13 @@ SCALE = Scale(
 )
 
 
-def best(gram, right, lower=-np.inf, upper=np.inf, unequal=(), cones=()):
+def best(gram, right, lower=-np.inf, upper=np.inf, unequal=(), cones=(), least=0.0):
     p = len(right)
     bounds = (np.broadcast_to(float(x), p) for x in (lower, upper))
-    return consistent(gram, right, *bounds, np.array(unequal, float).reshape(-1, p), cones)
+    conditions = np.array(unequal, float).reshape(-1, p)
+    return consistent(
+        gram, right, *bounds, conditions, np.full(len(conditions), float(least)), cones
+    )
 
 
 # the conic program
@@ -58,6 +61,9 @@ def test_friction_that_would_drive_is_cut_to_what_dissipates():
     """
     found = best(np.eye(2), np.array([1.0, -2.0]), unequal=[[1.0, 0.0], [1.0, 1.0]])
     np.testing.assert_allclose(found, [1.5, -1.5], atol=1e-6)
+    # where the model has a friction of 0.5 already, the sum may be as much less
+    less = best(np.eye(2), np.array([1.0, -2.0]), unequal=[[1.0, 0.0], [1.0, 1.0]], least=-0.5)
+    np.testing.assert_allclose(less, [1.25, -1.75], atol=1e-6)
 
 
 def test_an_impossible_inertia_becomes_a_possible_one():
@@ -79,7 +85,10 @@ def test_an_impossible_inertia_becomes_a_possible_one():
 def test_conditions_that_nothing_fulfils_are_reported():
     assert best(np.eye(1), np.ones(1), 0.0, 1.0, unequal=[[-1.0]]) == pytest.approx(0.0, abs=1e-6)
     assert (
-        consistent(np.eye(1), np.ones(1), np.ones(1), 2 * np.ones(1), -np.ones((1, 1)), ()) is None
+        consistent(
+            np.eye(1), np.ones(1), np.ones(1), 2 * np.ones(1), -np.ones((1, 1)), np.zeros(1), ()
+        )
+        is None
     )
 
 

@@ -1,0 +1,86 @@
+"""Friction that is less than the model's, or less than it was."""
+
+import json
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl import gap, report
+from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
+from jaxidl.errors import EffectError
+from jaxidl.gap.benchmark.catalogue import make
+from jaxidl.gap.benchmark.engine import run
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.systems.export import patched, write_patched
+from jaxidl.systems.mjcf import read_model
+
+PENDULUM = MECHANISMS["pendulum"]
+TOO_MUCH = PENDULUM.replace("<joint ", '<joint damping="0.5" frictionloss="0.6" ')
+
+
+def measured(viscous, dry, seed):
+    """A log of the pendulum with friction."""
+    effects = [
+        make("viscous_friction", 0, {"coefficient": viscous}),
+        make("coulomb_friction", 0, {"level": dry}),
+    ]
+    columns = run(PENDULUM, effects, seed).log()
+    return gap.from_arrays(*(columns[name] for name in ("time", "q0", "tau0")))
+
+
+def test_less_friction_than_the_model_has_is_named_and_handed_out(tmp_path):
+    (tmp_path / "model.xml").write_text(TOO_MUCH)
+    found = gap.diagnose(measured(0.2, 0.15, 5), tmp_path / "model.xml")
+    values = {f.name: next(iter(f.parameters.values())).value for f in found.findings if f.sure}
+    assert values == {
+        "viscous_friction": pytest.approx(-0.3, abs=0.02),
+        "coulomb_friction": pytest.approx(-0.45, abs=0.02),
+    }
+    assert found.gap.after.torque_relative[0] < 0.2 * found.gap.before.torque_relative[0]
+    assert found.gap.after.rollout_rms["0.5"][0] < 0.2 * found.gap.before.rollout_rms["0.5"][0]
+    report.save(found, tmp_path / "out")
+    viscous, dry = read_model(tmp_path / "out" / "model.xml").plant.effects
+    assert float(viscous.effect.coefficient[0]) == pytest.approx(0.2, abs=0.02)
+    assert float(dry.effect.level[0]) == pytest.approx(0.15, abs=0.02)
+
+
+def test_friction_that_fell_between_two_logs_is_named(tmp_path):
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    found = gap.diagnose(
+        measured(0.3, 0.2, 7),
+        tmp_path / "model.xml",
+        reference=measured(0.3, 0.5, 6),
+        rollouts=False,
+    )
+    (change,) = (f for f in found.findings if f.sure)
+    assert change.name == "coulomb_friction"
+    assert change.parameters["level"].value == pytest.approx(-0.3, abs=0.02)
+
+
+def on_joint(effect):
+    return OnJoint(effect, 0, 1)
+
+
+def test_what_a_model_has_and_a_change_of_it_are_one_effect():
+    own = [on_joint(CoulombFriction(jnp.array([0.5]))), ViscousFriction(jnp.array([1.0]))]
+    less = added_to(own, on_joint(CoulombFriction(jnp.array([-0.2]))))
+    np.testing.assert_allclose(less.effect.level, [0.3])
+    other = on_joint(ViscousFriction(jnp.array([-0.2])))
+    assert added_to(own, other) is other  # the model's is one of the whole mechanism
+
+
+def test_a_change_that_mjcf_cannot_hold_is_written_into_what_it_changes(tmp_path):
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    drag = lambda size: on_joint(QuadraticDrag(jnp.array([size])))
+    write_patched(read_model(tmp_path / "model.xml"), [drag(0.5)], tmp_path / "own")
+    model = read_model(tmp_path / "own" / "model.xml")
+    text, record = patched(model, [drag(-0.2)])
+    (only,) = record["effects"]
+    assert only["parameters"]["coefficient"]["value"] == pytest.approx(0.3)
+    (tmp_path / "model.xml").write_text(text)
+    (tmp_path / "effects.json").write_text(json.dumps(record))
+    (left,) = read_model(tmp_path / "model.xml").plant.effects
+    np.testing.assert_allclose(left.effect.coefficient, [0.3])
+    with pytest.raises(EffectError, match="in \\[0"):
+        patched(model, [drag(-0.6)])
