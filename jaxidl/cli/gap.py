@@ -59,7 +59,8 @@ def gap(
         plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
         refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is
             so followed more closely.
-        joints: look at these joints of the model only; the others are locked.
+        joints: look at these joints of the model only (default: those that the log names, or all);
+            the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is
             time, run, q, qd, qdd, tau or i.
         motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio,

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import jax
 
 from jaxidl.errors import ModelError
+from jaxidl.logs.columns import PartOfRobotError
 from jaxidl.logs.header import joint_called
 from jaxidl.logs.log import Log, read
-from jaxidl.logs.motor_side import motor_side
+from jaxidl.logs.motor_side import MotorSide, motor_side
 from jaxidl.systems.mjcf import Model, names_of, read_model
 
 
@@ -39,7 +40,8 @@ def read_inputs(
         logs: files as :func:`jaxidl.gap.read` takes them.
         model: MJCF or URDF file.
         joints: names of the joints to use, ``elbow`` for ``elbow_joint``; the others are locked at
-            their mean position in the log, or else as in the model's file. Default: all.
+            their mean position in the log, or else as in the model's file. Default: all, or those
+            that the log names.
         columns: which column is which, as ``"q0=actual_q_0"`` or ``"q=actual_q_*"``.
         motor: YAML file that describes how joints follow from motors, as
             :func:`jaxidl.logs.motor_side.motor_side` reads it.
@@ -54,14 +56,24 @@ def read_inputs(
         LogError: if a log or the description of motors cannot be used.
     """
     with jax.enable_x64(True):
-        robot = names_of(model) if joints else ()
+        robot = names_of(model)
         places = {name: joint_called(name, robot) for name in joints}  # "elbow" for elbow_joint
-        part = read_model(
-            model, [name if (j := places[name]) is None else robot[j] for name in joints] or None
-        )
-        robot = robot or part.names
-        side = motor_side(part.names, motor, torque_constant, gear_ratio)
-        log = read(list(logs), part.names, robot=robot, columns=columns, motor=side, topic=topic)
+        chosen = [name if (j := places[name]) is None else robot[j] for name in joints]
+        part = read_model(model, chosen) if chosen else None
+
+        def measured(names: tuple[str, ...]) -> tuple[Log, MotorSide | None]:
+            side = motor_side(names, motor, torque_constant, gear_ratio)
+            found = read(list(logs), names, robot=robot, columns=columns, motor=side, topic=topic)
+            return found, side
+
+        try:
+            log, side = measured(part.names if part else robot)
+        except PartOfRobotError as error:
+            if part:
+                raise
+            part = read_model(model, error.joints)
+            log, side = measured(part.names)
+        part = part or read_model(model)
         lists = {
             "joints": joints,
             "columns": columns,

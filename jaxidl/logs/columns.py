@@ -54,6 +54,8 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
             _take(name, family, wanted, chosen, notes, bare)
             if kind == "q" and wanted.joints is None and family.joints:
                 wanted = replace(wanted, joints=len(family.joints))
+    if not given:
+        _part(name, [title for _, _, title in titles], chosen, wanted)
     pair = [chosen.places.pop(key, None) for key in ("sec", "nanosec")]
     if "time" not in chosen.places and pair[0] is not None:
         chosen.places.update(
@@ -64,6 +66,36 @@ def choose(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
         header.strip() or "(no name)" for i, header in enumerate(headers) if i not in places
     )
     return Chosen(chosen.places, chosen.factors, chosen.titles, ignored, tuple(notes))
+
+
+class PartOfRobotError(LogError):
+    """A log names some of the robot's joints only."""
+
+    def __init__(self, expected: str, got: str, remedy: str, joints: tuple[str, ...] = ()):
+        super().__init__(expected, got, remedy)
+        self.joints = joints
+
+
+def _part(name: str, titles: Sequence[Title | None], chosen: Chosen, wanted: Wanted) -> None:
+    """Raise PartOfRobotError if the joints that the titles name are a part of those wanted."""
+    drive = CURRENT if wanted.current else "tau"
+    count = len(wanted.taken)
+    if all(f"{kind}{j}" in chosen.places for kind in ("q", drive) for j in range(count)):
+        return
+    named = [
+        {t.joint for t in titles if t and t.kind == kind and not t.wish and t.joint is not None}
+        for kind in ("q", drive)
+    ]
+    there = sorted(named[0] & named[1])
+    if there and not set(wanted.taken) <= set(there):
+        names = tuple(wanted.names[j] for j in there)
+        raise PartOfRobotError(
+            f"position and torque of {', '.join(wanted.names[j] for j in wanted.taken[:8])}"
+            f"{' ...' * (count > 8)} in {name}",
+            f"those of {', '.join(names[:8])}{' ...' * (len(names) > 8)}",
+            "choose joints that the log has: --joints NAME ...",
+            names,
+        )
 
 
 def _split(

@@ -101,6 +101,8 @@ def _numbered(table: Table, kind: str, has: list[int], count: int, joints: int |
             near(table, f"{kind}{missing[0]}")
             or f"add a column {kind}{missing[0]}, or name it: --columns {kind}{missing[0]}=TITLE"
         )
+        if 0 < len(has) < count and not near(table, f"{kind}{missing[0]}"):
+            remedy += "; or choose the joints that the log has: --joints NAME ..."
     from_one = has == list(range(1, len(has) + 1)) and not any(
         f"{other}0" in table.columns for other in KINDS
     )

@@ -13,6 +13,7 @@ from jaxidl.report.matrix import KINDS, Entry, matrix, spelled
 from jaxidl.report.words import (
     compared,
     confidence,
+    excess,
     frame,
     gain,
     oneline,
@@ -41,8 +42,10 @@ def found(d: Diagnosis) -> Iterator[Html]:
         if all(f.sure for f in d.findings)
         else f" In grey and in parentheses: suspected only, confidence below {100 * SURE:.0f} %."
     )
+    less = f" {less[0].upper()}{less[1:]}." if (less := excess(d)) else ""
     yield tag(
-        "p", tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}")
+        "p",
+        tag("small", f"Value ± standard error, below it the effect's confidence.{doubt}{less}"),
     )
     columns = [k for k in range(len(KINDS)) if any(row[k] for row in m.rows)]
     if columns:

@@ -9,6 +9,7 @@ from jaxidl.report.words import (
     badge,
     compared,
     confidence,
+    excess,
     frame,
     lengths,
     listed,
@@ -73,6 +74,7 @@ def _found(d: Diagnosis) -> list[str]:
         else ""
     )
     about = f"{what}, by joint: value ± standard error, confidence below it{doubt}"
+    about += f"; {less}" if (less := excess(d)) else ""
     return [*_wrapped(about), *_boxes([head, *body], widths)]
 
 

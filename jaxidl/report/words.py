@@ -29,6 +29,18 @@ def compared(d: Diagnosis) -> bool:
     return bool(d.options.get("reference"))
 
 
+def excess(d: Diagnosis) -> str:
+    """Return what a negative value means where only a change can be negative; else nothing."""
+    below = any(
+        np.any(np.asarray(p.value) < CATALOGUE[f.name].parameters[n].lower)
+        for f in d.findings
+        for n, p in f.parameters.items()
+    )
+    if not below:
+        return ""
+    return f"below zero: less than {'before' if compared(d) else 'the model has'}"
+
+
 def verdict(d: Diagnosis) -> str:
     """Return the verdict in one or two sentences."""
     sure = sum(f.sure for f in d.findings)

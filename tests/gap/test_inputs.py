@@ -44,6 +44,23 @@ def test_joints_that_are_not_asked_for_are_locked_where_the_log_has_them(tmp_pat
     )
 
 
+def test_of_a_robot_the_joints_that_the_log_names_are_taken(tmp_path):
+    part = {
+        f"{ARM[int(k[-1])]}.{k[:-1]}" if k != "time" else k: v
+        for k, v in THREE.items()
+        if k[-1] != "1"
+    }
+    log, model = read_inputs([write(tmp_path / "a.csv", part)], robot(tmp_path))
+    assert model.names == ("shoulder_pan_joint", "wrist_1_joint")
+    same(log, joints=(0, 2))
+    assert any("elbow_joint" in note for note in model.notes)
+    with pytest.raises(LogError, match="those of shoulder_pan_joint, wrist_1_joint"):
+        read_inputs([write(tmp_path / "a.csv", part)], robot(tmp_path), joints=["elbow", "wrist_1"])
+    numbered = {k: v for k, v in THREE.items() if k[-1] != "2"}
+    with pytest.raises(LogError, match="--joints NAME"):
+        read_inputs([write(tmp_path / "b.csv", numbered)], robot(tmp_path))
+
+
 def test_a_log_is_read_again_as_it_was_read(tmp_path):
     titles = {"q2": "x17", "tau2": "c17"}
     path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items()})

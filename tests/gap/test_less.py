@@ -39,7 +39,9 @@ def test_less_friction_than_the_model_has_is_named_and_handed_out(tmp_path):
     }
     assert found.gap.after.torque_relative[0] < 0.2 * found.gap.before.torque_relative[0]
     assert found.gap.after.rollout_rms["0.5"][0] < 0.2 * found.gap.before.rollout_rms["0.5"][0]
-    report.save(found, tmp_path / "out")
+    assert "below zero: less than the model has" in " ".join(report.table(found).split())
+    page = report.save(found, tmp_path / "out").read_text()
+    assert "Below zero: less than the model has." in page
     viscous, dry = read_model(tmp_path / "out" / "model.xml").plant.effects
     assert float(viscous.effect.coefficient[0]) == pytest.approx(0.2, abs=0.02)
     assert float(dry.effect.level[0]) == pytest.approx(0.15, abs=0.02)
