@@ -56,6 +56,12 @@ class Finding:
         """Return whether it is named rather than suspected."""
         return self.confidence >= SURE
 
+    @property
+    def less(self) -> bool:
+        """Return whether the model has too much of it: a value that only a change can have."""
+        known = CATALOGUE[self.name].parameters
+        return any(np.any(np.asarray(p.value) < known[n].lower) for n, p in self.parameters.items())
+
 
 class Ambiguity(NamedTuple):
     """Effects that replace each other when the log is resampled.

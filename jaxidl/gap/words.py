@@ -38,6 +38,7 @@ def summarise(
             [model.names[j] for j in unexplained],
             large(gap, model.names),
             reference,
+            sum(f.less for f in sure),
         )
     ]
     if sure:
@@ -46,9 +47,9 @@ def summarise(
             f" first{f' ({FEW} of {len(sure)})' if len(sure) > FEW else ''}"
         )
         listed = "; ".join(f"{f.sentence}, {_numbers(f)}" for f in sure[:FEW])
-        out.append(
-            f"{'Changed' if reference else 'Missing'}{first if len(sure) > 1 else ''}: {listed}."
-        )
+        what = "Changed" if reference else "Missing"
+        what += " or, below zero, too much" if any(f.less for f in sure) and not reference else ""
+        out.append(f"{what}{first if len(sure) > 1 else ''}: {listed}.")
     if rest:
         more = f", and {len(rest) - FEW} more" if len(rest) > FEW else ""
         out.append(
@@ -91,6 +92,7 @@ def headline(
     unexplained: Sequence[str],
     remaining: Sequence[str],
     reference: bool = False,
+    less: int = 0,
 ) -> str:
     """Return the verdict in one or two sentences.
 
@@ -101,13 +103,18 @@ def headline(
         unexplained: names of the joints with a large residual.
         remaining: large errors that remain.
         reference: the log was compared with an earlier one.
+        less: number of certain effects of which the model has too much.
     """
     several = sure != 1
-    count = f"{sure} effect{'s' * several}"
+    effects = lambda number: f"{number} effect{'s' * (number != 1)}"
+    lacks = " and ".join(
+        [f"lacks {effects(sure - less)}"] * (sure > less or not less)
+        + [f"has too much of {effects(less)}"] * (less > 0)
+    )
     lacks = (
-        f"{count} {'have' if several else 'has'} changed since the reference log"
+        f"{effects(sure)} {'have' if several else 'has'} changed since the reference log"
         if reference
-        else f"The simulation lacks {count}"
+        else f"The simulation {lacks}"
     )
     if verdict == "unexplained":
         left = (

@@ -31,12 +31,7 @@ def compared(d: Diagnosis) -> bool:
 
 def excess(d: Diagnosis) -> str:
     """Return what a negative value means where only a change can be negative; else nothing."""
-    below = any(
-        np.any(np.asarray(p.value) < CATALOGUE[f.name].parameters[n].lower)
-        for f in d.findings
-        for n, p in f.parameters.items()
-    )
-    if not below:
+    if not any(f.less for f in d.findings):
         return ""
     return f"below zero: less than {'before' if compared(d) else 'the model has'}"
 
@@ -46,7 +41,8 @@ def verdict(d: Diagnosis) -> str:
     sure = sum(f.sure for f in d.findings)
     names = [d.model.names[j] for j in d.unexplained]
     left = large(d.gap, d.model.names)
-    return headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d))
+    less = sum(f.less for f in d.findings if f.sure)
+    return headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less)
 
 
 def silent(d: Diagnosis) -> dict[int, str]:

@@ -39,6 +39,7 @@ def test_less_friction_than_the_model_has_is_named_and_handed_out(tmp_path):
     }
     assert found.gap.after.torque_relative[0] < 0.2 * found.gap.before.torque_relative[0]
     assert found.gap.after.rollout_rms["0.5"][0] < 0.2 * found.gap.before.rollout_rms["0.5"][0]
+    assert found.summary.startswith("The simulation has too much of 2 effects.")
     assert "below zero: less than the model has" in " ".join(report.table(found).split())
     page = report.save(found, tmp_path / "out").read_text()
     assert "Below zero: less than the model has." in page
