@@ -114,7 +114,7 @@ def main() -> None:
                 folder / "arm.npz",
                 folder / "arm.xml",
                 2,
-                300.0,
+                60.0,
             )
         ]
         if EMPS.is_file():
@@ -125,7 +125,7 @@ def main() -> None:
                     EMPS,
                     folder / "slider.xml",
                     1,
-                    60.0,
+                    10.0,
                 ),
             )
         for number, (what, log, model, cores, target) in enumerate(jobs):

@@ -19,6 +19,7 @@ def excite(
         Path | None, arg(name="for", metavar="DIR", help_behavior_hint="(optional)")
     ] = None,
     plugin: Annotated[Names, optional("FILE.py ...")] = (),
+    joints: Annotated[Names, optional("NAME ...")] = (),
     limits: Annotated[Path | None, optional("FILE.yaml")] = None,
     start: Annotated[tuple[float, ...], optional("Q ...")] = (),
     seconds: float = 20.0,
@@ -40,6 +41,7 @@ def excite(
         for_: folder of a diagnosis (--out of jaxidl gap): tell its explanations apart, with the
             noise of its log, and no further than its log went where no limits are given.
         plugin: Python files or modules with effects of your own that the diagnosis names.
+        joints: that move; the others are locked (default: all, with --for those of the diagnosis).
         limits: YAML file with position, speed, acceleration, torque, margins, clearance and start.
         start: posture at both ends [m or rad] (default: the middle of the range).
         seconds: length of the motion.
@@ -72,6 +74,7 @@ def excite(
         result = run(
             model,
             request,
+            joints=joints,
             limits=limits,
             start=start,
             diagnosis=for_,

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import arg
 
-from jaxidl.cli.arguments import optional
+from jaxidl.cli.arguments import Names, optional
 from jaxidl.errors import ConfigurationError
 
 Numbers = tuple[float, ...]
@@ -34,6 +34,7 @@ def learn(
     epochs: Annotated[int | None, optional("N")] = None,
     layers: Annotated[tuple[int, ...], optional("N ...")] = (),
     seed: Annotated[int | None, optional("N")] = None,
+    joints: Annotated[Names, optional("NAME ...")] = (),
     columns: Annotated[tuple[str, ...], optional("KEY=TITLE ...")] = (),
     tolerance: float = 0.05,
 ) -> None:
@@ -61,6 +62,8 @@ def learn(
         epochs: of a training (default: 30).
         layers: of a new network, the last one 1 (default: 200 100 50 1).
         seed: of weights and batches (default: 0).
+        joints: that are learned, an arm without its gripper (default: those of --continue, or all);
+            the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints.
         tolerance: how far a command may be off the sum of its parts, as a share of the joint's
             largest command.
@@ -71,23 +74,27 @@ def learn(
 
     from jaxidl.jobs.progress import Bar
     from jaxidl.learning.guard import Guard
+    from jaxidl.logs.header import joints_called
     from jaxidl.report.learned import learned_report
     from jaxidl.robot import folder
     from jaxidl.robot.execution import read_execution
     from jaxidl.robot.gains import read_gains
     from jaxidl.robot.learn import learn_from, program
     from jaxidl.robot.settings import Wish, settled
-    from jaxidl.systems.mjcf import read_model
+    from jaxidl.systems.mjcf import names_of, read_model
 
     if not logs:
         raise ConfigurationError("at least one LOG", "none", "name the log of an execution")
     folder.check_folder(out)
     with jax.enable_x64(True), Bar("reading", total=4, transient=True) as bar:
         previous = None if continued is None else folder.load(continued)
-        robot = read_model(model) if model is not None else previous and previous.model
+        robot = previous and previous.model
+        if model is not None:
+            part = joints_called(joints, names_of(model)) if joints else robot and robot.part
+            robot = read_model(model, part)
         assert robot is not None
-        joints = len(robot.names)
-        law = None if gains is None else read_gains(gains, joints)
+        count = len(robot.names)
+        law = None if gains is None else read_gains(gains, count)
         wish = Wish(
             source=source,
             kept=kept,
@@ -100,7 +107,7 @@ def learn(
             motion=motion,
             smoothing=_agreed(smoothing, law),
         )
-        settings = settled(wish, previous, joints)
+        settings = settled(wish, previous, count)
         executions = [
             read_execution(
                 log,

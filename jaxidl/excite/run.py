@@ -20,8 +20,9 @@ from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
 from jaxidl.excite.table import errors, evidence, separated, text
 from jaxidl.gap.inputs import words
+from jaxidl.logs.header import joints_called
 from jaxidl.systems.bounds import Shapes, bounds
-from jaxidl.systems.mjcf import Model, read_model
+from jaxidl.systems.mjcf import Model, names_of, read_model
 
 CRITERIA = ("d", "a")
 
@@ -145,10 +146,15 @@ class Result(NamedTuple):
         }
 
 
+def _part(model: Path, joints: Sequence[str]) -> Model:
+    return read_model(model, joints_called(joints, names_of(model)) if joints else None)
+
+
 def excite(
     model: Model | str | Path,
     request: Request = Request(),
     *,
+    joints: Sequence[str] = (),
     limits: Path | None = None,
     start: Sequence[float] = (),
     diagnosis: Path | None = None,
@@ -159,6 +165,8 @@ def excite(
     Args:
         model: of the mechanism, or its MJCF or URDF file.
         request: what kind of motion.
+        joints: names of the joints that move, of a model's file; the others are locked. Default:
+            all, or those of the diagnosis.
         limits: YAML file as :func:`jaxidl.excite.limits.limits_of` takes it.
         start: posture (J,) at both ends [m or rad].
         diagnosis: folder of a diagnosis to settle; then the criterion is T-optimal.
@@ -170,8 +178,12 @@ def excite(
         ModelError: if the model cannot be read.
         LogError: if the diagnosis' log cannot be read.
     """
+    if joints and diagnosis is not None:
+        raise ConfigurationError(
+            "joints, or a diagnosis, which has its own", "both", "leave out --joints"
+        )
     with jax.enable_x64(True):
-        known = model if isinstance(model, Model) else read_model(model)
+        known = model if isinstance(model, Model) else _part(Path(model), joints)
         asked = {k: getattr(request, k) for k in ("seconds", "kind", "top")}
         watch("reading", 0.0)
         open_ = None if diagnosis is None else doubt(diagnosis, known)

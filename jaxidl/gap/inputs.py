@@ -10,7 +10,7 @@ import jax
 
 from jaxidl.errors import ModelError
 from jaxidl.logs.columns import PartOfRobotError
-from jaxidl.logs.header import joint_called
+from jaxidl.logs.header import joints_called
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.motor_side import MotorSide, motor_side
 from jaxidl.systems.mjcf import Model, names_of, read_model
@@ -57,9 +57,7 @@ def read_inputs(
     """
     with jax.enable_x64(True):
         robot = names_of(model)
-        places = {name: joint_called(name, robot) for name in joints}  # "elbow" for elbow_joint
-        chosen = [name if (j := places[name]) is None else robot[j] for name in joints]
-        part = read_model(model, chosen) if chosen else None
+        part = read_model(model, joints_called(joints, robot)) if joints else None
 
         def measured(names: tuple[str, ...]) -> tuple[Log, MotorSide | None]:
             side = motor_side(names, motor, torque_constant, gear_ratio)

@@ -329,6 +329,15 @@ def joint_called(text: str, robot: Sequence[str]) -> int | None:
     return {way: j for _, j, way in _spellings(tuple(robot))}.get(tuple(tokens(text)))
 
 
+def joints_called(texts: Sequence[str], robot: Sequence[str]) -> list[str]:
+    """Return the names of the joints that texts name, ``elbow_joint`` for ``elbow``.
+
+    What names no joint stays as it is.
+    """
+    places = [joint_called(text, robot) for text in texts]
+    return [text if j is None else robot[j] for text, j in zip(texts, places, strict=True)]
+
+
 def factor(kind: str, unit: str | None) -> float | None:
     """Return the factor that converts a column into SI units.
 

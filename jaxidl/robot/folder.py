@@ -176,6 +176,7 @@ def _described(learned: Learned) -> dict[str, Any]:
         "revision": revision(),
         "model": model.path.name,
         "joints": list(model.names),
+        "part": model.part and list(model.part),
         "units": list(model.units),
         "dt": learned.dt,
         "network": asdict(learned.error_model),
@@ -205,7 +206,7 @@ def _restored(record: dict[str, Any], folder: Path) -> Learned:
     for name in ("layers", "circumstance_scales"):
         network[name] = tuple(network[name])
     error_model, training = ErrorModel(**network), Training(**record["training"])
-    model = read_model(folder / record["model"])
+    model = read_model(folder / record["model"], record["part"])
     if list(model.names) != record["joints"] or error_model.joints != len(model.names):
         got = f"{', '.join(model.names[:8])} in {record['model']}"
         raise StoreError(f"joints {', '.join(record['joints'][:8])}", got, "learn again")
@@ -272,7 +273,7 @@ def _unpacked(path: Path, model: ErrorModel, training: Training) -> Learner:
 def _check_copy(model: Model, folder: Path) -> None:
     """Raise ModelError unless the copied files alone are the same model."""
     try:
-        copy = read_model(folder / model.path.name)
+        copy = read_model(folder / model.path.name, model.part)
     except ModelError as error:
         got, same = error.got, False
     else:

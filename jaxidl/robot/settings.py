@@ -124,9 +124,9 @@ def check_fitting(executions: Sequence[Execution], model: Model, previous: Learn
             "execute with the last feedforward, and give that log",
         )
     ours, theirs = (list((m.files or {}).values()) for m in (model, previous.model))
-    if ours != theirs:
+    if ours != theirs or model.names != previous.model.names:
         raise ConfigurationError(
             "the model of the last iteration",
             f"another one in {model.path}",
-            "leave out --model, or begin anew without --continue",
+            "leave out --model and --joints, or begin anew without --continue",
         )

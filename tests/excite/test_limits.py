@@ -67,6 +67,12 @@ def test_a_limit_that_nobody_gives_is_asked_for(model, capsys):
     assert "the folder of a diagnosis" in refusal(
         capsys, "excite", "--model", model, "--for", model.parent
     )
+    assert "leave out --joints" in refusal(
+        capsys, "excite", "--model", model, "--for", model.parent, "--joints", "elbow"
+    )
+    limits = _file(model, "{position: [-1, 1], acceleration: 2.0, torque: 30}")
+    given = ["excite", "--model", model, "--joints", "elbow", "--limits", limits]
+    assert "a limit of the speed of elbow" in refusal(capsys, *given)
     assert ".csv" in refusal(capsys, "excite", "--model", model, "--out", "motion.txt")
 
 

@@ -34,6 +34,24 @@ def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
     assert load(two).feedforward_limit.tolist() == [20.0, 20.0]
 
 
+def test_a_gripper_that_is_not_logged_is_left_out(logs, gantry, tmp_path, capsys):
+    finger = (
+        '<body pos="0 0 0.1"><joint name="finger" type="slide"/>'
+        '<inertial pos="0 0 0" mass="1e-4" diaginertia="1e-6 1e-6 1e-6"/></body>'
+    )
+    text = gantry.path.read_text()
+    at = text.index("</body>")
+    model = tmp_path / "model.xml"
+    model.write_text(text[:at] + finger + text[at:])
+    given = ["--model", model, "--smoothing", "0.1", "--out", tmp_path / "1", *SMALL]
+    assert "--joints NAME" in refusal(capsys, "learn", logs[0], *given)
+    assert learn(logs[0], *given, "--joints", *gantry.names) == 0
+    assert load(tmp_path / "1").model.names == gantry.names
+    again = ["--continue", tmp_path / "1", "--model", model, "--out", tmp_path / "2"]
+    assert learn(logs[1], *again) == 0
+    assert load(tmp_path / "2").model.names == gantry.names
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
