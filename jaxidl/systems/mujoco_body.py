@@ -218,11 +218,19 @@ def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
 
 
 def last_moving(model: mujoco.MjModel) -> int:
-    """Return the number of the last body that some joint moves.
+    """Return the number of the body that carries a payload.
 
-    A body that comes after it in the file, such as a table, carries no payload.
+    It is the flange: the last body that some joint moves, or what is welded to it, up to where that
+    branches, such as into fingers. A body that comes after it in the file, such as a table, carries
+    no payload.
     """
-    return int(np.flatnonzero(model.body_weldid)[-1])
+    body = int(model.body_weldid[np.flatnonzero(model.body_weldid)[-1]])
+    while True:
+        welded = (model.body_parentid == body) & (model.body_weldid == model.body_weldid[body])
+        welded[body] = False
+        if welded.sum() != 1:
+            return body
+        body = int(np.flatnonzero(welded)[0])
 
 
 def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:

@@ -248,3 +248,20 @@ def test_a_load_settles_to_one_that_can_be_simulated(sign):
         settled.inertia, sign * np.array([0.02, 0.0, 0.01, 0.0, 0.0, 0.0]), atol=1e-12
     )
     np.testing.assert_allclose(settled.com, load.com, atol=1e-12)
+
+
+FINGERS = """<mujoco><worldbody>
+<body name="arm"><joint name="hinge" axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="0.1 0.1 0.1"/>
+<body name="hand" pos="0 0 0.3"><inertial pos="0 0 0" mass="0.2" diaginertia="0.01 0.01 0.01"/>
+<body name="left" pos="0 0.1 0"><inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.01"/></body>
+<body name="right" pos="0 -0.1 0"><inertial pos="0 0 0" mass="0.1" diaginertia="0.01 0.01 0.01"/></body>
+</body></body><body name="table" pos="1 0 0"><inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/></body>
+</worldbody></mujoco>"""  # noqa: E501
+
+
+def test_a_load_is_carried_by_the_hand_not_by_a_finger(tmp_path):
+    assert read_model(stored(tmp_path, FINGERS)).plant.body.carrier == "hand"
+    one = FINGERS.replace('<body name="left"', '<body name="left" quat="0 1 0 0"').replace(
+        FINGERS[FINGERS.index('<body name="right"') : FINGERS.index("\n</body></body>")], ""
+    )
+    assert read_model(stored(tmp_path, one)).plant.body.carrier == "left"
