@@ -38,20 +38,19 @@ def possible(effect: Effect, own: Sequence[Effect]) -> bool:
 def confirmed(found: Found) -> tuple[Found, list[Value]]:
     """Return what was found without what the whole log does not confirm, and the others' values.
 
-    The values are fitted to the whole log.
+    The values are fitted to the whole log. The weakest goes first, since the others were fitted
+    beside it.
     """
     while True:
         fitted = fitted_to(found, found.library.rows.whole())
         wrong = {v.key: why for v in fitted if (why := _unconfirmed(v, found.library.rows.effects))}
         if not wrong:
             return found, fitted
-        members = found.solution.members
-        found = replace(
-            found,
-            solution=found.score.solve([m for m in members if m.always or m.key not in wrong]),
-            dropped=found.dropped
-            | {m.group: wrong[m.key] for m in members if not m.always and m.key in wrong},
-        )
+        members, score = found.solution.members, found.score
+        less = {key: score.solve([m for m in members if m.always or m.key != key]) for key in wrong}
+        weakest = max(less, key=lambda key: less[key].value)
+        dropped = {m.group: wrong[weakest] for m in members if not m.always and m.key == weakest}
+        found = replace(found, solution=less[weakest], dropped=found.dropped | dropped)
 
 
 def fitted_to(found: Found, rows: Rows) -> list[Value]:

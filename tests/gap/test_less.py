@@ -9,6 +9,7 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
 from jaxidl.errors import EffectError
+from jaxidl.gap import findings
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
@@ -87,3 +88,24 @@ def test_a_change_that_mjcf_cannot_hold_is_written_into_what_it_changes(tmp_path
     np.testing.assert_allclose(left.effect.coefficient, [0.3])
     with pytest.raises(EffectError, match="in \\[0"):
         patched(model, [drag(-0.6)])
+
+
+def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
+    tmp_path, monkeypatch
+):
+    """One that is wrong widens the errors of the others, which are right without it."""
+    (tmp_path / "model.xml").write_text(TOO_MUCH)
+    real = findings._unconfirmed
+    asked = []
+
+    def unconfirmed(value, own):
+        asked.append(value.key[0])
+        return "it is wrong" if asked.count("viscous_friction") == 1 else real(value, own)
+
+    monkeypatch.setattr(findings, "_unconfirmed", unconfirmed)
+    found = gap.diagnose(measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False)
+    # dry friction explains less than viscous friction here
+    assert [f.name for f in found.findings] == ["viscous_friction"]
+    assert ("coulomb_friction", 0, "it is wrong") in [
+        (r.name, r.joint, r.reason) for r in found.rivals
+    ]
