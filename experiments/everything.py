@@ -130,6 +130,15 @@ EVERYTHING = {
         ),
         1,
     ),
+    "strangers": Made(
+        ("strangers.*",),
+        (
+            "pip download -q --no-deps example-robot-data -d out && unzip -qo out/example_robot*.whl"
+            f" -d {WORK}/models",
+            f"{EXPERIMENTS}/strangers.py figures --models {WORK}/models --work {WORK}/strangers",
+        ),
+        15,
+    ),
     "peers": Made(("peers.json",), (f"{EXPERIMENTS}/peers/run.py",), 15),
     "report": Made(
         ("gap_report.png (a picture of the page's first screen)",),
