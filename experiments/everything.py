@@ -133,9 +133,10 @@ EVERYTHING = {
     "strangers": Made(
         ("strangers.*",),
         (
-            "pip download -q --no-deps example-robot-data -d out && unzip -qo out/example_robot*.whl"
+            "pip download -q --no-deps example-robot-data -d out && unzip -qo out/example_robot*"
             f" -d {WORK}/models",
-            f"{EXPERIMENTS}/strangers.py figures --models {WORK}/models --work {WORK}/strangers",
+            f"{EXPERIMENTS}/strangers.py figures --models {WORK}/models --work {WORK}/strangers"
+            " --seed 2",
         ),
         15,
     ),

@@ -236,12 +236,10 @@ def _rows(
     slide = terms.level * (np.sign(signals.qd[:, columns]) * ~resting)
     pushed = signals.balance[:, columns] > 0.0
     held = np.where(pushed, terms.up[:, rows], -terms.down[:, rows]) * resting[rows]
-    net = (
-        kept(slide - terms.torque, signals.smooth)
-        - kept(terms.change, signals.command)
-        + kept(terms.inertia)
-        + held
-    )
+    # the torque of a joint at rest is not filtered, either: no sliding before and after is in it
+    alone = np.where(resting, slide - terms.torque, 0.0)[:, rows]
+    moving = kept(slide - terms.torque, signals.smooth) * ~resting[rows]
+    net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
     if not undone:
         for k in np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
             net[k] += _moved(terms.q[k] - drive.q, signals)[:, columns]

@@ -13,6 +13,7 @@ from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item
 from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.library import rms
+from jaxidl.gap.objections import BOUND
 from jaxidl.gap.rivals import part
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
@@ -63,6 +64,8 @@ def _unconfirmed(value: Value, own: Sequence[Effect]) -> str:
     """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
     if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
         return "the whole log does not confirm what a part of it suggests"
+    if value.on_bound:
+        return BOUND
     return "" if possible(value.effect, own) else "its value is impossible"
 
 

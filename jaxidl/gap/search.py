@@ -7,8 +7,8 @@
    ten.
 3. Begin with the envelope: all common effects, on every joint. It is what conventional
    identification reaches.
-4. Improve the set while the score rises: drop one, add one, another shape of one, one for another
-   or for all that it can imitate, two for one or two.
+4. Improve the set while the score rises: drop one, add one, another shape of one, one for another,
+   for all that it can imitate or for a part that it contains, two for one or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), let effects that read the torque read
    the command as now predicted, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
@@ -103,13 +103,19 @@ def single(score: Score, now: Solution) -> list[Move]:
 
 
 def replaced(score: Score, now: Solution) -> list[Move]:
-    """Return the moves of one for another on its joints, or one for several that it can imitate."""
+    """Return the moves of one for another on its joints.
+
+    They are also those of one for several that it can imitate, and of one for its part.
+    """
     moves = [
         (frozenset(alike), frozenset([i]))
         for i in score.items
         if len(alike := score.imitated(now.members, i)) > 1
     ]
+    taken = {m.group for m in now.members}
     for m in filter(lambda m: not m.always, now.members):
+        less = [i for i in score.items if len(i.lower) < len(m.lower) and i.group not in taken]
+        moves += [(frozenset([m]), frozenset([i])) for i in score.imitated(less, m)]
         rest = after(now.members, [m], [])
         fresh = promising(score, rest, now.value, set(m.joints), [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]

@@ -20,7 +20,7 @@ from jaxidl.gap.gram import Item
 from jaxidl.gap.held_out import jackknife
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
-from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, vector
+from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
 from jaxidl.gap.shapes import tangent
 
 
@@ -32,6 +32,7 @@ class Value(NamedTuple):
     effect: Effect  # ready for a plant
     # value and standard error of the fitted parameters
     parameters: dict[str, tuple[np.ndarray, np.ndarray]]
+    on_bound: bool  # whether a parameter besides the amplitudes is on a plausible bound
 
 
 def values(
@@ -167,7 +168,8 @@ def _value(
     parameters = {
         n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)
     } or parameters
-    return Value(key, items, effect, parameters)
+    bound = any(movable(i.shape) and on_bound(i.shape, fit.x[place]) for i, place in whole)
+    return Value(key, items, effect, parameters, bound)
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:

@@ -9,10 +9,11 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
 from jaxidl.errors import EffectError
-from jaxidl.gap import findings
+from jaxidl.gap import findings, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.objections import BOUND
 from jaxidl.systems.export import patched, write_patched
 from jaxidl.systems.mjcf import read_model
 
@@ -109,3 +110,20 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
     assert ("coulomb_friction", 0, "it is wrong") in [
         (r.name, r.joint, r.reason) for r in found.rivals
     ]
+
+
+def test_what_is_on_a_bound_in_the_whole_log_is_not_named(tmp_path, monkeypatch):
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    effects = [
+        make("viscous_friction", 0, {"coefficient": 0.6}),
+        make("torque_ripple", 0, {"amplitude": 0.3, "period": 0.6, "phase": 0.4}),
+    ]
+    columns = run(PENDULUM, effects, 4).log()
+    log = gap.from_arrays(*(columns[name] for name in ("time", "q0", "tau0")))
+    options = {"effects": ["viscous_friction", "torque_ripple"], "rollouts": False}
+    found = gap.diagnose(log, tmp_path / "model.xml", **options)
+    assert {f.name for f in found.findings} == {"viscous_friction", "torque_ripple"}
+    monkeypatch.setattr(values, "on_bound", lambda shape, theta: True)
+    found = gap.diagnose(log, tmp_path / "model.xml", **options)
+    assert [f.name for f in found.findings] == ["viscous_friction"]  # has no shape
+    assert ("torque_ripple", 0, BOUND) in [(r.name, r.joint, r.reason) for r in found.rivals]

@@ -18,7 +18,7 @@ from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
-from jaxidl.gap.search import search
+from jaxidl.gap.search import REPLACED, replaced, search
 from jaxidl.gap.shape import Shape
 from jaxidl.gap.values import _absorbed
 
@@ -368,6 +368,22 @@ def test_one_takes_the_place_of_all_that_it_can_imitate():
     assert search(score, parts).members == (whole,)
     dear = replace(whole, odds=-10.0)
     assert set(search(score_of(rows, [*parts, dear]), [dear]).members) in ({dear}, set(parts))
+
+
+def test_a_part_takes_the_place_of_the_whole_whatever_else_is_missing():
+    """Others explain more and stand before it, so that only its being a part brings it up."""
+    rng = np.random.default_rng(9)
+    columns = rng.normal(size=(REPLACED + 3, N, 1))
+    part = item("part", columns[:1], odds=-3.0)
+    whole = item("whole", columns[:2], odds=-3.0, shape=SHAPES[2])
+    others = [item(f"other{k}", c[None], odds=-3.0) for k, c in enumerate(columns[2:])]
+    there = columns[0] + 5.0 * columns[2:].sum(0)
+    rows = rows_with(np.concatenate([there, np.zeros((N, 1))], 1))
+    score = score_of(rows, [part, whole, *others])
+    moves = replaced(score, score.solve([whole]))
+    assert (frozenset([whole]), frozenset([part])) in moves
+    assert (frozenset([part]), frozenset([whole])) not in replaced(score, score.solve([part]))
+    assert set(search(score, [whole]).members) == {part, *others}
 
 
 def test_nothing_is_found_in_noise():

@@ -1,0 +1,73 @@
+"""Rests of a joint with dry friction: the torque that breaks it away, and what it adds there."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl.effects import CoulombFriction, OnJoint
+from jaxidl.gap.additions import additions
+from jaxidl.gap.benchmark.mechanisms import MASSES, MECHANISMS
+from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import prepare, withstood
+from jaxidl.systems.mjcf import read_model
+
+DT, STEPS, FINE = 1e-3, 16_000, 10
+LEVEL, DAMPING = 0.8, 3.0  # [N], [N/(m/s)]
+
+
+@pytest.fixture(scope="module")
+def rests(tmp_path_factory):
+    """Signals of a slider that a swinging force breaks away."""
+    path = tmp_path_factory.mktemp("rests") / "slider.xml"
+    path.write_text(MECHANISMS["slider"])
+    body = read_model(path).plant.body
+    mass = MASSES["slider", 0]
+    q, qd, step = np.zeros(STEPS), 0.0, DT / FINE
+    t = DT * np.arange(STEPS)
+    force = 1.6 * LEVEL * np.sin(2.0 * t)
+    for k in range(1, STEPS):
+        place = q[k - 1]
+        for _ in range(FINE):
+            net = force[k - 1] - DAMPING * qd
+            if qd == 0.0:
+                change = np.sign(net) * max(abs(net) - LEVEL, 0.0)
+            else:
+                change = net - np.sign(qd) * LEVEL
+            then = qd + step * change / mass
+            qd = 0.0 if then * qd < 0.0 else then
+            place += step * qd
+        q[k] = place
+    read = q + 2e-5 * np.random.default_rng(0).standard_normal(STEPS)
+    log = from_arrays(t, read[:, None], force[:, None])
+    return prepare(log, body)
+
+
+@pytest.mark.parametrize("rate", [0.5, 2.0, 8.0])  # [N/s]
+def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate):
+    """Not the one at which its motion is seen, which is later and higher."""
+    t, noise, seen = DT * np.arange(STEPS), 2e-5, 1e-4
+    broke, mass = LEVEL / rate + 2.0, 2.0
+    q = rate * np.maximum(t - broke, 0.0) ** 3 / (6.0 * mass)
+    q += noise * np.random.default_rng(1).standard_normal(STEPS)
+    torque = rate * np.maximum(t - 2.0, 0.0)
+    sight = np.flatnonzero(q > seen)[0]
+    assert torque[sight] > 1.05 * LEVEL
+    rests, resting = t < t[sight] + 0.2, t < broke - 0.1
+    rests[0] = resting[0] = False
+    ((last, peak),) = withstood(rests, resting, torque, q, seen, 0)
+    assert t[int(last)] == pytest.approx(broke - 0.1, abs=2.0 * DT)
+    assert peak == pytest.approx(LEVEL, rel=0.03)
+
+
+def test_the_torques_withstood_in_a_motion_are_the_level(rests):
+    (held,) = rests.peaks
+    assert len(held) >= 4
+    np.testing.assert_allclose(held[:, 1], LEVEL, rtol=0.05)
+
+
+def test_at_rest_dry_friction_adds_its_level_and_no_sliding(rests):
+    (held,) = rests.peaks
+    friction = OnJoint(CoulombFriction(jnp.array([LEVEL])), 0, 1)
+    added, _ = additions([friction], rests, rests.tau, rests.tau)
+    there = np.searchsorted(rests.rows, held[:, 0].astype(int))
+    np.testing.assert_allclose(np.abs(added[0, there, 0]), LEVEL, rtol=1e-6)
