@@ -14,7 +14,7 @@ import numpy as np
 
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.gap.additions import Drive, along, narrowed, reaches
-from jaxidl.logs.signals import on_encoders
+from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.mujoco_body import MujocoBody
 from jaxidl.systems.regressor import inverse_dynamics, table
 from jaxidl.systems.tables import Tables

@@ -16,7 +16,8 @@ from jaxidl.excite.parameters import Parameter, known, states, terms_of
 from jaxidl.excite.plan import Plan, random_start
 from jaxidl.excite.prepare import ALIGNMENT, Prepared
 from jaxidl.gap.diagnosis import Key
-from jaxidl.logs.signals import BAND, HIGHEST_BAND, Signals
+from jaxidl.logs.low_pass import BAND, HIGHEST_BAND
+from jaxidl.logs.signals import Signals
 from jaxidl.systems.mjcf import Model
 
 STATEFUL = 50.0  # least rate of rows where an explanation has a hidden state [Hz]

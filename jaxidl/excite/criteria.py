@@ -109,8 +109,8 @@ def separations(seen: Evidence, contest: Contest) -> Apart:
 
     It is in the terms of :mod:`jaxidl.gap.score`: mean squares over all logs, of which those below
     the floor are equal. A motion that needs more torque raises the floor: the filter's band grows
-    until noise is the same share of the command as before (:mod:`jaxidl.logs.signals`), and a share
-    of the command's spread is in the floor itself.
+    until noise is the same share of the command as before (:mod:`jaxidl.logs.low_pass`), and a
+    share of the command's spread is in the floor itself.
     """
     spread = seen.spread()
     there = np.flatnonzero((np.array(contest.floor) > 0.0) & (np.array(contest.usual) > 0.0))

@@ -1,29 +1,31 @@
 """A log prepared for comparison: smoothed, differentiated, compared, thinned out.
 
-It is compared with the rigid body. One zero-phase low-pass H (Butterworth, fourth order, forwards
-and backwards) is used throughout. Positions pass it before they are differentiated (five-point
-stencils), commands and every torque that an effect predicts pass it afterwards, so both sides of
-the comparison lose the same frequencies. Its band is where the encoder's noise, twice
-differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the commanded torque.
+It is compared with the rigid body. One low-pass H (:mod:`jaxidl.logs.low_pass`) is used throughout.
+Positions pass it before they are differentiated, commands and every torque that an effect predicts
+pass it afterwards, so both sides of the comparison lose the same frequencies.
 """
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float
-from scipy import ndimage, signal
 
-from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects import Effect
+from jaxidl.logs.encoders import lateness, true_motion, true_positions
 from jaxidl.logs.log import Log
+from jaxidl.logs.low_pass import (
+    by_run,
+    choose_band,
+    derivative,
+    encoder_noise,
+    low_pass,
+    noise_torque,
+)
+from jaxidl.logs.rests import classify, withstood
 from jaxidl.systems.tables import Tables, tables
 
-NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
-BAND = (4.0, 100.0)  # least and largest band [Hz]
-HIGHEST_BAND = 0.2  # largest band over the sampling rate
 ROWS_PER_HERTZ = 3.0  # rows kept per second, over the band
 # most rows of a long log: more take time, and neighbours are too similar to add much
 MOST_ROWS = 8000
@@ -65,7 +67,7 @@ class Signals(NamedTuple):
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """Return H applied to each run of ``x`` (T, ...)."""
-        return _by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
+        return by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
 
     def command(self, x: np.ndarray) -> np.ndarray:
         """Return H applied to delivered torques (T, ...).
@@ -73,14 +75,14 @@ class Signals(NamedTuple):
         A command is held, so that it acts half an interval later on average.
         """
         return self.smooth(
-            _by_run(
+            by_run(
                 x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0
             )
         )
 
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """Return the first derivative by time of each run of ``x`` (T, ...)."""
-        return _by_run(x, self.slices, lambda part: derivative(part, self.dt))
+        return by_run(x, self.slices, lambda part: derivative(part, self.dt))
 
     def behind(self, effects: Sequence[Effect]) -> "Signals":
         """Return the signals with the true motion behind the encoder readings.
@@ -112,9 +114,9 @@ def prepare(
     inertia = typical_inertia(true_positions(effects, log.q, slices, dt), body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
     band = narrower * choose_band(reach, log.tau, dt)
-    q = _by_run(log.q, slices, lambda part: low_pass(part, band, dt))
-    smooth = lambda x: _by_run(x, slices, lambda part: low_pass(part, band, dt))
-    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))
+    q = by_run(log.q, slices, lambda part: low_pass(part, band, dt))
+    smooth = lambda x: by_run(x, slices, lambda part: low_pass(part, band, dt))
+    slope = lambda x: by_run(x, slices, lambda part: derivative(part, dt))
     qd, late_speed = _in_step(
         slope(q), None if log.qd is None else smooth(log.qd), slope, dt, "velocity"
     )
@@ -206,165 +208,7 @@ def _in_step(
     )
 
 
-def true_positions(
-    effects: Sequence[Effect], q: np.ndarray, slices: tuple[slice, ...], dt: float
-) -> np.ndarray:
-    """Return the positions (T, J) behind encoder readings ``q`` (T, J).
-
-    What ``effects`` do to the encoders is undone, the last one first.
-    """
-    for effect in filter(on_encoders, reversed(effects)):
-        undone = lambda part, e=effect: np.asarray(e.true_position(jnp.asarray(part), dt))
-        q = _by_run(q, slices, undone)
-    return q
-
-
-def true_motion(
-    effects: Sequence[Effect],
-    q: np.ndarray,
-    qd: np.ndarray,
-    qdd: np.ndarray,
-    slices: tuple[slice, ...],
-    dt: float,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return positions, velocities and accelerations (T, J) behind measured ones.
-
-    See :func:`true_positions`. It is applied after smoothing, as where an effect is fitted: a shift
-    in time averages neighbouring samples, and on raw ones that would look like a quieter encoder.
-    """
-    if not any(map(on_encoders, effects)):
-        return q, qd, qdd
-    true = true_positions(effects, q, slices, dt)
-    slope = lambda x: _by_run(x, slices, lambda part: derivative(part, dt))
-    # a logged velocity is corrected, not derived anew: it is as late as the position
-    speed = slope(true - q)
-    return true, qd + speed, qdd + slope(speed)
-
-
-def lateness(effects: Sequence[Effect], q: np.ndarray, dt: float) -> int:
-    """Return how many instants at the end of a run need later readings for true positions.
-
-    The run is like ``q`` (T, J). They are the instants at the end of half a steady motion that
-    change when its other half is read too.
-    """
-    if not any(map(on_encoders, effects)):
-        return 0
-    half = len(q) // 2
-    steady = np.linspace(0.0, 1.0, len(q))[:, None] + 0.0 * q
-    whole, part = (
-        true_positions(effects, x, (slice(None),), dt)[:half] for x in (steady, steady[:half])
-    )
-    told = np.all(np.abs(whole - part) < 1e-3 / len(q), axis=1)
-    return half - int(np.argmin(told)) if not told.all() else 0
-
-
-def on_encoders(effect: Effect) -> bool:
-    """Return whether the effect changes the encoders' readings in a way that can be undone."""
-    inner = effect.effect if isinstance(effect, OnJoint) else effect
-    return type(inner).true_position is not Effect.true_position
-
-
-@lru_cache(maxsize=16)
-def _design(band: float, dt: float) -> Any:
-    """Return H's second-order sections."""
-    return signal.butter(4, band, fs=1.0 / dt, output="sos")
-
-
-def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
-    """Return H applied to one run (T, ...)."""
-    sections = _design(band, dt)
-    return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
-
-
-def derivative(x: np.ndarray, dt: float) -> np.ndarray:
-    """Return the first derivative (T, ...) by a five-point stencil, a shorter one at the ends."""
-    out = np.gradient(x, dt, axis=0, edge_order=2)
-    out[2:-2] = (8.0 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12.0 * dt)
-    return out
-
-
-def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
-    """Return the standard deviation (J,) [m or rad] of white noise on positions.
-
-    It is computed from the content above 0.6 of the Nyquist frequency, where nothing moves.
-    """
-    sections = signal.butter(6, 0.6, "highpass", output="sos")
-    high = np.concatenate([signal.sosfiltfilt(sections, q[s], axis=0)[20:-20] for s in slices])
-    return np.sqrt(np.mean(high**2, axis=0) / 0.39)
-
-
-def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
-    """Return the root mean square (J,) torque that encoder noise causes within the band.
-
-    It is white noise differentiated twice.
-    """
-    return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
-
-
-def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
-    """Return the band [Hz], the same for all joints."""
-    spread = np.std(tau, axis=0)
-    free = (reach > 0.0) & (spread > 0.0)
-    widest = min(BAND[1], HIGHEST_BAND / dt)
-    if not free.any():
-        return widest
-    unit = noise_torque(reach[free], 1.0, dt)
-    return float(np.clip(np.min((NOISE_SHARE * spread[free] / unit) ** 0.4), BAND[0], widest))
-
-
-def classify(
-    qd: np.ndarray, rest_speed: np.ndarray, half: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return moving and resting instants (T, J), and whole rests with their blurred ends.
-
-    The filter blurs the ends of a rest. A rest shorter than the filter, which reaches ``half``
-    instants, is a reversal: neither motion nor rest.
-    """
-    slow = np.abs(qd) < rest_speed
-    long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
-    resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
-    moving = ~slow & ~np.asarray(ndimage.binary_dilation(long, np.ones((2 * half + 1, 1))), bool)
-    return moving, resting, long
-
-
-def withstood(
-    rests: np.ndarray,
-    resting: np.ndarray,
-    torque: np.ndarray,
-    q: np.ndarray,
-    seen: float,
-    edge: int,
-) -> np.ndarray:
-    """Return the last instant of each rest that ends within the log, and its largest torque.
-
-    The instant is a ``resting`` one, the ``torque`` (T,) unfiltered; the result is (E, 2). A rest
-    ends when its torque exceeds what holds it. Filtered, the peak would be cut off; and until the
-    position ``q`` (T,) is seen to move, by more than ``seen`` [m or rad], the torque rises further.
-    Pushed by a rising torque, a joint moves with the cube of time and needs half as long again for
-    27/8 of the way, so that it broke away twice as long before it was seen as it takes from there.
-    """
-    labelled: Any = ndimage.label(rests)
-    found = []
-    for part in ndimage.find_objects(labelled[0]):
-        still = part[0].start + np.flatnonzero(resting[part])
-        if part[0].start > edge and part[0].stop < len(rests) - edge and len(still):
-            away = np.abs(q[still[-1] :] - np.median(q[still[-50:]]))
-            last = part[0].stop - still[-1]
-            far = next(iter(np.flatnonzero(away > 27.0 / 8.0 * seen)), last)
-            near = np.count_nonzero(away[:far] <= seen)  # noise crosses it before and after
-            end = still[-1] + np.clip(3 * near - 2 * far, 1, last)
-            found.append((still[-1], np.abs(torque[still[0] : end]).max()))
-    return np.array(found, float).reshape(-1, 2)
-
-
 def typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:
     """Return the root mean square inertia matrix (J, J) over the positions (T, J) of a log."""
     few = q[np.linspace(0, len(q) - 1, 50).astype(int)]
     return np.sqrt(np.mean(tables(body, few, 0.0 * few, 0.0 * few).inertia ** 2, axis=0))
-
-
-def _by_run(
-    x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
-    """Return ``f`` applied to each run of ``x`` (T, ...)."""
-    return np.concatenate([f(x[s]) for s in slices])

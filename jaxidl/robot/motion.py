@@ -8,13 +8,8 @@ import numpy as np
 
 from jaxidl.control import Filtered
 from jaxidl.errors import one_of
-from jaxidl.logs.signals import (
-    choose_band,
-    derivative,
-    encoder_noise,
-    low_pass,
-    typical_inertia,
-)
+from jaxidl.logs.low_pass import choose_band, derivative, encoder_noise, low_pass
+from jaxidl.logs.signals import typical_inertia
 from jaxidl.systems.mjcf import Model
 from jaxidl.types import State
 

@@ -12,7 +12,8 @@ from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
 from jaxidl.gap.balance import balance
 from jaxidl.gap.refine import _starts
 from jaxidl.logs.log import from_arrays
-from jaxidl.logs.signals import derivative, prepare
+from jaxidl.logs.low_pass import derivative
+from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import window_starts
 
 DT, STEPS, DELAY, BIAS, NOISE = 2e-3, 4000, 0.017, 0.2, 1e-4

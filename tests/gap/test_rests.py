@@ -8,7 +8,8 @@ from jaxidl.effects import CoulombFriction, OnJoint
 from jaxidl.gap.additions import additions
 from jaxidl.gap.benchmark.mechanisms import MASSES, MECHANISMS
 from jaxidl.logs.log import from_arrays
-from jaxidl.logs.signals import prepare, withstood
+from jaxidl.logs.rests import withstood
+from jaxidl.logs.signals import prepare
 from jaxidl.systems.mjcf import read_model
 
 DT, STEPS, FINE = 1e-3, 16_000, 10

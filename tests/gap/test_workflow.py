@@ -14,7 +14,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.logs.signals import derivative
+from jaxidl.logs.low_pass import derivative
 
 SLIDER = """<mujoco><worldbody><body name="slider"><joint name="slide" type="slide" axis="1 0 0"/>
 <inertial pos="0 0 0" mass="{mass}" diaginertia="1 1 1"/></body></worldbody></mujoco>"""

@@ -1,0 +1,72 @@
+"""The low-pass H of a log, derivatives, and the band that the encoders' noise allows.
+
+H is a zero-phase Butterworth of fourth order, forwards and backwards. Its band is where the
+encoder's noise, twice differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the
+commanded torque.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from scipy import signal
+
+NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
+BAND = (4.0, 100.0)  # least and largest band [Hz]
+HIGHEST_BAND = 0.2  # largest band over the sampling rate
+
+
+@lru_cache(maxsize=16)
+def _design(band: float, dt: float) -> Any:
+    """Return H's second-order sections."""
+    return signal.butter(4, band, fs=1.0 / dt, output="sos")
+
+
+def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
+    """Return H applied to one run (T, ...)."""
+    sections = _design(band, dt)
+    return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
+
+
+def derivative(x: np.ndarray, dt: float) -> np.ndarray:
+    """Return the first derivative (T, ...) by a five-point stencil, a shorter one at the ends."""
+    out = np.gradient(x, dt, axis=0, edge_order=2)
+    out[2:-2] = (8.0 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12.0 * dt)
+    return out
+
+
+def by_run(
+    x: np.ndarray, slices: tuple[slice, ...], f: Callable[[np.ndarray], np.ndarray]
+) -> np.ndarray:
+    """Return ``f`` applied to each run of ``x`` (T, ...)."""
+    return np.concatenate([f(x[s]) for s in slices])
+
+
+def encoder_noise(q: np.ndarray, slices: tuple[slice, ...]) -> np.ndarray:
+    """Return the standard deviation (J,) [m or rad] of white noise on positions.
+
+    It is computed from the content above 0.6 of the Nyquist frequency, where nothing moves.
+    """
+    sections = signal.butter(6, 0.6, "highpass", output="sos")
+    high = np.concatenate([signal.sosfiltfilt(sections, q[s], axis=0)[20:-20] for s in slices])
+    return np.sqrt(np.mean(high**2, axis=0) / 0.39)
+
+
+def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
+    """Return the root mean square (J,) torque that encoder noise causes within the band.
+
+    It is white noise differentiated twice.
+    """
+    return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
+
+
+def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
+    """Return the band [Hz], the same for all joints."""
+    spread = np.std(tau, axis=0)
+    free = (reach > 0.0) & (spread > 0.0)
+    widest = min(BAND[1], HIGHEST_BAND / dt)
+    if not free.any():
+        return widest
+    unit = noise_torque(reach[free], 1.0, dt)
+    return float(np.clip(np.min((NOISE_SHARE * spread[free] / unit) ** 0.4), BAND[0], widest))

@@ -1,0 +1,51 @@
+"""Rests of a joint, and the torque that it withstands in them."""
+
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+
+def classify(
+    qd: np.ndarray, rest_speed: np.ndarray, half: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return moving and resting instants (T, J), and whole rests with their blurred ends.
+
+    The filter blurs the ends of a rest. A rest shorter than the filter, which reaches ``half``
+    instants, is a reversal: neither motion nor rest.
+    """
+    slow = np.abs(qd) < rest_speed
+    long = np.asarray(ndimage.binary_opening(slow, np.ones((3 * half + 1, 1))))
+    resting = ndimage.binary_erosion(long, np.ones((2 * half + 1, 1)), border_value=1)
+    moving = ~slow & ~np.asarray(ndimage.binary_dilation(long, np.ones((2 * half + 1, 1))), bool)
+    return moving, resting, long
+
+
+def withstood(
+    rests: np.ndarray,
+    resting: np.ndarray,
+    torque: np.ndarray,
+    q: np.ndarray,
+    seen: float,
+    edge: int,
+) -> np.ndarray:
+    """Return the last instant of each rest that ends within the log, and its largest torque.
+
+    The instant is a ``resting`` one, the ``torque`` (T,) unfiltered; the result is (E, 2). A rest
+    ends when its torque exceeds what holds it. Filtered, the peak would be cut off; and until the
+    position ``q`` (T,) is seen to move, by more than ``seen`` [m or rad], the torque rises further.
+    Pushed by a rising torque, a joint moves with the cube of time and needs half as long again for
+    27/8 of the way, so that it broke away twice as long before it was seen as it takes from there.
+    """
+    labelled: Any = ndimage.label(rests)
+    found = []
+    for part in ndimage.find_objects(labelled[0]):
+        still = part[0].start + np.flatnonzero(resting[part])
+        if part[0].start > edge and part[0].stop < len(rests) - edge and len(still):
+            away = np.abs(q[still[-1] :] - np.median(q[still[-50:]]))
+            last = part[0].stop - still[-1]
+            far = next(iter(np.flatnonzero(away > 27.0 / 8.0 * seen)), last)
+            near = np.count_nonzero(away[:far] <= seen)  # noise crosses it before and after
+            end = still[-1] + np.clip(3 * near - 2 * far, 1, last)
+            found.append((still[-1], np.abs(torque[still[0] : end]).max()))
+    return np.array(found, float).reshape(-1, 2)
