@@ -36,7 +36,7 @@ def tuned(name: str, options: str) -> Made:
     return Made((f"tune_{name}.*",), (f"{JAXIDL} tune --out {folder} {options}", *copied), 10)
 
 
-BENCHMARK = f"{JAXIDL} gap-benchmark --root 411 --severities clear --out {WORK}/benchmark"
+BENCHMARK = f"{JAXIDL} gap-benchmark --root 1511 --severities clear --out {WORK}/benchmark"
 EVERYTHING = {
     "study": Made(
         ("study.nc", "fig*.*", "claims.json"),

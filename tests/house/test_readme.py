@@ -89,6 +89,13 @@ def test_the_table_of_peers_is_what_was_measured(row, case, key):
 def test_the_shares_of_right_names_are_what_was_measured():
     benchmark = json.loads((ROOT / "figures" / "gap_benchmark.json").read_text())
     robots, outside = benchmark["robots"]["precision"], benchmark["outside"]["misnamed"]
-    assert f"of {robots['n']} names" in README
-    assert f"{100 * robots['share']:.0f} % were right" in README
-    assert f"{100 * outside['share']:.0f} % were given a wrong name" in " ".join(README.split())
+    right = round(robots["n"] * robots["share"])
+    text = " ".join(README.split())
+    assert f"of {robots['n']} names that it gave in 15 simulated robots" in text
+    assert f"full of hidden effects, {right} were right" in text
+    assert f"{100 * outside['share']:.0f} % were given a wrong name" in text
+    strangers = json.loads((ROOT / "figures" / "strangers.json").read_text())["robots"].values()
+    named = sum(r["named"] for r in strangers)
+    wrong = sum(len(r["wrong"]) for r in strangers)
+    assert f"of {named} in simulations of nine published robots" in text
+    assert f"than their files have, {named - wrong}." in text
