@@ -197,6 +197,22 @@ def test_bounds_hold_as_in_a_bounded_fit(planted):
     assert np.all((found.folds >= low) & (found.folds <= high))
 
 
+def test_a_bound_lets_go_what_it_need_not_hold():
+    """Without bounds both are below zero; where one is held there, the other need not be."""
+    rng = np.random.default_rng(4)
+    first, other = rng.normal(size=(2, N))
+    second = -0.9 * first + np.sqrt(1.0 - 0.9**2) * other
+    rows = rows_with(np.stack([-first - 0.05 * second, np.zeros(N)], 1))
+    low = np.zeros(1)
+    pair = [item("first", first, low=low), item("second", second, low=low)]
+    found = score_of(rows, pair).solve(pair)
+    x, y = stacked(rows, found.members, rows.training)
+    assert np.all(np.linalg.lstsq(x, y, rcond=None)[0] < 0.0)
+    best = lsq_linear(x, y, bounds=(0.0, np.inf))
+    assert best.x.max() > 0.5
+    np.testing.assert_allclose(found.x, best.x, atol=1e-6)
+
+
 def test_a_prior_on_coefficients_is_a_ridge(planted):
     rows, pool, _, _ = planted
     stiff = replace(pool[0], precision=np.array([900.0]))

@@ -17,6 +17,7 @@ from jaxidl.jobs import Variable, geometric, read, sweep
 from jaxidl.jobs import progress as progressing
 from jaxidl.jobs.pieces import Pieces, set_aside
 from jaxidl.jobs.pool import each
+from jaxidl.jobs.store import Store
 from tests.helpers.paths import ROOT
 
 EXAMPLE = ROOT / "experiments" / "own_sweep.py"
@@ -47,21 +48,23 @@ def test_a_run_is_a_function_of_its_point(tmp_path):
 
 def test_only_what_is_new_is_computed(tmp_path, computed):
     axes = {"a": (1.0, 2.0), "b": (0.0,)}
-    first = sweep(product, axes, tmp_path / "r.nc", settings={"version": 1}, quiet=True)
+    first = sweep(
+        product, axes, tmp_path / "r.nc", settings={"version": 1, "kind": "a"}, quiet=True
+    )
     computed.clear()
     more = sweep(
         product,
         axes | {"a": (3.0, 1.0, 2.0)},
         tmp_path / "r.nc",
-        settings={"version": 1},
+        settings={"kind": "a", "version": 1},  # in whatever order
         quiet=True,
     )
     assert {dict(at)["a"] for at in computed[1:]} == {3.0}  # the first one is a trial of shapes
     assert more.sel(a=[1.0, 2.0]).equals(first)
     with pytest.raises(StoreError, match=r"version \(1 there, 2 here\)"):
-        sweep(product, axes, tmp_path / "r.nc", settings={"version": 2}, quiet=True)
+        sweep(product, axes, tmp_path / "r.nc", settings={"version": 2, "kind": "a"}, quiet=True)
     with pytest.raises(StoreError, match="leave out"):
-        sweep(product, axes, tmp_path / "r.nc", settings={"version": 1}, quiet=True)
+        sweep(product, axes, tmp_path / "r.nc", settings={"version": 1, "kind": "a"}, quiet=True)
 
 
 def test_texts_are_static_unless_the_host_makes_numbers_of_them(tmp_path):
@@ -162,6 +165,27 @@ def test_the_example_runs_stops_and_continues(tmp_path, monkeypatch):
 
 def _stop():
     raise KeyboardInterrupt
+
+
+def test_a_part_of_runs_that_the_file_holds_goes_without_a_word(tmp_path, monkeypatch, capsys):
+    """A process can be killed between writing the file and removing its parts."""
+    path, kept = tmp_path / "r.nc", {}
+    original = Store.finish
+
+    def finish(self, *args):
+        kept.update({part: part.read_bytes() for part in self.parts.glob("*.npz")})
+        return original(self, *args)
+
+    monkeypatch.setattr(Store, "finish", finish)
+    sweep(product, {"a": (1.0, 2.0), "b": (0.0,)}, path, quiet=True)
+    (part,) = kept
+    assert not part.exists()
+    part.parent.mkdir(exist_ok=True)
+    part.write_bytes(kept[part])
+    data = sweep(product, {"a": (1.0, 2.0, 3.0), "b": (0.0,)}, path, quiet=True)
+    np.testing.assert_array_equal(data["a"], [1.0, 2.0, 3.0])
+    assert "damaged" not in capsys.readouterr().err
+    assert not part.exists()
 
 
 def test_a_folder_of_results_is_set_aside_and_nothing_else_is(tmp_path):
