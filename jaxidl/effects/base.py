@@ -48,6 +48,8 @@ class Effect(struct.PyTreeNode):
     """Bounds, units and meaning of the traced fields, in their order."""
     linear: ClassVar[bool] = False
     """True if what it adds (torque, level of dry friction, inertia) is linear in the parameters."""
+    jumps: ClassVar[bool] = False
+    """True if a little noise in the motion may change what it adds by much."""
     whole: ClassVar[bool] = False
     """True if it belongs to the whole mechanism rather than to one joint."""
     mjcf: ClassVar[Mapping[str, str]] = {}

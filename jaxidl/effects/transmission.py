@@ -21,6 +21,7 @@ SUBSTEPS = 4
 MOST_TWIST = 0.1  # share of the joint's range: no drive is softer
 # softest transmission searched for: frequency of the motor with the link held still [Hz]
 SOFTEST = 3.0
+MOTOR = (0.04, 0.8)  # the motor's share of the joint's inertia
 
 _MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
 
@@ -66,18 +67,14 @@ class Transmission(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return variants with a motor inertia near the fit's starting value.
+        """Return variants with a motor that carries a part of the joint's inertia."""
 
-        A soft transmission with nearly all inertia on the motor's side transmits hardly any torque:
-        its residual is small, but it explains nothing.
-        """
+        motor = (MOTOR[0] * scale.inertia, MOTOR[1] * scale.inertia)
+        softest = max(
+            (2.0 * np.pi * SOFTEST) ** 2 * motor[0], scale.torque / (MOST_TWIST * scale.width)
+        )
 
         def variant(guess: Guess) -> Variant:
-            inertia = float(guess["motor_inertia"])
-            softest = max(
-                (2.0 * np.pi * SOFTEST) ** 2 * inertia, scale.torque / (MOST_TWIST * scale.width)
-            )
-            motor = (inertia / 2.5, min(2.5 * inertia, 0.8 * scale.inertia))
             begin = dict(guess) | {"stiffness": max(float(guess["stiffness"]), softest)}
             return Variant(
                 begin,
@@ -137,6 +134,7 @@ class Backlash(Transmission):
     motor_inertia: Joints  # (J,) [kg or kg m^2]
 
     name: ClassVar[str] = "backlash"
+    jumps: ClassVar[bool] = True
     sentence: ClassVar[str] = "there is play between motor and link"
     parameters: ClassVar = {
         "gap": Parameter("m", 0.0, 10.0, "the total play"),

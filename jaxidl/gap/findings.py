@@ -62,7 +62,8 @@ def fitted_to(found: Found, rows: Rows) -> list[Value]:
 
 def _unconfirmed(value: Value, own: Sequence[Effect]) -> str:
     """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
-    if not any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values()):
+    known = any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values())
+    if not (known or value.share > 0.0):
         return "the whole log does not confirm what a part of it suggests"
     if value.on_bound:
         return BOUND

@@ -1,17 +1,40 @@
-"""Whether an effect explains motion, or only makes the encoder's noise smaller.
+"""What the encoder's noise does to fits, and how it is taken out of them.
 
 Noise of the encoder is in the measured acceleration, and so in the residual, where it grows with
 the square of the frequency. A drive with a spring takes the motor's inertia off the link, and the
-motor moves as its command says, not as the noisy encoder: that alone makes the residual smaller. So
-an effect has to make it smaller also in units of what noise causes at each frequency.
+motor moves as its command says, not as the noisy encoder: that alone makes the residual smaller.
+
+* A fit minimises the squared residual minus what noise alone contributes to it at these parameters
+  (bias-compensated least squares: Stoica and Soederstroem 1982). That is seen on the log as if it
+  had been read once more: the same motion with noise of the same size added.
+* An effect has to make the residual smaller also in units of what noise causes at each frequency.
 """
 
 import numpy as np
 from scipy.signal import welch
 
+from jaxidl.effects import Effect
 from jaxidl.gap.rows import LEAST_FLOOR, Rows
+from jaxidl.gap.shape import Shape
+from jaxidl.systems.tables import inverse_dynamics
 
 SEGMENT = 256  # rows
+
+
+def accelerates(shape: Shape | None) -> bool:
+    """Return whether what an effect adds depends on the acceleration, where the noise is.
+
+    Where an effect jumps, its response to noise is no measure of what noise contributes.
+    """
+    return shape is not None and shape.cls.alter is not Effect.alter and not shape.cls.jumps
+
+
+def read_again(rows: Rows) -> Rows:
+    """Return the rows of the log as if it had been read once more, with noise added."""
+    signals = rows.signals.read_again()
+    motion = (x[signals.rows] for x in (signals.q, signals.qd, signals.qdd))
+    noise = signals.tables.torque[signals.rows] - inverse_dynamics(signals.body, *motion)
+    return rows._replace(signals=signals, gap=rows.gap + noise)
 
 
 def in_units_of_noise(rows: Rows, left: np.ndarray) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 Effects are fitted one after the other: what the other members can imitate is projected out of what
 an effect adds and of its derivatives (variable projection, Golub and Pereyra 1973); bounded least
-squares then change all of its free parameters.
+squares then change all of its free parameters. What the encoder's noise alone contributes does not
+count (:mod:`jaxidl.gap.noise`).
 """
 
 from typing import NamedTuple
@@ -14,6 +15,7 @@ from jaxidl.gap.additions import additions
 from jaxidl.gap.gram import Item
 from jaxidl.gap.items import columns_of, item
 from jaxidl.gap.library import pushed
+from jaxidl.gap.noise import accelerates, read_again
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Shape, amplitudes, at_parameters, effect_at, limits, on_bound, vector
@@ -21,6 +23,7 @@ from jaxidl.gap.shape import Shape, amplitudes, at_parameters, effect_at, limits
 EVALUATIONS = 20
 CLEAR = 2.0  # rise of the log likelihood
 PULLS = (30.0, 3.0)  # pulls towards the start of a fit, in units of one effective sample
+TINY = np.finfo(float).tiny
 SMALL = 1e-4  # relative step of a parameter for differences
 
 
@@ -54,10 +57,17 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
 
     wanted = np.concatenate([left[j] - bases[j] @ (bases[j].T @ left[j]) for j in m.joints])
     shape, known = m.shape, {}
+    noise_alone = NoiseAlone(m, found, rows, predicted, score) if accelerates(shape) else None
 
-    def at(theta: np.ndarray) -> Tangent:
+    def missed(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return what is left (M,) at theta (P,), in units of the noise, and derivatives (M, P)."""
         if theta.tobytes() not in known:
-            known[theta.tobytes()] = tangent(shape, theta, rows, predicted)
+            t = tangent(shape, theta, rows, predicted)
+            left, slopes = wanted - projected(t.value[None])[:, 0], -projected(t.columns)
+            if noise_alone is not None:
+                spared, slope = noise_alone.spared(theta, t)
+                left, slopes = np.append(left, spared), np.append(slopes, slope[None], axis=0)
+            known[theta.tobytes()] = left, slopes
         return known[theta.tobytes()]
 
     lower, upper = limits(shape)
@@ -68,11 +78,9 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     def minimum(pull: np.ndarray) -> np.ndarray:
         """Return the best parameters with a ``pull`` (Q, P) back to where they began."""
         return least_squares(
-            lambda theta: np.append(
-                wanted - projected(at(theta).value[None])[:, 0], pull @ (theta - begin)
-            ),
+            lambda theta: np.append(missed(theta)[0], pull @ (theta - begin)),
             begin,
-            lambda theta: np.concatenate([-projected(at(theta).columns), pull]),  # pyright: ignore[reportArgumentType]
+            lambda theta: np.concatenate([missed(theta)[1], pull]),  # pyright: ignore[reportArgumentType]
             (lower, upper),
             x_scale="jac",
             max_nfev=EVALUATIONS,
@@ -82,7 +90,8 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
 
     best = minimum(np.zeros((0, len(begin))))
     if on_bound(shape, best):  # what the log does not determine stays near its start
-        square = lambda theta: float(np.sum((wanted - projected(at(theta).value[None])[:, 0]) ** 2))
+        offset = 0.0 if noise_alone is None else noise_alone.most
+        square = lambda theta: float(np.sum(missed(theta)[0] ** 2)) - offset
         least = sum(use[j].sum() * score.floor[j] for j in m.joints)
         alike = max(score.effective[list(m.joints)].sum(), 1.0)
         good = max(square(best) * (1.0 + 2.0 * CLEAR / alike), least)
@@ -96,6 +105,36 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     if not fresh.joints:
         return m
     return pushed([fresh], rows, predicted)[0]
+
+
+class NoiseAlone:
+    """What noise alone contributes to the residual beside an effect, by the effect's parameters.
+
+    The root of ``most`` minus that contribution is one more residual: the sum of squares is then
+    the compensated one, plus ``most``.
+    """
+
+    def __init__(self, m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: Score):
+        """Read the log once more; the other members of the set ``found`` stay what they are."""
+        self.shape, self.again, self.predicted = m.shape, read_again(rows), predicted
+        weights = rows.used * rows.training[:, None] / score.noise
+        on = np.isin(np.arange(rows.gap.shape[1]), m.joints)
+        self.weights = weights * on  # (N, J)
+        self.alone = self.again.gap - rows.gap
+        for o in found.members:
+            if o is not m and accelerates(o.shape):
+                (columns,) = columns_of([o.shape], self.again, predicted)
+                change = columns[:, :, list(o.joints)] - o.columns
+                self.alone[:, list(o.joints)] -= np.tensordot(found.x[found.of(o)], change, 1)
+        self.most = 2.0 * float(np.sum((self.alone * self.weights) ** 2))
+
+    def spared(self, theta: np.ndarray, t: Tangent) -> tuple[float, np.ndarray]:
+        """Return that residual at theta (P,), where ``t`` is the tangent, and its slope (P,)."""
+        again = tangent(self.shape, theta, self.again, self.predicted)
+        noise = (self.alone - again.value + t.value) * self.weights
+        slope = np.tensordot((t.columns - again.columns) * self.weights, noise, 2)
+        spared = max(self.most - float(np.sum(noise**2)), 1e-6 * self.most, TINY)
+        return np.sqrt(spared), -slope / np.sqrt(spared)
 
 
 def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) -> Tangent:

@@ -1,5 +1,8 @@
 """The effects of a set with all of their parameters, physical and with standard errors.
 
+All are fitted together by least squares, but for shapes that the encoder's noise would bias
+(:mod:`jaxidl.gap.spared`).
+
 A standard error has two parts: the jackknife's over blocks, of all parameters of all effects
 together, and that of least squares with the effective number of samples
 (:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself also repeats the errors of
@@ -22,6 +25,7 @@ from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
 from jaxidl.gap.shapes import tangent
+from jaxidl.gap.spared import noisy, spared
 
 
 class Value(NamedTuple):
@@ -33,6 +37,8 @@ class Value(NamedTuple):
     # value and standard error of the fitted parameters
     parameters: dict[str, tuple[np.ndarray, np.ndarray]]
     on_bound: bool  # whether a parameter besides the amplitudes is on a plausible bound
+    # least share of it that is there, by two standard errors; 0 where parameters tell
+    share: float = 0.0
 
 
 def values(
@@ -51,9 +57,12 @@ def values(
         score: the score with which the members were found; its noise is the joints' weight.
         predicted: (T, J) command predicted by the set [N or Nm].
     """
-    starts = [v if _plain(m) else vector(m.shape, v) for m, v in zip(members, x, strict=True)]
+    clean = spared(members, x, rows, score, predicted)
+    starts = [
+        v if _plain(m) else vector(m.shape, v) for m, v in zip(clean.members, clean.x, strict=True)
+    ]
     tangents, gap = [], rows.gap.copy()
-    for m, theta in zip(members, starts, strict=True):
+    for m, theta in zip(clean.members, starts, strict=True):
         if _plain(m):
             tangents.append(m)
             continue
@@ -71,7 +80,15 @@ def values(
                 deaf=None,
             )
         )
-    fit = _fitted(tangents, rows._replace(gap=gap), score)
+    near = rows._replace(gap=gap)
+    fit = _fitted(tangents, near, score)
+    if any(map(noisy, members)):
+        pinned = [
+            replace(t, lower=theta, upper=theta) if noisy(m) else t
+            for m, t, theta in zip(members, tangents, starts, strict=True)
+        ]
+        value = _fitted(pinned, near, score).x
+        fit = fit._replace(x=value, folds=fit.folds + value - fit.x)
     groups: dict[Key, list[int]] = {}
     for n, m in enumerate(members):
         if not m.always:
@@ -85,7 +102,8 @@ def values(
         taken = [
             (k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key
         ]
-        out.append(_value(key, whole, taken, fit, rows.signals.dt))
+        value = _value(key, whole, taken, fit, rows.signals.dt)
+        out.append(value._replace(share=max(clean.share.get(n, 0.0) for n in numbers)))
     return out
 
 

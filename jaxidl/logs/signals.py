@@ -64,6 +64,8 @@ class Signals(NamedTuple):
     notes: tuple[str, ...] = ()  # parts of the log that were not used, and why
     # instants at the end of each run whose true positions need later readings
     late: int = 0
+    # noise (J,) of the logged velocity and acceleration where those are used
+    logged_noise: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
 
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """Return H applied to each run of ``x`` (T, ...)."""
@@ -83,6 +85,19 @@ class Signals(NamedTuple):
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """Return the first derivative by time of each run of ``x`` (T, ...)."""
         return by_run(x, self.slices, lambda part: derivative(part, self.dt))
+
+    def read_again(self) -> "Signals":
+        """Return the signals with noise as it is in them once more; it is always the same draw.
+
+        Only ``q``, ``qd`` and ``qdd`` change.
+        """
+        draw = np.random.default_rng(0)
+        white = lambda sigma: self.smooth(sigma * draw.standard_normal(self.q.shape))
+        q = white(self.sigma)
+        of_qd, of_qdd = self.logged_noise
+        qd = self.differentiate(q) if of_qd is None else white(of_qd)
+        qdd = self.differentiate(qd) if of_qdd is None else white(of_qdd)
+        return self._replace(q=self.q + q, qd=self.qd + qd, qdd=self.qdd + qdd)
 
     def behind(self, effects: Sequence[Effect]) -> "Signals":
         """Return the signals with the true motion behind the encoder readings.
@@ -117,11 +132,12 @@ def prepare(
     q = by_run(log.q, slices, lambda part: low_pass(part, band, dt))
     smooth = lambda x: by_run(x, slices, lambda part: low_pass(part, band, dt))
     slope = lambda x: by_run(x, slices, lambda part: derivative(part, dt))
-    qd, late_speed = _in_step(
-        slope(q), None if log.qd is None else smooth(log.qd), slope, dt, "velocity"
-    )
-    qdd, late_push = _in_step(
-        slope(qd), None if log.qdd is None else smooth(log.qdd), slope, dt, "acceleration"
+    speed, push = (None if x is None else smooth(x) for x in (log.qd, log.qdd))
+    qd, late_speed = _in_step(slope(q), speed, slope, dt, "velocity")
+    qdd, late_push = _in_step(slope(qd), push, slope, dt, "acceleration")
+    heard = (
+        None if log.qd is None or qd is not speed else encoder_noise(log.qd, slices),
+        None if log.qdd is None or qdd is not push else encoder_noise(log.qdd, slices),
     )
     q, qd, qdd = true_motion(effects, q, qd, qdd, slices, dt)
     stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
@@ -177,6 +193,7 @@ def prepare(
         balance=found.command(found.tau)[kept] - table.torque[kept],
         late=lateness(effects, q, dt),
         notes=(*late_speed, *late_push),
+        logged_noise=heard,
     )
 
 

@@ -1,0 +1,76 @@
+"""What the encoder's noise does to fits, and that it is taken out of them."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from jaxidl.effects import JointElasticity, OnJoint
+from jaxidl.gap.benchmark.cases import all_cases
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.diagnose import diagnose
+from jaxidl.gap.findings import _unconfirmed
+from jaxidl.gap.noise import read_again
+from jaxidl.gap.rows import rows_of
+from jaxidl.gap.values import Value
+from jaxidl.logs.log import Log
+from jaxidl.logs.signals import prepare
+from jaxidl.systems.mjcf import read_model
+
+
+@pytest.fixture(scope="module")
+def elastic(tmp_path_factory):
+    """A pendulum's elastic drive, with true parameters and an encoder whose noise matters."""
+    (case,) = (c for c in all_cases() if c.id == "pendulum-d608974e")
+    columns = case.measure().log()
+    q, tau = (np.asarray(columns[name])[:, None] for name in ("q0", "tau0"))
+    path = tmp_path_factory.mktemp("elastic") / "model.xml"
+    path.write_text(MECHANISMS[case.mechanism])
+    time = np.asarray(columns["time"])
+    log = Log(time, q, tau, None, None, np.zeros(len(time), int), float(time[1] - time[0]), ())
+    return log, read_model(path), case.hidden[0].parameters
+
+
+def test_a_log_read_again_has_as_much_more_noise_as_it_had(elastic):
+    log, model, _ = elastic
+    rows = rows_of(prepare(log, model.plant.body))
+    once, twice = read_again(rows), read_again(rows)
+    np.testing.assert_array_equal(once.gap, twice.gap)
+    added = np.std(once.gap - rows.gap, axis=0)
+    np.testing.assert_allclose(added, rows.signals.noise_floor, rtol=0.25)
+
+
+def test_noise_of_a_logged_velocity_is_its_own(elastic):
+    log, model, _ = elastic
+    speed = np.gradient(log.q, log.dt, axis=0)
+    smooth = prepare(log, model.plant.body).qd  # hardly any noise
+    noises = [
+        np.std(read_again(rows).gap - rows.gap)
+        for qd in (None, smooth, speed)
+        for rows in [rows_of(prepare(replace(log, qd=qd), model.plant.body))]
+    ]
+    assert noises[1] < 0.1 * noises[0]
+    assert noises[2] > 0.5 * noises[0]
+
+
+def test_an_elastic_drive_is_found_as_it_is_despite_noise(elastic):
+    """Fitted to the noise as well, its motor is five times too heavy: less of the noisy
+    acceleration is then on the link's side.
+    """
+    log, model, true = elastic
+    found = diagnose(log, model, effects=["joint_elasticity"], rollouts=False)
+    (finding,) = found.findings
+    assert finding.name == JointElasticity.name
+    for name, estimate in finding.parameters.items():
+        assert abs(estimate.value - true[name]) < 2.0 * estimate.stderr
+    motor = finding.parameters["motor_inertia"]
+    assert motor.value < 3.0 * true["motor_inertia"]
+
+
+def test_what_no_single_parameter_shows_is_confirmed_by_its_share():
+    unsure = {"stiffness": (np.array([10.0]), np.array([6.0]))}
+    effect = JointElasticity(*(jnp.ones(1) for _ in range(3)))
+    value = Value((effect.name, 0), (), OnJoint(effect, 0, 1), unsure, on_bound=False)
+    assert "does not confirm" in _unconfirmed(value, ())
+    assert _unconfirmed(value._replace(share=0.5), ()) == ""
