@@ -17,8 +17,9 @@ from jaxidl.types import State
 
 HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
 WINDOWS = 64
-# time before a window in which hidden states follow the measured motion [s]
-SETTLE = 0.1
+# time before a window in which hidden states follow the measured motion [s]: by its end, a motor
+# behind a spring must have stopped swinging from its unknown beginning
+SETTLE = 0.5
 
 
 class Windows(NamedTuple):

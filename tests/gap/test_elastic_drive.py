@@ -1,4 +1,4 @@
-"""What the encoder's noise does to fits, and that it is taken out of them."""
+"""A drive with a spring behind a noisy encoder: its parameters, and its simulation along a log."""
 
 from dataclasses import replace
 
@@ -16,6 +16,8 @@ from jaxidl.gap.rows import rows_of
 from jaxidl.gap.values import Value
 from jaxidl.logs.log import Log
 from jaxidl.logs.signals import prepare
+from jaxidl.replay.rollout import rollout_errors
+from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import read_model
 
 
@@ -66,6 +68,19 @@ def test_an_elastic_drive_is_found_as_it_is_despite_noise(elastic):
         assert abs(estimate.value - true[name]) < 2.0 * estimate.stderr
     motor = finding.parameters["motor_inertia"]
     assert motor.value < 3.0 * true["motor_inertia"]
+
+
+def test_the_true_drive_follows_the_log_from_any_moment_on(elastic):
+    """Its motor, which no encoder sees, has to swing as the real one at the beginning."""
+    log, model, true = elastic
+    signals = prepare(log, model.plant.body)
+    drive = JointElasticity(*(jnp.array([true[name]]) for name in JointElasticity.parameters))
+    rigid, elastic_one = (
+        rollout_errors(Plant(model.plant.body, effects), signals, np.ones(log.samples, bool))
+        for effects in (model.plant.effects, (*model.plant.effects, OnJoint(drive, 0, 1)))
+    )
+    for horizon in rigid:
+        assert elastic_one[horizon] < 0.2 * rigid[horizon]
 
 
 def test_what_no_single_parameter_shows_is_confirmed_by_its_share():
