@@ -115,15 +115,11 @@ class Shape(NamedTuple):
             ).T
             if self.basis is None:
                 return pairs[0], pairs[1]
-            whole = [
-                np.flatnonzero(column)[0] if np.count_nonzero(column) == 1 else -1
-                for column in self.basis.T
-            ]
-            low, high = (
-                np.array([s[k] if k >= 0 else far for k in whole])
-                for s, far in zip(pairs, (-np.inf, np.inf), strict=True)
-            )
-            return low, high
+            # the least and the most that amplitudes within their bounds can be of each combination
+            weight = self.basis.T[:, None]  # (P, 1, A)
+            with np.errstate(invalid="ignore"):  # zero times no bound
+                ends = np.nan_to_num(weight * pairs, nan=0.0, posinf=np.inf, neginf=-np.inf)
+            return ends.min(1).sum(1), ends.max(1).sum(1)
         neutral, least = self.cls.neutral, 0.0
         if len(self.values) == 1 and np.isfinite(neutral):
             (name,) = self.values

@@ -138,27 +138,16 @@ CONTROL_OF = {frozenset(name.split("_")): name for name in CONTROL} | {
         "feedforward": "tau_feedforward",
     }.items()
 }
-SUFFIXES = {
-    *[
-        "rad",
-        "deg",
-        "mrad",
-        "m",
-        "mm",
-        "rpm",
-        "dps",
-        "nm",
-        "mnm",
-        "n",
-        "a",
-        "ma",
-        "s",
-        "sec",
-        "ms",
-        "us",
-        "ns",
-    ]
-}  # units written after an underscore
+LETTERS = {"m", "n", "a", "s"}  # units of one letter, understood at the end after an underscore
+# what no factor turns into SI units
+STEPS = {"counts", "ticks", "pulses", "percent"}
+# units of several letters, understood anywhere behind the first word
+SPELLED = STEPS | {
+    unit
+    for units in UNITS.values()
+    for unit in units
+    if len(unit) > 1 and unit.isalpha() and unit not in OTHERS and unit not in KIND_OF
+}
 
 
 class Title(NamedTuple):
@@ -202,17 +191,12 @@ def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -
     if len(title) > 100:
         return None
     text, unit = _unit(title)
-    words = tokens(text)
-    joint, words = _joint(words, tuple(robot))
+    if unit is None:
+        text, unit = _spelled(text, tuple(robot), kind)
+    joint, words = _joint(tokens(text), tuple(robot))
     numbers = [word for word in words if word.isdecimal()]
     rest = [word for word in words if not word.isdecimal()]
-    if (
-        unit is None
-        and len(rest) > 1
-        and rest[-1] in SUFFIXES
-        and words[-1] == rest[-1]
-        and "_" in text
-    ):
+    if unit is None and len(rest) > 1 and words[-1] in LETTERS and "_" in text:
         plain = kind or _kind(rest[:-1])
         if plain and rest[-1] in UNITS[plain]:
             unit, rest = rest[-1], rest[:-1]
@@ -250,6 +234,25 @@ def _unit(title: str) -> tuple[str, str | None]:
     for found in re.finditer(r"[\[(<]\s*([^\])>]*?)\s*[\])>]", title):
         if found[1] and not found[1].isdecimal():
             return title[: found.start()] + " " + title[found.end() :], found[1]
+    return title, None
+
+
+def _spelled(title: str, robot: tuple[str, ...], kind: str | None) -> tuple[str, str | None]:
+    """Return a title without the word that is its unit, and the unit.
+
+    Such words stand anywhere behind the first, as in ``position_deg_1`` and ``torque_1_mNm``. A
+    velocity in ``deg`` is one in degrees per second. A word of a joint's name is no unit.
+    """
+    names = {word for name in robot for word in tokens(name)}
+    for found in re.finditer(r"(?<=[^a-zA-Z])([a-zA-Z]+)([_ ]*(per)?[_ ]*s2?(?![a-z]))?", title):
+        word = found[1].lower()
+        if word in SPELLED and word not in names:
+            left = title[: found.start()] + " " + title[found.end() :]
+            which = kind or _kind([w for w in _joint(tokens(left), robot)[1] if not w.isdecimal()])
+            known = {} if which is None else UNITS[which]
+            for unit in (word, f"{word}/s", f"{word}/s^2"):
+                if unit in known or (which and unit in STEPS):
+                    return left, unit
     return title, None
 
 
@@ -292,13 +295,21 @@ def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[s
         if best is not None and length < best[0]:
             break
         for at in range(len(words) - length + 1):
-            if words[at : at + length] == list(spelled) and len(words) > length:
+            left = words[:at] + words[at + length :]
+            # an axis called X is also a position, and A1 an acceleration
+            told = not _quantity(spelled) or _kind([w for w in left if not w.isdecimal()])
+            if words[at : at + length] == list(spelled) and left and told:
                 if best is not None and best[1] != joint:
                     return None, words  # two joints: undecided
                 best = length, joint, at
     return (
         (None, words) if best is None else (best[1], words[: best[2]] + words[best[2] + best[0] :])
     )
+
+
+def _quantity(name: Sequence[str]) -> bool:
+    """Return whether the words of a joint's name could be those of a quantity."""
+    return all(word.isdecimal() or word in KIND_OF for word in name)
 
 
 @lru_cache(16)
@@ -312,7 +323,7 @@ def _spellings(robot: tuple[str, ...]) -> list[tuple[int, int, tuple[str, ...]]]
         whole = tuple(tokens(name))
         short = tuple(word for word in whole if word not in ("joint", "jnt"))
         for way in {whole, short}:
-            if way and not all(word.isdecimal() or word in KIND_OF for word in way):
+            if not all(map(str.isdecimal, way)):
                 ways.setdefault(way, set()).add(j)
     return sorted(
         ((len(way), min(js), way) for way, js in ways.items() if len(js) == 1), reverse=True

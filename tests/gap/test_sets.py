@@ -9,7 +9,12 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from jaxidl.effects import AsymmetricFriction, ConstantOffset, StribeckFriction
+from jaxidl.effects import (
+    AsymmetricFriction,
+    ConstantOffset,
+    DirectionalLoadFriction,
+    StribeckFriction,
+)
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
@@ -211,6 +216,19 @@ def test_a_bound_lets_go_what_it_need_not_hold():
     best = lsq_linear(x, y, bounds=(0.0, np.inf))
     assert best.x.max() > 0.5
     np.testing.assert_allclose(found.x, best.x, atol=1e-6)
+
+
+def test_bounds_of_amplitudes_are_those_of_their_combinations():
+    """Beside a part of it, only the difference of two amplitudes is left; it has their bounds."""
+    apart = np.array([[1.0], [-1.0]]) / np.sqrt(2.0)
+    within = dict.fromkeys(("driving", "driven"), (0.0, 0.6))
+    values = dict.fromkeys(within, 0.0)
+    shape = Shape(DirectionalLoadFriction, 0, 1, tuple(within), values, {}, within, basis=apart)
+    np.testing.assert_allclose(shape.limits(), [[-0.6 / np.sqrt(2.0)], [0.6 / np.sqrt(2.0)]])
+    free = shape._replace(within=dict.fromkeys(within, (0.0, np.inf)))
+    np.testing.assert_array_equal(free.limits(), [[-np.inf], [np.inf]])
+    alone = free._replace(basis=np.eye(2)[:, :1])
+    np.testing.assert_array_equal(alone.limits(), [[0.0], [np.inf]])
 
 
 def test_a_prior_on_coefficients_is_a_ridge(planted):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import JaxidlError, LogError
+from jaxidl.logs.header import factor, read_title
 from jaxidl.logs.log import read
 from jaxidl.logs.motor_side import motor_side
 from tests.helpers.logs import (
@@ -195,6 +196,48 @@ def test_units_in_titles_are_converted(tmp_path):
         "tau0 [%]",
         "convert the column",
     )
+
+
+@pytest.mark.parametrize(
+    ("title", "kind", "number", "unit"),
+    [
+        ("position_deg_1", "q", 1, np.pi / 180.0),
+        ("joint1_angle_degrees", "q", 1, np.pi / 180.0),
+        ("pos 1 / mm", "q", 1, 1e-3),
+        ("torque_1_mNm", "tau", 1, 1e-3),
+        ("moment_kNm", "tau", None, 1e3),
+        ("current_2_mA", "i", 2, 1e-3),
+        ("velocity_deg_s_1", "qd", 1, np.pi / 180.0),
+        ("acc_deg_s2_1", "qdd", 1, np.pi / 180.0),
+        ("time_ms", "time", None, 1e-3),
+        ("q1_counts", "q", 1, None),
+        ("torque_percent_1", "tau", 1, None),
+    ],
+)
+def test_a_unit_is_understood_wherever_it_stands(title, kind, number, unit):
+    """What no factor converts, such as counts, is refused when the log is read."""
+    read_as = read_title(title)
+    assert read_as is not None
+    assert (read_as.kind, read_as.number) == (kind, number)
+    factor_of = factor(kind, read_as.unit)
+    assert factor_of is None if unit is None else factor_of == pytest.approx(unit)
+
+
+@pytest.mark.parametrize(
+    ("title", "joint", "kind"),
+    [
+        ("x_pos", 0, "q"),
+        ("vel_Z", 1, "qd"),
+        ("A1 position [deg]", 2, "q"),
+        ("rev_mount_torque", 3, "tau"),
+        ("x", None, "q"),
+        ("a1", None, "qdd"),
+    ],
+)
+def test_names_of_joints_that_could_be_quantities_are_found_beside_one(title, joint, kind):
+    read_as = read_title(title, ("X", "Z", "A1", "rev_mount"))
+    assert read_as is not None
+    assert (read_as.joint, read_as.kind) == (joint, kind)
 
 
 @pytest.mark.parametrize(
