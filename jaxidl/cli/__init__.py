@@ -21,37 +21,38 @@ from typing import Any, NoReturn
 import tyro
 
 from jaxidl import __version__
-from jaxidl.cli.ablate import ablate
-from jaxidl.cli.arm import arm
-from jaxidl.cli.bench import bench
-from jaxidl.cli.excite import excite
-from jaxidl.cli.export import export
-from jaxidl.cli.gap import gap, gap_benchmark
-from jaxidl.cli.learn import learn
-from jaxidl.cli.simulate import simulate
-from jaxidl.cli.study import claims, figures, reproduce
-from jaxidl.cli.sweep import sweep
-from jaxidl.cli.tune import tune
+from jaxidl.cli import (
+    ablate,
+    arm,
+    bench,
+    excite,
+    export,
+    gap,
+    learn,
+    simulate,
+    study,
+    sweep,
+    tune,
+)
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.stop import STOP
 
 COMMANDS = {
-    "simulate": simulate,
-    "sweep": sweep,
-    "figures": figures,
-    "claims": claims,
-    "reproduce": reproduce,
-    "ablate": ablate,
-    "tune": tune,
-    "arm": arm,
-    "learn": learn,
-    "export": export,
-    "gap": gap,
-    "gap-benchmark": gap_benchmark,
-    "excite": excite,
-    "bench": bench,
+    "simulate": simulate.simulate,
+    "sweep": sweep.sweep,
+    "figures": study.figures,
+    "claims": study.claims,
+    "reproduce": study.reproduce,
+    "ablate": ablate.ablate,
+    "tune": tune.tune,
+    "arm": arm.arm,
+    "learn": learn.learn,
+    "export": export.export,
+    "gap": gap.gap,
+    "gap-benchmark": gap.gap_benchmark,
+    "excite": excite.excite,
+    "bench": bench.bench,
 }
-
 
 GARBAGE = 100_000  # objects between two collections
 RENAMED = {"--iterations": "--executions"}  # options by their old names

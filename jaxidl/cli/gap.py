@@ -70,9 +70,9 @@ def gap(
         gear_ratio: of motors whose currents or torques the log has; one for all or one a joint.
         topic: of a ROS bag that has several with joint states.
     """
-    from jaxidl.gap.diagnose import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.gap.experiments import designed
     from jaxidl.gap.inputs import read_inputs
+    from jaxidl.gap.workflow import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.jobs.progress import Bar
     from jaxidl.report import check_folder, save, table
 

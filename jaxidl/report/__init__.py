@@ -3,6 +3,7 @@
 ``jaxidl.report.save(diagnosis, folder)`` writes all of it.
 """
 
+from jaxidl.report.document import fragment, page
 from jaxidl.report.figures import (
     FIGURES,
     draw,
@@ -14,8 +15,7 @@ from jaxidl.report.figures import (
     plot_where,
 )
 from jaxidl.report.folder import check_folder, save
-from jaxidl.report.page import fragment, page
-from jaxidl.report.table import table
+from jaxidl.report.terminal import table
 
 __all__ = [
     "FIGURES",

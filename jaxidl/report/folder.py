@@ -10,8 +10,8 @@ import jax
 
 from jaxidl.errors import StoreError
 from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.report.document import page
 from jaxidl.report.figures import FIGURES, draw
-from jaxidl.report.page import page
 from jaxidl.systems.export import write_patched
 
 MODEL, EFFECTS, PAGE, REPORT, PICTURES = (

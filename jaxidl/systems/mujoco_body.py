@@ -39,7 +39,7 @@ class MujocoBody(struct.PyTreeNode):
     """A rigid body with the dynamics of a MuJoCo model.
 
     Body number ``bodies[j]`` moves with joint j. The methods are those of
-    :class:`jaxidl.systems.point_mass.PointMass`. Its leaves are what effects change, of B bodies
+    :class:`jaxidl.systems.PointMass`. Its leaves are what effects change, of B bodies
     and J joints; all else of the model is constant in compiled programs. The dynamics are linear in
     what is added to bodies.
     """

@@ -19,7 +19,7 @@ GAUSS_SEIDEL_ROUNDS = 40
 class RigidBody(Protocol):
     """The methods that a plant and a model require of a body.
 
-    See :class:`jaxidl.systems.point_mass.PointMass`.
+    See :class:`jaxidl.systems.PointMass`.
     """
 
     def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints: ...

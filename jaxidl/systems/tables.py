@@ -17,7 +17,7 @@ from scipy.interpolate import interp1d
 
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.mujoco_body import last_moving, level, per_mass
-from jaxidl.systems.point_mass import PointMass
+from jaxidl.systems.point import PointMass
 from jaxidl.types import Joints, Scalar
 
 Rows = Float[np.ndarray, "T J"]

@@ -267,7 +267,7 @@ def commanded(tmp_path_factory):
     ]
     # MuJoCo's code is not as strict as this suite
     with pytest.MonkeyPatch.context() as patch, jax.numpy_rank_promotion("allow"):
-        patch.setattr(sys.modules["jaxidl.gap.diagnose"], "diagnose", kept)
+        patch.setattr(sys.modules["jaxidl.gap.workflow"], "diagnose", kept)
         main([*words, "--effects", *SLIDING])
     return folder / "out", made[0]
 

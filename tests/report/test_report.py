@@ -24,7 +24,6 @@ from jaxidl.effects import (
     ViscousFriction,
 )
 from jaxidl.errors import StoreError
-from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.diagnosis import (
     Ambiguity,
     Diagnosis,
@@ -38,10 +37,11 @@ from jaxidl.gap.diagnosis import (
 )
 from jaxidl.gap.localise import Place
 from jaxidl.gap.words import number, percent, plus_minus, summarise
+from jaxidl.gap.workflow import diagnose
 from jaxidl.logs.log import from_arrays
 from jaxidl.report import FIGURES, draw, folder, page, save, table
 from jaxidl.report.common import broken
-from jaxidl.report.table import COLUMNS
+from jaxidl.report.terminal import COLUMNS
 from jaxidl.report.traces import binned
 from jaxidl.systems.mjcf import read_model
 

@@ -13,7 +13,7 @@ from jaxidl.effects import OnJoint, placed
 from jaxidl.effects.ten import about, elements, matrix, moved, ten
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.mujoco_body import level, links
-from jaxidl.systems.point_mass import PointMass
+from jaxidl.systems.point import PointMass
 from jaxidl.systems.tables import TabledBody, tables
 from tests.helpers.model_files import stored, torque_in_c
 from tests.helpers.numeric import compare

@@ -170,7 +170,7 @@ def make_case(case: AnyCase, out: Path) -> None:
 
 def judge_case(case: AnyCase, out: Path) -> None:
     """Make one case's log and write the report of what the workflow finds in it."""
-    from jaxidl.gap.diagnose import diagnose
+    from jaxidl.gap.workflow import diagnose
 
     folder = out / "cases" / case.id
     try:
