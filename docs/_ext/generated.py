@@ -349,11 +349,15 @@ def public_names() -> str:
 
 
 def _documented(thing: Any, name: str) -> str:
-    """Under which full name the reference has it: a package that says it is public, or its home."""
+    """Under which full name the reference has it: of a package that is described as one, or of its
+    home.
+    """
     import importlib
 
     package = ".".join(thing.__module__.split(".")[:2])
-    if name in getattr(importlib.import_module(package), "__all__", ()):
+    page = ROOT / "docs" / "reference" / "api" / f"{package.rpartition('.')[2]}.md"
+    described = page.is_file() and f".. automodule:: {package}\n" in page.read_text("utf-8")
+    if described and name in importlib.import_module(package).__all__:
         return f"{package}.{name}"
     return f"{thing.__module__}.{name}"
 

@@ -2,4 +2,8 @@
 the gap workflow on the arm.
 """
 
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
+
 EXPERIMENTS = ("study", "pick", "limits", "latency", "gap")

@@ -37,6 +37,8 @@ from jaxidl.cli import (
 from jaxidl.errors import ConfigurationError, JaxidlError
 from jaxidl.stop import STOP
 
+__all__ = ["COMMANDS", "main"]
+
 COMMANDS = {
     "simulate": simulate.simulate,
     "sweep": sweep.sweep,

@@ -1,1 +1,5 @@
 """Motions that tell most about what a simulation may be missing."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -4,6 +4,6 @@ They are read from files, their columns are recognised and checked, and they are
 uniform time grid.
 """
 
-from jaxidl.logs.log import Log, read
+from jaxidl.logs.log import Log, from_arrays, read
 
-__all__ = ["Log", "read"]
+__all__ = ["Log", "from_arrays", "read"]

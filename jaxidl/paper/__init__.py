@@ -1,3 +1,7 @@
 """The paper's simulation study: its numbers, its grid of conditions, its claims. Nothing below
 knows them.
 """
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -1,3 +1,7 @@
 """Gains found by gradient: controller and learner of a plant, under a bound on feedback effort,
 against random search.
 """
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)

@@ -49,6 +49,7 @@ def test_only_what_users_need_is_inside(archives):
         "__init__.pyi",
         "py.typed",
         "jobs/__init__.pyi",
+        "robot/__init__.pyi",
         "systems/arm.xml",
         "gap/calibration.json",
         "report/page.css",

@@ -1,1 +1,5 @@
 """Hidden effects: logs from a separate engine, the truth about them, and a workflow's score."""
+
+import lazy_loader as _lazy
+
+__getattr__, __dir__, __all__ = _lazy.attach_stub(__name__, __file__)
