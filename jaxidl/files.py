@@ -12,6 +12,8 @@ import numpy as np
 
 from jaxidl.errors import StoreError
 
+LARGEST_BY_HAND = 2**20  # bytes; a file that a person writes has less
+
 
 def write_bytes(path: Path, content: bytes) -> None:
     """Write a file whole or not at all.

@@ -182,7 +182,7 @@ class ArmStudy:
         )
 
 
-class Learned(NamedTuple):
+class LearnedArm(NamedTuple):
     """What K executions with the trainings between them leave."""
 
     learner: Learner  # of the last execution
@@ -190,7 +190,7 @@ class Learned(NamedTuple):
     finite: Bool[Array, " K"]  # stayed everything finite, the training before included?
 
 
-def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions: int) -> Learned:
+def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions: int) -> LearnedArm:
     """Run K executions with trainings between them.
 
     ``key`` decides draws, weights and batches. Each execution begins where the encoders cannot tell
@@ -208,13 +208,13 @@ def learn_arm(study: ArmStudy, source: str, noise: Scalar, key: Key, executions:
         error_model=study.error_model,
         training=study.training,
         train_on="sensed_state",
-        keep=True,
+        record=True,
         starts=task.start.q[None] + off,
         refine=refine if study.acceleration == "zero_phase" else lambda run: run,
         guard=Guard() if study.guard else None,
     )
     assert runs is not None
-    return Learned(learner, runs, metrics.finite)
+    return LearnedArm(learner, runs, metrics.finite)
 
 
 def feedback_mse(runs: Trajectory) -> Float[Array, " K"]:

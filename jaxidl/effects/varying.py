@@ -12,7 +12,7 @@ from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import Joints, Scalar
 
-Table = Float[Array, "*J K"]  # a value at each of K evenly spaced positions
+ByPosition = Float[Array, "*J K"]  # a value at each of K evenly spaced positions
 
 _ENDS = {
     "lower": Parameter("m", -1e4, 1e4, "the position of the table's first value"),
@@ -32,7 +32,7 @@ POSTURES = (
 """How to tell kinds of varying friction apart."""
 
 
-def table_value(table: Table, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
+def table_value(table: ByPosition, lower: Scalar, upper: Scalar, q: Scalar) -> Float[Array, ""]:
     """Return the table (K,) at ``q``.
 
     It is linear between its evenly spaced positions and constant beyond the ends.
@@ -46,8 +46,8 @@ class PositionDependentFriction(Effect):
     A negative b feeds motion, a negative c counts as zero.
     """
 
-    level: Table  # (J, K) c [N or Nm]
-    coefficient: Table  # (J, K) b [N s/m or Nm s/rad]
+    level: ByPosition  # (J, K) c [N or Nm]
+    coefficient: ByPosition  # (J, K) b [N s/m or Nm s/rad]
     lower: Joints  # (J,) [m or rad]
     upper: Joints  # (J,) [m or rad]
 
@@ -104,8 +104,8 @@ class CoupledFriction(Effect):
     It is −c(q_o)·sign(qd_j) − b(q_o)·qd_j with j the joint ``joint`` and o the joint ``other``.
     """
 
-    level: Table  # (K,) c [N or Nm]
-    coefficient: Table  # (K,) b [N s/m or Nm s/rad]
+    level: ByPosition  # (K,) c [N or Nm]
+    coefficient: ByPosition  # (K,) b [N s/m or Nm s/rad]
     lower: Scalar  # [m or rad]
     upper: Scalar  # [m or rad]
     joint: int = struct.field(pytree_node=False, default=0)

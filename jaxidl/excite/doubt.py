@@ -30,7 +30,7 @@ from jaxidl.gap.shapes import fitted
 from jaxidl.gap.words import readable
 from jaxidl.logs.log import Log
 from jaxidl.logs.signals import Signals, prepare
-from jaxidl.systems.free import unit_of as unit_name
+from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
 MOST = 4  # explanations: more take time, and the least likely come last
@@ -250,7 +250,7 @@ def _label(shape: Shape, n: int, model: Model) -> tuple[str, str]:
         found = []
         for name in names:
             size = np.size(shape.values[name])
-            unit = unit_name(shape.cls.parameters[name].unit, kind)
+            unit = unit_of(shape.cls.parameters[name].unit, kind)
             found += [(name if size == 1 else f"{name}[{k}]", unit) for k in range(size)]
         return found
 

@@ -14,12 +14,12 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.files import LARGEST_BY_HAND
 from jaxidl.systems.bounds import Bounds
 
 KEYS = ("position", "speed", "acceleration", "torque")
 SHARES = ("margin", "torque_margin")
 OTHERS = (*SHARES, "clearance", "start", "joints")
-LARGEST_FILE = 2**20  # [bytes]
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def _read(path: Path, names: tuple[str, ...]) -> dict[str, Any]:
     import yaml  # needed only if there is such a file
 
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > LARGEST_BY_HAND:
             raise ValueError("a file of more than a megabyte")
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeError, yaml.YAMLError, ValueError, RecursionError) as error:

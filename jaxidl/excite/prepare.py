@@ -68,14 +68,14 @@ def prepared(model: Model, limits: Limits, noise: Noise | None = None, **options
     whole = terms_of(effects, np.diag(1.0 / sizes), len(model.names))
     columns = _columns(know, whole, at)
     kept = np.flatnonzero(independent(columns))
-    size = np.append(unit_of(columns[kept], torque), np.full(len(model.names), TIMING))
+    size = np.append(sizes_of(columns[kept], torque), np.full(len(model.names), TIMING))
     terms = terms_of([effects[n] for n in kept], np.diag(1.0 / sizes[kept]), len(model.names))
     plan = Plan(know, inside, terms, size, noise, **options)
     timing = [Parameter(ALIGNMENT, j, "late", "s") for j in range(len(model.names))]
     return Prepared(plan, (*(labels[n] for n in kept), *timing), at)
 
 
-def unit_of(columns: np.ndarray, torque: np.ndarray, share: float = SHARE) -> np.ndarray:
+def sizes_of(columns: np.ndarray, torque: np.ndarray, share: float = SHARE) -> np.ndarray:
     """Return the coefficients (P,) at which columns (P, N, J) add ``share`` of the torque (N, J).
 
     Of a column that adds nothing it is zero.

@@ -19,7 +19,7 @@ from jaxidl.gap.search import search
 DRAWS = 24
 # log odds: an explanation with a twenty times lower prior is not an equal one
 FARTHER = 3.0
-SURE = 0.8  # a member found on a smaller share of draws may be another effect
+OFTEN = 0.8  # a member found on a smaller share of draws may be another effect
 
 
 class Support(NamedTuple):
@@ -85,7 +85,7 @@ def ambiguous(found: Sequence[Item], said: Support) -> list[list[Group]]:
     sets = []
     for m in found:
         missing = 1.0 - said.share[m.group]
-        if missing <= 1.0 - SURE:
+        if missing <= 1.0 - OFTEN:
             continue
         often = [g for g, n in said.instead[m.group].items() if n >= 0.5 * missing * DRAWS]
         if often:

@@ -23,7 +23,7 @@ from jaxidl.gap.shapes import fitted
 
 ROUNDS = 5  # rounds of fitting shapes and searching sets
 
-Watch = Callable[[str, float], None]
+Watch = Callable[[str, float], None]  # told what is being done, and which share of it is
 
 
 @dataclass(frozen=True)

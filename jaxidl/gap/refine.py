@@ -22,14 +22,14 @@ from jaxidl.gap.library import rms
 from jaxidl.gap.rows import instants_of, kept_rows
 from jaxidl.logs.signals import Signals
 from jaxidl.replay.rollout import SETTLE, rollout_errors
-from jaxidl.replay.trajectory import MOMENTS, Problem
+from jaxidl.replay.trajectory import MOMENTS, WindowFit
 from jaxidl.systems.free import Bounds, Free, Values, inner
 from jaxidl.systems.plant import Plant
 
 WINDOW = 0.4  # length of a rollout [s]
 FEWEST, MOST = 8, 96  # number of windows on either side
 LEAST_GAIN = 0.05  # share of the held-out rollout error that must be removed,
-SURE = 2.0  # and number of standard errors by which it must fall
+CLEAR = 2.0  # and number of standard errors by which it must fall
 # share by which a joint's held-out torque error, or its rollout error after the longest horizon,
 # may grow
 DEARER = 0.1
@@ -83,7 +83,7 @@ def refine(
     size affect the parameters.
 
     The refined parameters are accepted if, on windows wholly in the held-out rows, the root of this
-    error falls by ``LEAST_GAIN``, and the windows' mean by more than ``SURE`` standard errors of
+    error falls by ``LEAST_GAIN``, and the windows' mean by more than ``CLEAR`` standard errors of
     their paired differences; if no more windows diverge; and if neither a joint's held-out torque
     error nor its error after the longest horizon grows by more than ``DEARER``. Otherwise the
     effects stay as given. A window that is not finite, or whose error exceeds a joint's whole
@@ -133,7 +133,7 @@ def refine(
                     f"there are fewer than {FEWEST} windows of {window:g} s to fit or to verify it"
                 )
             )
-        problem = Problem(vector, seen, training, length, _tied(vector, signals))
+        problem = WindowFit(vector, seen, training, length, _tied(vector, signals))
         if problem.hopeless:
             return nothing._replace(reason="the simulation diverges in every window")
         theta = problem.solve(lower, upper)
@@ -156,7 +156,7 @@ def refine(
 
 
 def _prove(
-    problem: Problem,
+    problem: WindowFit,
     theta: np.ndarray,
     proving: np.ndarray,
     effects: tuple[Effect, ...],
@@ -192,7 +192,7 @@ def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
         return "the simulation diverges in more windows than before"
     if not after.score < (1.0 - LEAST_GAIN) * before.score:
         return f"the error of held-out motion does not fall by {LEAST_GAIN:.0%}"
-    if not drop.mean() > SURE * drop.std(ddof=1) / np.sqrt(len(drop)):
+    if not drop.mean() > CLEAR * drop.std(ddof=1) / np.sqrt(len(drop)):
         return "the error of held-out motion falls by no more than its uncertainty"
     if _dearer(before.torque_rms, after.torque_rms):
         return f"the error of held-out torques grows by more than {DEARER:.0%}"

@@ -1,6 +1,6 @@
 """From a log and a model to a diagnosis."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,13 @@ from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.diagnosis import (
-    SURE,
     Diagnosis,
     Envelope,
     Gap,
     Side,
     Traces,
 )
-from jaxidl.gap.find import Found, find
+from jaxidl.gap.find import Found, Watch, find
 from jaxidl.gap.findings import confirmed, findings, fitted_to, possible
 from jaxidl.gap.held_out import aside
 from jaxidl.gap.library import Library, Reference, library, residual, rms
@@ -40,7 +39,6 @@ from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
 
-Watch = Callable[[str, float], None]
 Source = Log | str | Path | Sequence[str | Path]
 
 
@@ -277,6 +275,3 @@ def _traces(log: Log, rows: Rows, before: np.ndarray, after: np.ndarray) -> Trac
     return Traces(
         log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used
     )
-
-
-__all__ = ["SURE", "diagnose"]

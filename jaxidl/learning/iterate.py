@@ -64,7 +64,7 @@ def learn(
     error_model: ErrorModel,
     training: Training,
     train_on: str = "true_state",
-    keep: bool = False,
+    record: bool = False,
     starts: Float[Array, "K J"] | None = None,
     kept: int = 0,
     refine: Callable[[Trajectory], Trajectory] = lambda run: run,
@@ -82,7 +82,7 @@ def learn(
             ``fold_in(key, k)``.
         source: "indirect", "direct", "joint" or "weighted".
         train_on: "true_state" or "sensed_state"; weighted data are always of the sensed one.
-        keep: also return every execution.
+        record: also return every execution.
         starts: (K, J) true initial position of each execution. Default: the task's.
         kept: number of earlier executions whose data are learned from in addition to the last
             one's. An epoch covers all of it, so that a training takes 1 + kept times the steps.
@@ -129,7 +129,7 @@ def learn(
         )
         data = rows(source, refine(run), setting.law, train_on)
         strayed = None if desired is None else distance(run.q_sensing, desired)
-        return data, (measure(run, setting.reference), run if keep else None), strayed
+        return data, (measure(run, setting.reference), run if record else None), strayed
 
     def iteration(carry: Any, inputs: Any) -> tuple[Any, Any]:
         learner, memory, past, share = carry

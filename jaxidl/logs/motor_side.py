@@ -14,11 +14,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from jaxidl.errors import LogError
+from jaxidl.files import LARGEST_BY_HAND
 from jaxidl.logs.families import shortened
 from jaxidl.logs.header import CURRENT, joint_called
 
 KEYS = ("torque_constant", "gear_ratio", "coupling", "offset", "motor_positions", "joints")
-LARGEST_FILE = 2**20  # largest description [bytes]
 WORST = 1e6  # largest condition number of a coupling
 
 
@@ -141,7 +141,7 @@ def _read(path: Path) -> dict[str, Any]:
     import yaml  # needed only if there is such a file
 
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > LARGEST_BY_HAND:
             raise LogError(
                 f"a description of motors in {path}",
                 "a file of more than 1 MiB",

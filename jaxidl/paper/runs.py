@@ -82,12 +82,12 @@ class LearningRun:
 
     def __call__(self, **at: Any) -> dict[str, Array]:
         """Return :class:`Metrics` (K,) by name."""
-        return self.run(keep=False, **at)[0]._asdict()
+        return self.run(record=False, **at)[0]._asdict()
 
     def run(
         self,
         *,
-        keep: bool,
+        record: bool,
         controller: str,
         gain: Any,
         noise: Any,
@@ -112,7 +112,7 @@ class LearningRun:
                 error_model=study.error_model,
                 training=study.training,
                 train_on=study.train_on,
-                keep=keep,
+                record=record,
                 kept=study.kept,
                 guard=GUARDS[study.guard],
                 schedule=SCHEDULES[study.schedule],
@@ -134,7 +134,7 @@ class LearningRun:
             name: np.asarray(value) for name, value in at.items() if name not in fixed
         } | self.inputs(at)
         rest |= {} if draws is None else {"draws": draws}
-        whole = jax.jit(partial(self.run, keep=True, **{name: at[name] for name in fixed}))
+        whole = jax.jit(partial(self.run, record=True, **{name: at[name] for name in fixed}))
         metrics, runs = whole(**rest)
         assert runs is not None
         return metrics, runs

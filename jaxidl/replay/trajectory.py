@@ -87,7 +87,7 @@ def window_slopes(
     return jnp.where(known[:, None, None, None], slopes, 0.0)
 
 
-class Problem:
+class WindowFit:
     """Least squares over the windows (W,) that begin at ``starts``.
 
     Each joint is weighted relative to its initial error or its noise.

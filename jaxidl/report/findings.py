@@ -13,6 +13,7 @@ from jaxidl.report.matrix import KINDS, Entry, matrix, spelled
 from jaxidl.report.words import (
     compared,
     confidence,
+    error_unit,
     excess,
     frame,
     gain,
@@ -20,7 +21,6 @@ from jaxidl.report.words import (
     percent,
     readable,
     short,
-    unit_of,
 )
 
 
@@ -178,5 +178,5 @@ def _worth(d: Diagnosis, f: Finding, entry: Mapping[str, Any]) -> Iterator[Any]:
     )
     yield confidence(f) if f.sure else f"({confidence(f)})"
     yield percent(f.share)
-    yield f"{short(f.held_out_before)} → {short(f.held_out_after)} {unit_of(d, f)}"
+    yield f"{short(f.held_out_before)} → {short(f.held_out_after)} {error_unit(d, f)}"
     yield gain(f.gain, f.gain_stderr)

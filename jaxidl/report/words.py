@@ -74,7 +74,7 @@ def oneline(name: str) -> str:
     return " ".join(name.split())
 
 
-def unit_of(d: Diagnosis, f: Finding) -> str:
+def error_unit(d: Diagnosis, f: Finding) -> str:
     """Return the unit of a finding's errors.
 
     It is that of the torque of the joint where they were measured.
@@ -199,6 +199,7 @@ __all__ = [
     "compared",
     "confidence",
     "cut",
+    "error_unit",
     "frame",
     "gain",
     "judged",
@@ -214,6 +215,5 @@ __all__ = [
     "short",
     "silent",
     "squared",
-    "unit_of",
     "verdict",
 ]

@@ -14,9 +14,9 @@ import jax.numpy as jnp
 
 from jaxidl.control import Doomed, Feedback, FeedbackLaw, Pid, PidGains
 from jaxidl.errors import ConfigurationError
+from jaxidl.files import LARGEST_BY_HAND
 from jaxidl.types import History, Joints, State
 
-LARGEST_FILE = 2**20  # bytes
 EXAMPLE = "write law: pid, kp, kd, ki, learner: {kp, kd, ki} and smoothing"
 OPTIONAL = {"gradient_smoothing": 0.9, "limit": jnp.inf}
 NEEDED = {
@@ -34,7 +34,7 @@ def read_gains(path: Path, joints: int) -> FeedbackLaw:
     import yaml  # needed only if there is such a file
 
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if path.stat().st_size > LARGEST_BY_HAND:
             raise ConfigurationError(f"gains in {path}", "more than 1 MiB", "name the YAML file")
         said = yaml.safe_load(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeError, yaml.YAMLError, ValueError, RecursionError) as error:

@@ -29,7 +29,7 @@ from jaxidl.gap.rows import instants_of, kept_rows
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import windows_at
-from jaxidl.replay.trajectory import Problem, window_errors, window_slopes
+from jaxidl.replay.trajectory import WindowFit, window_errors, window_slopes
 from jaxidl.report import table
 from jaxidl.systems import Plant
 from jaxidl.systems.free import Free
@@ -90,7 +90,7 @@ def problem(pendulum, signals):
 
 def _problem(pendulum, signals, *factors):
     starts = _starts(signals, instants_of(signals, kept_rows(signals, 0.3)), LENGTH)
-    return Problem(
+    return WindowFit(
         Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH
     )
 
@@ -160,7 +160,7 @@ def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, pr
     fixed = ({}, *free[1:])
     # what has it is not fitted
     assert _tied(Free(Plant(body, (*effects(), uneven)), fixed), signals) == []
-    tied = Problem(
+    tied = WindowFit(
         Free(problem.plant, FREE), signals, problem.starts, LENGTH, [np.array([1.0, 1.0, 0.0])]
     )
     step = (

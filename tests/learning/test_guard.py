@@ -143,7 +143,7 @@ def test_learning_goes_on_under_a_guard_and_can_be_differentiated():
             error_model=SMALL_STUDY.error_model,
             training=SMALL_STUDY.training,
             guard=Guard(),
-            keep=True,
+            record=True,
             derivative=derivative,
         )
         return metrics.q_error, (metrics, runs)

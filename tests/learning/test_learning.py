@@ -83,7 +83,7 @@ def test_a_whole_learning_run_equals_its_steps_taken_one_by_one(small_study, kep
         "training": study.training,
         "kept": kept,
     }
-    metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, keep=True, **settings))(
+    metrics, learner, runs = jax.jit(lambda n, k: learn(setting, n, k, record=True, **settings))(
         noise, key
     )
     by_hand = start(study.training, study.error_model.init(jax.random.fold_in(key, 0)))
@@ -266,7 +266,7 @@ def test_learning_works_for_any_number_of_joints(joints):
         probe(plant, point_mass(1.0, joints), STIFF, 100),
         jnp.zeros((2, 100, joints)),
         jax.random.key(0),
-        keep=True,
+        record=True,
         **how,
     )
     assert runs.q.shape == (2, 100, joints)

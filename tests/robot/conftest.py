@@ -40,7 +40,7 @@ def learned_in_simulation():
         error_model=NETWORKS,
         training=TRAINING,
         train_on="sensed_state",
-        keep=True,
+        record=True,
         guard=Guard(),
     )
     return desired_trajectory(setting.task), learner, runs
