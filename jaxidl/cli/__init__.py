@@ -160,9 +160,16 @@ def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
 
     Where the terminal's encoding has no frames, a ruler stands below the title, too.
     """
+    known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
+    remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
+    # after these words each option that is missing has its own line, and its help deeper ones
+    if lacking := re.search(r"(?m)^(\W*)Missing from .*\n((?:\1 .*\n)*)", box):
+        margin, below = lacking.groups()
+        first = re.compile(rf"{re.escape(margin)} {{4}}(\S.*)")
+        named = [found[1] for line in below.splitlines() if (found := first.match(line))]
+        missing = ", ".join(name.strip("│| ") for name in named)
+        return ConfigurationError(missing, "none", remedy)
     lines = [line.strip("│| \t") for line in box.splitlines()[1:]]
     ruler = re.compile(r"[─+-]*").fullmatch
     message = itertools.takewhile(lambda line: not ruler(line), itertools.dropwhile(ruler, lines))
-    known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
-    remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
     return ConfigurationError("a command line that can be understood", " ".join(message), remedy)

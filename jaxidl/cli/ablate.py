@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 from tyro.conf import OmitArgPrefixes, UseAppendAction, arg
 
 from jaxidl.cli.arguments import Names
+from jaxidl.cli.options import Options
 from jaxidl.errors import ConfigurationError
-from jaxidl.jobs.options import Options
 from jaxidl.paper.grid import COUNTS, LEVELS, Axes, Grid, Value
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ def ablate(
     running: Annotated[Options, OmitArgPrefixes] = Options(),  # noqa: B008
     *,
     vary: Annotated[tuple[Names, ...], UseAppendAction, arg(metavar="NAME VALUE ...")],
-    out: Annotated[Path, arg(metavar="FILE.nc")],
+    out: Annotated[Path, arg(metavar="FILE.nc")] = Path("out/ablation.nc"),
 ) -> None:
     """Vary any number of the study: each --vary is one more axis of a sweep, and the figure shows
     what it does.

@@ -7,16 +7,17 @@ from typing import Annotated
 from tyro.conf import arg
 
 from jaxidl.arm import EXPERIMENTS
+from jaxidl.cli.arguments import optional
 
 
 def arm(
     *,
-    out: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/arm"),
     quick: bool = False,
     overwrite: bool = False,
-    seeds: Annotated[tuple[int, ...] | None, arg(metavar="N ...")] = None,
-    noise: Annotated[tuple[float, ...] | None, arg(metavar="SIGMA ...")] = None,
-    executions: int | None = None,
+    seeds: Annotated[tuple[int, ...] | None, optional("N ...", "1 to 5")] = None,
+    noise: Annotated[tuple[float, ...] | None, optional("SIGMA ...", "1e-6 1e-5 1e-4")] = None,
+    executions: Annotated[int | None, optional("N", "10")] = None,
     experiments: Annotated[
         tuple[str, ...], arg(metavar="study|pick|limits|latency|gap ...")
     ] = EXPERIMENTS,
@@ -30,10 +31,10 @@ def arm(
             a robot, and the figures.
         quick: two seeds, one noise level, four executions, less training: minutes.
         overwrite: begin anew; what lies at --out is kept as DIR.old.
-        seeds: run seeds of the study (default: 1 to 5).
+        seeds: run seeds of the study.
         noise: encoder noise scales of the study [rad].
-        executions: of each learning run of the study (default: 10).
-        experiments: which of them; the same folder takes the others later.
+        executions: number of executions of each learning run of the study.
+        experiments: those to run; the same folder takes the others later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text

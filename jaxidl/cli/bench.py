@@ -40,13 +40,13 @@ def bench(
     ] = (),
     /,
     *,
-    out: Path = Path("out/bench"),
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/bench"),
 ) -> None:
     """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap
     finding, reliability.
 
     Args:
-        names: which benchmarks (default: all): training_step, control_step, configuration, cores,
+        names: which benchmarks: training_step, control_step, configuration, cores,
             growth, compilation, gradients, gap, excite, arm, real_time, c_step, reliability.
         out: folder for one JSON file of each.
     """

@@ -19,9 +19,9 @@ def excite(
         Path | None, arg(name="for", metavar="DIR", help_behavior_hint="(optional)")
     ] = None,
     plugin: Annotated[Names, optional("FILE.py ...")] = (),
-    joints: Annotated[Names, optional("NAME ...")] = (),
+    joints: Annotated[Names, optional("NAME ...", "all, with --for those of the diagnosis")] = (),
     limits: Annotated[Path | None, optional("FILE.yaml")] = None,
-    start: Annotated[tuple[float, ...], optional("Q ...")] = (),
+    start: Annotated[tuple[float, ...], optional("Q ...", "the middle of the range")] = (),
     seconds: float = 20.0,
     criterion: Annotated[str, arg(metavar="d|a")] = "d",
     kind: Annotated[str, arg(metavar="fourier|spline")] = "fourier",
@@ -41,9 +41,9 @@ def excite(
         for_: folder of a diagnosis (--out of jaxidl gap): tell its explanations apart, with the
             noise of its log, and no further than its log went where no limits are given.
         plugin: Python files or modules with effects of your own that the diagnosis names.
-        joints: that move; the others are locked (default: all, with --for those of the diagnosis).
+        joints: those that move; the others are locked.
         limits: YAML file with position, speed, acceleration, torque, margins, clearance and start.
-        start: posture at both ends [m or rad] (default: the middle of the range).
+        start: posture at both ends [m or rad].
         seconds: length of the motion.
         criterion: D-optimal (product of the standard errors) or A-optimal (sum of their relative
             squares); with --for it is T-optimal.
@@ -51,8 +51,8 @@ def excite(
         top: highest frequency of the motion [Hz].
         rate: samples of the file per second.
         starts: number of random motions that are improved side by side.
-        steps: of gradient descent.
-        seed: of the random motions.
+        steps: number of steps of gradient descent.
+        seed: root of the random motions.
     """
     from jaxidl.backend import choose_devices
     from jaxidl.excite.run import Request

@@ -5,6 +5,7 @@ from typing import Annotated
 
 from tyro.conf import Positional, arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.errors import ConfigurationError
 
 
@@ -13,26 +14,29 @@ def export(
     /,
     *,
     c: Annotated[bool, arg(help_behavior_hint="")] = False,
-    out: Annotated[Path, arg(metavar="DIR", help_behavior_hint="")] = Path("."),
-    name: Annotated[str | None, arg(metavar="NAME", help_behavior_hint="")] = None,
-    gains: Annotated[Path | None, arg(metavar="FILE.yaml", help_behavior_hint="")] = None,
+    out: Annotated[Path, optional("DIR", "the present one")] = Path("."),
+    name: Annotated[str | None, optional("NAME", "the folder's name")] = None,
+    gains: Annotated[
+        Path | None, optional("FILE.yaml", "no feedback; the robot has its own")
+    ] = None,
     bands: Annotated[
         tuple[float, float] | None,
-        arg(metavar="VELOCITY ACCELERATION", help_behavior_hint=""),
+        optional(
+            "VELOCITY ACCELERATION",
+            "80 and 30, or no filters where the feedforward was learned without",
+        ),
     ] = None,
 ) -> None:
     """Write a learned feedforward for a robot's control computer.
 
     Args:
         folder: the feedforward, as `jaxidl learn` wrote it.
-        c: as one C99 file and its header, which need only libm: rigid body with the effects of the
+        c: write one C99 file and its header, which need only libm: rigid body with the effects of the
             corrected model, networks, limits, guard and feedback law.
-        out: folder for NAME.c and NAME.h (default: the present one).
-        name: of the files, and prefix of all that they declare (default: the folder's name).
-        gains: file of the feedback law, pid or doomed (default: no feedback; the robot has its
-            own).
-        bands: cut-offs [Hz] of the filters of velocity and acceleration (default: 80 and 30, or no
-            filters where the feedforward was learned without).
+        out: folder for NAME.c and NAME.h.
+        name: name of the files, and prefix of all that they declare.
+        gains: file of the feedback law, pid or doomed.
+        bands: cut-offs [Hz] of the filters of velocity and acceleration.
     """
     if not c:
         raise ConfigurationError("a form to export to", "none", "add --c")

@@ -28,16 +28,16 @@ def gap(
     held_out: float = 0.3,
     min_gain: float = 0.05,
     reference: Annotated[tuple[Path, ...], optional("OLD ...")] = (),
-    effects: Annotated[Names, optional("NAME ...")] = (),
+    effects: Annotated[Names, optional("NAME ...", "all of the catalogue")] = (),
     exclude: Annotated[Names, optional("NAME ...")] = (),
     plugin: Annotated[Names, optional("FILE.py ...")] = (),
     refine: bool = False,
-    joints: Annotated[Names, optional("NAME ...")] = (),
+    joints: Annotated[Names, optional("NAME ...", "those that the log names, or all")] = (),
     columns: Annotated[Names, optional("KEY=TITLE ...")] = (),
     motor: Annotated[Path | None, optional("FILE.yaml")] = None,
     torque_constant: Annotated[tuple[float, ...], optional("NM/A ...")] = (),
     gear_ratio: Annotated[tuple[float, ...], optional("RATIO ...")] = (),
-    topic: Annotated[str | None, arg(metavar="NAME")] = None,
+    topic: Annotated[str | None, optional("NAME")] = None,
 ) -> None:
     """Find what a simulation is missing: say where a log and a model disagree, name the effect,
     show the gap shrink.
@@ -54,21 +54,20 @@ def gap(
         min_gain: share of the remaining held-out error that an effect must remove to be named.
         reference: an earlier log of the same robot: what both logs have in common is no finding,
             only what changed since.
-        effects: look for these effects only (default: all of the catalogue).
+        effects: look for these effects only.
         exclude: do not look for these effects.
         plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
         refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is
             so followed more closely.
-        joints: look at these joints of the model only (default: those that the log names, or all);
-            the others are locked.
+        joints: look at these joints of the model only; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is
             time, run, q, qd, qdd, tau or i.
         motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio,
             coupling, offset, motor_positions.
-        torque_constant: of motors whose currents (columns i0...) the log has instead of torques;
-            one for all or one a joint.
-        gear_ratio: of motors whose currents or torques the log has; one for all or one a joint.
-        topic: of a ROS bag that has several with joint states.
+        torque_constant: torque per current of motors whose currents (columns i0...) the log has
+            instead of torques; one for all or one a joint.
+        gear_ratio: ratio of the gears where the log has currents or torques of motors; one for all or one a joint.
+        topic: topic to read, if a ROS bag has several with joint states.
     """
     from jaxidl.gap.experiments import designed
     from jaxidl.gap.inputs import read_inputs
@@ -128,9 +127,9 @@ def gap_benchmark(
         "clear",
     ),
     every: int = 1,
-    every_robot: int | None = None,
+    every_robot: Annotated[int | None, optional("N", "as --every")] = None,
     root: int = 2026,
-    processes: int | None = None,
+    processes: Annotated[int | None, optional("N", "one a core")] = None,
     overwrite: bool = False,
 ) -> None:
     """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue
@@ -140,12 +139,12 @@ def gap_benchmark(
         out: folder for the cases, their reports, benchmark.json, the confusion matrix and how often
             names are right.
         families: which cases.
-        severities: of single effects.
+        severities: how strong single effects are.
         every: take only each n-th case of each kind.
-        every_robot: of whole robots, which take much longer (default: as --every).
-        root: from which all cases follow; 2026 is the one that the workflow is developed with, any
+        every_robot: the same for whole robots, which take much longer.
+        root: number from which all cases follow; 2026 is the one that the workflow is developed with, any
             other is new to it.
-        processes: how many cases at a time (default: one a core).
+        processes: how many cases at a time.
         overwrite: begin anew; what lies at --out is kept as DIR.old.
     """
     if importlib.util.find_spec("jaxidl.gap.benchmark") is None:

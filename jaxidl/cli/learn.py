@@ -21,20 +21,27 @@ def learn(
     /,
     *,
     out: Annotated[Path, arg(metavar="DIR")],
-    model: Annotated[Path | None, optional("ROBOT.xml")] = None,
-    continued: Annotated[Path | None, arg(name="continue", metavar="DIR")] = None,
-    source: Annotated[str | None, optional("indirect|direct|joint|weighted")] = None,
+    model: Annotated[Path | None, optional("ROBOT.xml", "that of --continue")] = None,
+    continued: Annotated[
+        Path | None, arg(name="continue", metavar="DIR", help_behavior_hint="(optional)")
+    ] = None,
+    source: Annotated[
+        str | None,
+        optional(
+            "indirect|direct|joint|weighted", "weighted if the smoothing is known, else joint"
+        ),
+    ] = None,
     guard: bool = False,
-    smoothing: Annotated[float | None, optional("ALPHA")] = None,
+    smoothing: Annotated[float | None, optional("ALPHA", "that of --gains")] = None,
     gains: Annotated[Path | None, optional("FILE.yaml")] = None,
     torque_limit: Annotated[Numbers, optional("LIMIT ...")] = (),
     feedforward_limit: Annotated[Numbers, optional("LIMIT ...")] = (),
-    kept: Annotated[int | None, optional("N")] = None,
-    motion: Annotated[str | None, optional("offline|finite_difference|filtered")] = None,
-    epochs: Annotated[int | None, optional("N")] = None,
-    layers: Annotated[tuple[int, ...], optional("N ...")] = (),
-    seed: Annotated[int | None, optional("N")] = None,
-    joints: Annotated[Names, optional("NAME ...")] = (),
+    kept: Annotated[int | None, optional("N", "0")] = None,
+    motion: Annotated[str | None, optional("offline|finite_difference|filtered", "offline")] = None,
+    epochs: Annotated[int | None, optional("N", "30")] = None,
+    layers: Annotated[tuple[int, ...], optional("N ...", "200 100 50 1")] = (),
+    seed: Annotated[int | None, optional("N", "0")] = None,
+    joints: Annotated[Names, optional("NAME ...", "those of --continue, or all")] = (),
     columns: Annotated[tuple[str, ...], optional("KEY=TITLE ...")] = (),
     tolerance: float = 0.05,
 ) -> None:
@@ -46,24 +53,23 @@ def learn(
             tau_feedback_applied0..., tau_feedforward0...; optional: qd*, qdd*, q_desired*,
             qd_desired*.
         out: folder for feedforward.json, weights.npz, feedforward.jaxexport, the model and
-            report.md; one that jaxidl learn wrote is replaced.
-        model: MJCF or URDF that the robot is commanded by (default: that of --continue).
+            report.md; one that jaxidl learn wrote is replaced, so that it has no default.
+        model: MJCF or URDF that the robot is commanded by.
         continued: folder of the last iteration, whose weights, optimiser and settings continue.
-        source: of the training data (default: weighted if the smoothing is known, else joint).
+        source: data that are learned from.
         guard: keep the learned torque to the range of its data, and let it fade out where the robot
             strays; needs q_desired*. Stays on.
         smoothing: weight of a new sample in the filter of the learning feedback, for weighted data:
-            1 if it has none, dt / (T + dt) with a time constant T (default: that of --gains).
+            1 if it has none, dt / (T + dt) with a time constant T.
         gains: feedback law and gains, for logs without feedback torques.
         torque_limit: bound of each part of the command; one for all or one a joint.
         feedforward_limit: bound of the learned torque; one for all or one a joint.
-        kept: earlier executions that are learned from, too (default: 0).
-        motion: how velocities and accelerations are found that were not logged (default: offline).
-        epochs: of a training (default: 30).
-        layers: of a new network, the last one 1 (default: 200 100 50 1).
-        seed: of weights and batches (default: 0).
-        joints: that are learned, an arm without its gripper (default: those of --continue, or all);
-            the others are locked.
+        kept: earlier executions that are learned from, too.
+        motion: how velocities and accelerations are found that were not logged.
+        epochs: number of epochs of a training.
+        layers: sizes of a new network's layers, the last one 1.
+        seed: root of weights and batches.
+        joints: those that are learned, an arm without its gripper; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints.
         tolerance: how far a command may be off the sum of its parts, as a share of the joint's
             largest command.

@@ -9,7 +9,9 @@ from jaxidl.paper.request import Request
 
 
 def simulate(
-    request: Annotated[Request, OmitArgPrefixes], *, out: Annotated[Path, arg(metavar="TRACE.npz")]
+    request: Annotated[Request, OmitArgPrefixes],
+    *,
+    out: Annotated[Path, arg(metavar="TRACE.npz")] = Path("out/trace.npz"),
 ) -> None:
     """Simulate one execution of the paper's point mass, or with --source a whole learning run.
 

@@ -9,11 +9,15 @@ from typing import Annotated, Any
 import tyro
 from tyro.conf import arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.paper.grid import Grid
 
 
 def figures(
-    results: Annotated[Path, tyro.conf.Positional], /, *, out: Annotated[Path, arg(metavar="DIR")]
+    results: Annotated[Path, tyro.conf.Positional, arg(metavar="RESULTS.nc")],
+    /,
+    *,
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/figures"),
 ) -> None:
     """Draw the study's figures, or an ablation's, from stored results.
 
@@ -33,7 +37,11 @@ def figures(
 
 
 def claims(
-    results: Annotated[Path, tyro.conf.Positional], /, *, json: bool = False, markdown: bool = False
+    results: Annotated[Path, tyro.conf.Positional, arg(metavar="RESULTS.nc")],
+    /,
+    *,
+    json: bool = False,
+    markdown: bool = False,
 ) -> None:
     """Check the paper's statements against stored results.
 
@@ -52,8 +60,8 @@ def claims(
 def reproduce(
     *,
     quick: bool = False,
-    out: Path = Path("out"),
-    devices: int | None = None,
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out"),
+    devices: Annotated[int | None, optional("N", "all")] = None,
     overwrite: bool = False,
 ) -> None:
     """Reproduce the paper's simulation study: sweep, then figures and claims.
@@ -61,7 +69,7 @@ def reproduce(
     Args:
         quick: one seed of the lowest and highest noise: minutes instead of hours.
         out: folder; results, figures and claims go into its subfolder "study", or "quick".
-        devices: how many CPU cores or accelerators to use (default: all).
+        devices: how many CPU cores or accelerators to use.
         overwrite: begin anew; what lies at --out is kept as FILE.nc.old.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text

@@ -6,8 +6,9 @@ from typing import Annotated
 
 from tyro.conf import OmitArgPrefixes, arg
 
+from jaxidl.cli.arguments import optional
+from jaxidl.cli.options import Options
 from jaxidl.errors import ConfigurationError
-from jaxidl.jobs.options import Options
 from jaxidl.paper.grid import NOISE_LEVELS, Axes, Grid
 
 
@@ -15,8 +16,8 @@ def sweep(
     axes: Annotated[Axes, OmitArgPrefixes],
     running: Annotated[Options, OmitArgPrefixes],
     *,
-    out: Annotated[Path, arg(metavar="RESULTS.nc")],
-    noise_levels: Annotated[str, arg(metavar="program|printed")] = "program",
+    out: Annotated[Path, arg(metavar="RESULTS.nc")] = Path("out/sweep.nc"),
+    noise_levels: Annotated[str | None, optional("program|printed", "program")] = None,
     train_on: Annotated[str, arg(metavar="true_state|sensed_state")] = "true_state",
     guard: bool = False,
     schedule: bool = False,
@@ -27,8 +28,8 @@ def sweep(
         axes: the grid.
         running: how it is run.
         out: where the results go; unfinished ones wait in RESULTS.nc.parts beside it.
-        noise_levels: the four noise scales of the reference program, or those printed in the paper;
-            --noise overrides.
+        noise_levels: the four noise scales of the reference program, or those printed in the paper,
+            instead of --noise.
         train_on: the state that the networks are trained on.
         guard: limit learned torques to the range of their data, and fade them out where the robot
             strays from the desired trajectory.
@@ -39,11 +40,13 @@ def sweep(
     from jaxidl.paper.runs import run_sweep
     from jaxidl.paper.study import PaperStudy
 
-    if noise_levels not in NOISE_LEVELS:
-        raise ConfigurationError(
-            "--noise-levels program or printed", repr(noise_levels), "choose one of them"
-        )
-    if axes.noise == Axes().noise:
+    if noise_levels is not None:
+        if noise_levels not in NOISE_LEVELS:
+            raise ConfigurationError(
+                "--noise-levels program or printed", repr(noise_levels), "choose one of them"
+            )
+        if axes.noise is not Axes.noise:  # what was given may equal the default
+            raise ConfigurationError("--noise or --noise-levels", "both", "leave out one of them")
         axes = replace(axes, noise=NOISE_LEVELS[noise_levels])
     grid = Grid(**vars(axes))
     study = PaperStudy(

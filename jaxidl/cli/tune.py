@@ -6,21 +6,24 @@ from typing import Annotated
 
 from tyro.conf import arg
 
+from jaxidl.cli.arguments import optional
 from jaxidl.errors import ConfigurationError
 
 
 def tune(
     *,
-    out: Annotated[Path, arg(metavar="DIR")],
+    out: Annotated[Path, arg(metavar="DIR")] = Path("out/tune"),
     plant: Annotated[str, arg(metavar="point_mass|arm")] = "point_mass",
-    controller: Annotated[str | None, arg(metavar="pid|doomed")] = None,
-    bound: float | None = None,
+    controller: Annotated[
+        str | None, optional("pid|doomed", "pid on the point mass, doomed on the arm")
+    ] = None,
+    bound: Annotated[float | None, optional("FEEDBACK", "that of the present gains")] = None,
     steps: int = 30,
     runs: int = 4,
     test_runs: int = 20,
     root: int = 1,
-    executions: int | None = None,
-    epochs: int | None = None,
+    executions: Annotated[int | None, optional("N", "4 on the point mass, 3 on the arm")] = None,
+    epochs: Annotated[int | None, optional("N", "10 on the point mass, 8 on the arm")] = None,
     overwrite: bool = False,
 ) -> None:
     """Tune controller and learner gains by gradient through learning; compare with random search.
@@ -31,14 +34,14 @@ def tune(
         out: folder for tune.json, tune.md and the figure; finished points are kept there, and the
             same command continues.
         plant: the paper's point mass with its low gains, or the seven-joint arm (under DOOMED).
-        controller: feedback law: pid (the default) or doomed on the point mass; the arm has doomed.
-        bound: of the mean applied feedback [N or Nm] (default: that of the present gains).
-        steps: of gradient descent; random search may cost as much.
+        controller: feedback law: pid or doomed on the point mass; the arm has doomed.
+        bound: largest mean applied feedback [N or Nm].
+        steps: number of steps of gradient descent; random search may cost as much.
         runs: learning runs that judge a point.
         test_runs: fresh learning runs that compare the gains found.
-        root: from which the seeds of all of them follow.
-        executions: of each learning run (default: 4 on the point mass, 3 on the arm).
-        epochs: of each training (default: 10 on the point mass, 8 on the arm).
+        root: number from which the seeds of all of them follow.
+        executions: number of executions of each learning run.
+        epochs: number of epochs of each training.
         overwrite: begin anew; what lies at --out is kept as DIR.old.
     """
     from jaxidl.backend import choose_devices

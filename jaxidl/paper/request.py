@@ -4,6 +4,9 @@ here.
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+from tyro.conf import arg
 
 
 @dataclass(frozen=True)
@@ -22,12 +25,17 @@ class Request:
     """Sensing noise scale [m]."""
     seed: int = 1
     """Run seed; its noise is the reference program's own stream."""
-    standard_normal: Path | None = None
+    standard_normal: Annotated[
+        Path | None, arg(metavar="FILE.npy", help_behavior_hint="(optional)")
+    ] = None
     """File of (1000, 2) or (executions, 1000, 2) draws to use instead of the seed's."""
-    source: str | None = None
+    source: Annotated[
+        str | None,
+        arg(metavar="indirect|direct|joint|weighted", help_behavior_hint="(optional)"),
+    ] = None
     """Data source to learn from: indirect, direct, joint or weighted."""
-    executions: int | None = None
-    """Executions of the learning run (default: 20)."""
+    executions: Annotated[int | None, arg(metavar="N", help_behavior_hint="(default: 20)")] = None
+    """Executions of the learning run."""
     epochs: int = 20
     """Training epochs of each iteration."""
     guard: bool = False

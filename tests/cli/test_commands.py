@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -10,7 +11,7 @@ import time
 import numpy as np
 import pytest
 
-from jaxidl.cli import _parse, main
+from jaxidl.cli import COMMANDS, _parse, main
 from tests.helpers.commands import refusal
 from tests.helpers.process import script
 from tests.helpers.studies import ARRAYS, run_of
@@ -18,7 +19,8 @@ from tests.helpers.studies import ARRAYS, run_of
 WRONG = [
     [],
     ["bogus"],
-    ["sweep"],
+    ["learn"],
+    ["sweep", "--noise", "1e-4", "5e-4", "7e-4", "8e-4", "--noise-levels", "printed"],
     ["sweep", "--out"],
     ["sweep", "--out", "{d}/r.nc", "--noise", "-1"],
     ["sweep", "--out", "{d}/r.nc", "--noise", "abc"],
@@ -101,6 +103,38 @@ def test_wrong_input_gives_one_clear_line_status_2_and_no_file(tmp_path, capsys,
     before = {p: p.read_bytes() for p in tmp_path.iterdir()}
     assert len(refusal(capsys, *(word.format(d=tmp_path) for word in words))) < 500
     assert {p: p.read_bytes() for p in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("words", "lacks"),
+    [
+        ("gap log.csv", "--model ROBOT.xml"),
+        ("simulate --gain low", "--controller STR"),
+        ("simulate", "--controller STR, --gain STR"),
+        ("export --c", "DIR"),
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
+def test_what_a_command_line_lacks_is_named_without_its_help(words, lacks, encoding):
+    command = words.split()[0]
+    env = {"PYTHONIOENCODING": encoding}
+    done = subprocess.run(
+        [sys.executable, "-m", "jaxidl", *words.split()],
+        capture_output=True,
+        text=True,
+        env=os.environ | env,
+    )
+    said = f"jaxidl: expected {lacks}; got none; see `jaxidl {command} --help`\n"
+    assert (done.returncode, done.stderr) == (2, said)
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_help_text_says_a_default_once_and_in_plain_words(capsys, command):
+    assert main([command, "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "{None}" not in said
+    assert "(default: None)" not in said
+    assert not re.search(r"\(default: [^()]*\)\.? \((default|optional)", said)
 
 
 @pytest.mark.parametrize(

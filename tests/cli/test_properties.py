@@ -4,6 +4,7 @@ import contextlib
 import io
 import os
 import pickle
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
@@ -308,7 +309,7 @@ def test_random_words_get_no_traceback_and_leave_no_file(asked, start, words, en
     if say([*start, *words], encoding).status == 2:
         assert not os.listdir()
     for made in Path().iterdir():
-        made.unlink()
+        shutil.rmtree(made) if made.is_dir() else made.unlink()
 
 
 @examples(100)
