@@ -163,7 +163,7 @@ def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
     known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
     # after these words each option that is missing has its own line, and its help deeper ones
-    if lacking := re.search(r"(?m)^(\W*)Missing from .*\n((?:\1 .*\n)*)", box):
+    if lacking := re.search(r"(?m)^([^\w\n]*)Missing from .*\n((?:\1 .*\n)*)", box):
         margin, below = lacking.groups()
         first = re.compile(rf"{re.escape(margin)} {{4}}(\S.*)")
         named = [found[1] for line in below.splitlines() if (found := first.match(line))]

@@ -66,7 +66,8 @@ def gap(
             coupling, offset, motor_positions.
         torque_constant: torque per current of motors whose currents (columns i0...) the log has
             instead of torques; one for all or one a joint.
-        gear_ratio: ratio of the gears where the log has currents or torques of motors; one for all or one a joint.
+        gear_ratio: ratio of the gears where the log has currents or torques of motors; one for all
+            or one a joint.
         topic: topic to read, if a ROS bag has several with joint states.
     """
     from jaxidl.gap.experiments import designed
@@ -142,8 +143,8 @@ def gap_benchmark(
         severities: how strong single effects are.
         every: take only each n-th case of each kind.
         every_robot: the same for whole robots, which take much longer.
-        root: number from which all cases follow; 2026 is the one that the workflow is developed with, any
-            other is new to it.
+        root: number from which all cases follow; 2026 is the one that the workflow is developed
+            with, any other is new to it.
         processes: how many cases at a time.
         overwrite: begin anew; what lies at --out is kept as DIR.old.
     """

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from jaxidl.effects import JointElasticity, OnJoint
+from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.diagnose import diagnose
 from jaxidl.gap.findings import _unconfirmed
 from jaxidl.gap.noise import read_again
 from jaxidl.gap.rows import rows_of

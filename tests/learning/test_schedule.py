@@ -73,7 +73,7 @@ def test_a_run_applies_what_the_executions_before_allow(controller):
         "source": "weighted",
         "error_model": study.error_model,
         "training": study.training,
-        "keep": True,
+        "record": True,
     }
     run = jax.jit(
         lambda schedule: learn(setting, draws, jax.random.key(1), schedule=schedule, **how),
