@@ -4,6 +4,8 @@ Position, speed and acceleration are within their limits by construction
 (:meth:`jaxidl.excite.plan.Plan.motion`). Torques and distances between shapes are penalised on the
 way, distances by their linearisation where shapes are close (as in TrajOpt, Schulman et al. 2014);
 at the end each motion is made smaller about its start until it keeps them all, at every sample.
+The random starts are made smaller likewise, and the best of all of them is returned: where limits
+of torque or clearance leave little room, the descent may end below its start.
 """
 
 import contextlib
@@ -50,10 +52,11 @@ class Designed(NamedTuple):
     qdd: np.ndarray
     tau: np.ndarray  # what the model needs for it [N or Nm]
     value: float  # of the criterion
-    random: float  # of the criterion, the median of the random starts
+    random: float  # of the criterion, the median of the random starts within the same limits
     smaller: float  # factor by which it was made smaller at the end
     course: tuple[float, ...]  # best value after each chunk
-    first: tuple[np.ndarray, np.ndarray, np.ndarray]  # the median random motion, at the rows
+    chance: tuple[np.ndarray, np.ndarray, np.ndarray]  # that random motion's q, qd, qdd
+    descended: bool  # whether the descent found more than the best random start
 
 
 class _Places(NamedTuple):
@@ -103,25 +106,43 @@ def design(
             places = _stacked([_places(plan, np.asarray(z) * unit, shapes) for z in u])
             weight = PENALTY[0] * (PENALTY[1] / PENALTY[0]) ** (done / max(effort.steps, 1))
             u, state, values = advance(u, state, places, jnp.asarray(weight))
-            if bool(jnp.all(jnp.isfinite(values))):
-                best = np.asarray(u).copy()
-                course.append(float(jnp.min(values)))
+            good = np.isfinite(values)
+            best = np.where(good[:, None, None], u, best)
+            course.append(float(np.min(values, where=good, initial=np.inf)))
     except KeyboardInterrupt:
         pass  # the best so far is what was asked for
     watch_safely(watch, 0.95)
     judge = jit_quickly(plan.judged)
-    random = [(float(judge(z)[0]), n) for n, z in enumerate(size)]
-    middle = sorted(random)[len(random) // 2]
-    first = tuple(np.asarray(x) for x in plan.motion(size[middle[1]])[:3])
-    ends = [finished(plan, z * unit, shapes, sampling, judge) for z in best]
-    end = min(ends, key=lambda e: e.value)
-    return end._replace(random=middle[0], course=tuple(course), first=first)
+    chances = _all_finished(plan, size, shapes, sampling, judge)
+    ends = _all_finished(plan, best * unit, shapes, sampling, judge)
+    if not chances + ends:
+        raise ConfigurationError(
+            "room for a motion around the start",
+            "none within the limits of torque and clearance",
+            "give another --start, or wider limits",
+        )
+    end = min(ends + chances, key=lambda e: e.value)
+    middle = chances[len(chances) // 2] if chances else end
+    return end._replace(
+        random=middle.value,
+        course=tuple(course),
+        chance=(middle.q, middle.qd, middle.qdd),
+        descended=any(end is e for e in ends),
+    )
+
+
+def _all_finished(plan: Plan, each: Any, *how: Any) -> list[Designed]:
+    """Return the motions that have room within the limits, the best one first."""
+    found = (finished(plan, z, *how) for z in each)
+    return sorted((f for f in found if f is not None), key=lambda f: f.value)
 
 
 def random_motion(plan: Plan, shapes: Shapes | None, seed: int, sampling: float) -> Designed:
     """Return a random motion of the plan's kind that keeps the same limits, to compare with."""
     z = random_start(plan, np.random.default_rng([seed, 1]))
-    return finished(plan, z, shapes, sampling, jit_quickly(plan.judged))
+    found = finished(plan, z, shapes, sampling, jit_quickly(plan.judged))
+    assert found is not None, "a random motion without room"
+    return found
 
 
 def watch_safely(watch: Callable[[float], None], share: float) -> None:
@@ -193,32 +214,23 @@ def _stacked(each: list[_Places]) -> _Places:
 
 def finished(
     plan: Plan, z: np.ndarray, shapes: Shapes | None, sampling: float, judge: Any
-) -> Designed:
-    """Return the motion of coefficients ``z`` (J, K) at ``sampling`` [Hz], within all limits."""
+) -> Designed | None:
+    """Return the motion of coefficients ``z`` (J, K) at ``sampling`` [Hz], within all limits.
+
+    None where it has no room.
+    """
     times = instants(plan.seconds, sampling)
     at = basis(plan.kind, plan.seconds, plan.top, times)
     z = z * np.asarray(plan.motion(z, at)[3])[:, None]
     smaller = 1.0
     while True:
         q, qd, qdd, _ = (np.asarray(x) for x in plan.motion(smaller * z, at))
-        tau = needed(plan, q, qd, qdd)
+        tau = plan.needed(q, qd, qdd)
         kept = np.all(np.abs(tau) <= plan.limits.torque)
         if kept and (shapes is None or not len(shapes.near(q).row)):
             break
         smaller *= SMALLER
         if smaller < LEAST:
-            raise ConfigurationError(
-                "room for a motion around the start",
-                "none within the limits of torque and clearance",
-                "give another --start, or wider limits",
-            )
+            return None
     value = float(judge(smaller * z)[0])
-    return Designed(times, q, qd, qdd, tau, value, value, smaller, (), (q, qd, qdd))
-
-
-def needed(plan: Plan, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Return the torque (T, J) [N or Nm] that the model and its own effects need for a motion."""
-    dt = plan.seconds / (len(q) - 1)
-    return np.asarray(
-        jit_quickly(plan.know.drive, static_argnames="dt")(q, qd, qdd, dt=dt).predicted
-    )
+    return Designed(times, q, qd, qdd, tau, value, value, smaller, (), (q, qd, qdd), False)

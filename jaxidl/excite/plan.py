@@ -1,5 +1,6 @@
 """What is to be designed: a motion's length and limits, the columns it is judged by, the noise."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -7,6 +8,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from jaxidl.backend import jit_quickly
 from jaxidl.excite.criteria import (
     Contest,
     Evidence,
@@ -105,6 +107,15 @@ class Plan:
             return t_optimal(whole, self.contest)
         by = {"d": d_optimal, "a": a_optimal, "condition": condition}[self.criterion]
         return by(self.gram(whole), jnp.asarray(self.size))
+
+    @cached_property
+    def _drive(self) -> Callable[..., Any]:
+        return jit_quickly(self.know.drive, static_argnames="dt")
+
+    def needed(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
+        """Return the torque (T, J) [N or Nm] that the model and its effects need for a motion."""
+        dt = self.seconds / (len(q) - 1)
+        return np.asarray(self._drive(q, qd, qdd, dt=dt).predicted)
 
     def judged(self, z: Any) -> tuple[Any, Any, Any]:
         """Return the criterion of coefficients ``z`` (J, K), torques and positions (T, J)."""

@@ -90,6 +90,11 @@ class Result(NamedTuple):
                 f"the motion was made smaller by {1.0 - self.found.smaller:.0%} to keep the limits"
                 " of torque or clearance"
             )
+        if not self.found.descended:
+            out.append(
+                "no better motion was found than the best of the random ones, which it is; more"
+                " --starts, another --start or wider limits may help"
+            )
         for pair in self.apart:
             if pair["after"] < pair["asked"]:
                 out.append(

@@ -29,7 +29,7 @@ def evidence(made: Prepared, found: Designed) -> tuple[Evidence, Evidence]:
     new = run(*(x[::stride] for x in (found.q, found.qd, found.qdd)), dt)
     if plan.earlier is not None:
         return plan.earlier, new.plus(plan.earlier)
-    return run(*found.first, plan.dt), new
+    return run(*(x[::stride] for x in found.chance), dt), new
 
 
 def errors(made: Prepared, before: Evidence, after: Evidence) -> list[dict[str, Any]]:

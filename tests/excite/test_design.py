@@ -1,15 +1,17 @@
 """Designed motions: better than random ones, within their limits, written and read again."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from jaxidl.backend import jit_quickly
 from jaxidl.errors import ConfigurationError
-from jaxidl.excite.design import Effort, design, random_motion
-from jaxidl.excite.plan import Plan
+from jaxidl.excite.design import Effort, design, finished, random_motion
+from jaxidl.excite.plan import Plan, random_start
 from jaxidl.excite.run import Request, excite
 from jaxidl.excite.table import evidence
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
@@ -49,11 +51,32 @@ def test_the_same_seed_gives_the_same_motion(made, found):
     assert_allclose(again.q, found.q, rtol=0, atol=0)
 
 
-@pytest.mark.slow
-def test_a_tight_torque_limit_is_kept(made):
-    limits = replace(made.plan.limits, torque=np.array([1.5]))
-    tight = design(replace(made.plan, limits=limits), None, Effort(2, 20))
-    assert 0.5 < np.abs(tight.tau).max() <= 1.5
+@pytest.mark.parametrize("most", [1.5, 0.2])
+def test_a_tight_torque_limit_is_kept_and_no_random_motion_tells_more(made, most):
+    limits = replace(made.plan.limits, torque=np.array([most]))
+    plan = replace(made.plan, limits=limits)
+    tight = design(plan, None, EFFORT)
+    assert most / 3.0 < np.abs(tight.tau).max() <= most
+    rng = np.random.default_rng(EFFORT.seed)
+    starts = [random_start(plan, rng) for _ in range(EFFORT.starts)]
+    judge = jit_quickly(plan.judged)
+    kept = [finished(plan, z, None, 100.0, judge) for z in starts]
+    assert tight.value <= min(f.value for f in kept if f is not None)
+    assert tight.value <= tight.random
+
+
+def test_a_motion_is_returned_where_the_descent_finds_none(made):
+    """A descent that breaks, here by a criterion without a derivative, leaves the random starts."""
+
+    class Broken(Plan):
+        def judged(self, z):
+            value, torque, q = super().judged(z)
+            return value + 0.0 * jnp.sqrt(jnp.sum(z * 0.0)), torque, q
+
+    plan = Broken(**{f.name: getattr(made.plan, f.name) for f in fields(Plan)})
+    found = design(plan, None, replace(EFFORT, steps=10))
+    assert not found.descended
+    assert found.value <= found.random
 
 
 def test_an_interrupted_design_keeps_the_best_so_far(made):
