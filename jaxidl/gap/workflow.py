@@ -11,6 +11,7 @@ from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
+from jaxidl.gap.conventions import conventions
 from jaxidl.gap.diagnosis import (
     Diagnosis,
     Envelope,
@@ -30,7 +31,7 @@ from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
-from jaxidl.gap.words import summarise
+from jaxidl.gap.words import DOUBTFUL, summarise
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import rollout_errors
@@ -111,10 +112,12 @@ def diagnose(
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    notes = (*measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
+    odd = tuple(conventions(rows, known.names))
+    notes = (*odd, *measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(
+        summary=DOUBTFUL * bool(odd)
+        + summarise(
             verdict, named, doubts, compared, unexplained, remaining, known, reference is not None
         ),
         findings=named,
@@ -142,6 +145,7 @@ def diagnose(
             "version": __version__,
         },
         common=common,
+        conventions=odd,
         signals=rows.signals,
     )
 

@@ -7,7 +7,17 @@ import numpy as np
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Key
 from jaxidl.gap.refined import reported_stderr
-from jaxidl.gap.words import headline, judged, large, listed, number, percent, readable, squared
+from jaxidl.gap.words import (
+    DOUBTFUL,
+    headline,
+    judged,
+    large,
+    listed,
+    number,
+    percent,
+    readable,
+    squared,
+)
 
 BADGES = {
     "named": "Found",
@@ -37,12 +47,13 @@ def excess(d: Diagnosis) -> str:
 
 
 def verdict(d: Diagnosis) -> str:
-    """Return the verdict in one or two sentences."""
+    """Return the verdict in one or two sentences, after a doubt about the log as a whole."""
     sure = sum(f.sure for f in d.findings)
     names = [d.model.names[j] for j in d.unexplained]
     left = large(d.gap, d.model.names)
     less = sum(f.less for f in d.findings if f.sure)
-    return headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less)
+    said = headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less)
+    return DOUBTFUL * bool(d.conventions) + said
 
 
 def silent(d: Diagnosis) -> dict[int, str]:

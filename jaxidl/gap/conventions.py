@@ -1,0 +1,126 @@
+"""Whether the log's signs, zeros and gravity are those of the model.
+
+Each of a few other readings of the log (a joint's torque or position with the opposite sign, its
+zero 90° or 180° away, the base mounted another way round, torques without those that carry the
+weight) is tried with the model's own inertias and with friction, rotor inertia and offset on every
+joint. The best one is taken while it reduces some joint's error to a third or less; what was taken
+is reported, with others that are as good, and nothing is changed.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from jaxidl.gap.rows import Rows
+from jaxidl.systems.tables import inverse_dynamics
+
+WRONG = 0.2  # of the command's spread: joints with more error than this make one ask
+FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at most
+ALIKE = 0.01  # difference of squared errors below which two readings are equally good
+ENOUGH = 400  # rows
+MOUNTED = {
+    "the base hung upside down": (0, 0, 1),
+    "the base stood on a wall with its x axis up": (-1, 0, 0),
+    "the base stood on a wall with its x axis down": (1, 0, 0),
+    "the base stood on a wall with its y axis up": (0, -1, 0),
+    "the base stood on a wall with its y axis down": (0, 1, 0),
+    "the torques that carry the weight had been left out": (0, 0, 0),
+}
+
+
+class Reading(NamedTuple):
+    """How a log of J joints is read."""
+
+    position: np.ndarray  # (J,) factors of positions, velocities and accelerations
+    zero: np.ndarray  # (J,) what is added to positions [rad]
+    torque: np.ndarray  # (J,) factors of torques
+    down: np.ndarray  # (3,) direction of gravity, or none
+
+
+def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
+    """Return sentences about joints, called ``names``, that another reading explains far better."""
+    source = getattr(rows.signals.body, "source", None)
+    if source is None:
+        return []
+    size, some = (
+        len(names),
+        np.linspace(0, len(rows.gap) - 1, min(ENOUGH, len(rows.gap))).astype(int),
+    )
+    gravity = np.array(source.opt.gravity)
+    strength = float(np.linalg.norm(gravity))
+    one = np.ones(size)
+    now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300))
+    left = _left(rows, some, now, strength)
+    said: list[str] = []
+    while np.any(left > WRONG) and len(said) <= size:
+        tried = [(*other, _left(rows, some, other[-1], strength)) for other in _others(now, source)]
+        better = [t for t in tried if np.any((t[-1] <= FEWER * left) & (left > WRONG))]
+        error = [float(np.sum(t[-1] ** 2)) for t in better]
+        if not better or min(error) >= np.sum(left**2):
+            break
+        alike = [t for t, e in zip(better, error, strict=True) if e <= min(error) + ALIKE]
+        said.append(_sentence([t[:2] for t in alike], left, alike[0][-1], names))
+        now, left = alike[0][-2:]
+    return said
+
+
+def _sentence(
+    alike: Sequence[tuple[int | None, str]], before: np.ndarray, after: np.ndarray, names: Any
+) -> str:
+    worst = int(np.argmax(before - after))
+    how = " or ".join(
+        f"{'the log' if joint is None else names[joint]} reads as if {what}"
+        for joint, what in alike
+    )
+    return (
+        f"{how}: friction and the model's inertias would then leave {after[worst]:.0%} of"
+        f" {names[worst]}'s torque instead of {before[worst]:.0%}; check how positions and torques"
+        " were recorded"
+    )
+
+
+def _others(now: Reading, source: Any) -> Iterator[tuple[int | None, str, Reading]]:
+    """Yield the readings next to one: the joint, what is different there, and the reading."""
+    for j in range(len(now.zero)):
+        turned = lambda values, j=j: np.where(np.arange(len(values)) == j, -values, values)
+        yield j, "its torque had the opposite sign", now._replace(torque=turned(now.torque))
+        back = now._replace(position=turned(now.position))
+        yield j, "its position had the opposite sign", back
+        both = back._replace(torque=turned(now.torque))
+        yield j, "its position and torque had the opposite sign", both
+        if source.jnt_type[j] == 3:  # a hinge
+            for degrees in (90, -90, 180):
+                zero = now.zero + np.deg2rad(degrees) * (np.arange(len(now.zero)) == j)
+                what = f"{degrees}° had to be added to its position"
+                yield j, what, now._replace(zero=zero)
+    if now.down.any():
+        for what, down in MOUNTED.items():
+            yield None, what, now._replace(down=np.array(down, float))
+
+
+def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np.ndarray:
+    """Return the error (J,) that is left over the command's spread, zero where nothing moves."""
+    signals, kept = rows.signals, rows.signals.rows[some]
+    q, qd, qdd = (reading.position * x[kept] for x in (signals.q, signals.qd, signals.qdd))
+    source = signals.body.source
+    standing = np.array(source.opt.gravity)
+    source.opt.gravity = strength * reading.down
+    try:
+        torque = inverse_dynamics(signals.body, q + reading.zero, qd, qdd)
+    finally:
+        source.opt.gravity = standing
+    own = (
+        rows.command - rows.gap - signals.tables.torque[signals.rows]
+    )  # by the model's own effects
+    target = reading.torque * rows.command[some] - own[some] - torque
+    out = np.zeros(len(reading.zero))
+    for j, use in enumerate(rows.used[some].T):
+        if use.sum() > 8 and rows.spread[j] > 0.0:
+            slow = max(float(signals.rest_speed[j]), 1e-9)
+            columns = [qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j], np.ones(len(some))]
+            x = np.stack([*columns, -columns[-1]], 1)[use]
+            size = np.maximum(np.abs(x).max(0), 1e-300)
+            out[j] = nnls(x / size, target[use, j])[1] / np.sqrt(use.sum()) / rows.spread[j]
+    return out
