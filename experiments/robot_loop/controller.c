@@ -153,20 +153,24 @@ static void plan(int64_t sequence)
 static int loop(int robot, int watchdog_ms)
 {
     reading_packet reading;
-    double before[J], q[J], wanted[J], tau[J], last = 0;
+    double before[J], q[J], wanted[J], tau[J], last = 0, fresh = now_us();
     int64_t done = -1, n, step;
     int j, status;
     memcpy(q_desired, home, sizeof q_desired);
     memset(qd_desired, 0, sizeof qd_desired);
     for (;;) {
         double began, interval, spent;
-        const int got = receive(robot, watchdog_ms, &reading);
+        const double left_ms = watchdog_ms - 1e-3 * (now_us() - fresh);
+        const int got = receive(robot, left_ms > 0 ? (int)ceil(left_ms) : 0, &reading);
         if (got < 0) return SILENT;
-        if (!got || reading.sequence <= done) continue; /* doubled, or overtaken by a later one */
-        began = now_us();
+        if (got && (reading.flags & BRAKED)) return ROBOT_BRAKED;
+        if (!got || reading.sequence <= done) { /* doubled, or overtaken: no sign of life */
+            if (left_ms <= 0) return SILENT;
+            continue;
+        }
+        began = fresh = now_us();
         interval = last > 0 ? began - last : 0;
         last = began;
-        if (reading.flags & BRAKED) return ROBOT_BRAKED;
         if (done < 0) {
             arm_init(&state, reading.q);
             memcpy(before, reading.q, sizeof before);

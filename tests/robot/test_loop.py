@@ -1,10 +1,14 @@
 """The robot loop: a robot in a process of its own, and a controller in C."""
 
+import contextlib
+import importlib.util
 import json
 import os
 import re
+import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import jax
@@ -20,6 +24,9 @@ from tests.helpers.process import python
 
 LOOP = ROOT / "experiments" / "robot_loop"
 STEPS = 400
+_spec = importlib.util.spec_from_file_location("packets", LOOP / "packets.py")
+packets = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(packets)
 # of the loop's own clock: what is not the same in every run
 TIMES = ("interval_us", "step_us")
 
@@ -95,6 +102,36 @@ def test_lock_step_gives_the_same_numbers_again(loop, undisturbed):
     for name in log.dtype.names:
         if name not in TIMES:
             np.testing.assert_array_equal(log[name], again[name], name)
+
+
+@pytest.mark.parametrize("flags", [0, packets.BRAKED], ids=["repeated", "braked"])
+def test_a_robot_that_repeats_its_last_reading_is_no_sign_of_life(loop, tmp_path, flags):
+    """The controller says stop while packets still come; of a brake's flag it hears at once."""
+    home = json.loads((loop / "robot.json").read_text())["home"]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as robot:
+        robot.bind(("127.0.0.1", 0))
+        robot.settimeout(30.0)
+        port = str(robot.getsockname()[1])
+        words = [loop / "controller", port, tmp_path / "log.csv", "200"]
+        with subprocess.Popen(list(map(str, words))) as controller:
+            _, peer = robot.recvfrom(1024)
+            for tick in range(3):
+                robot.sendto(packets.reading(0, tick, -1, 1e-3 * tick, np.array(home)), peer)
+            last = packets.reading(flags, 2, -1, 2e-3, np.array(home))
+            for _ in range(30_000):
+                if controller.poll() is not None:
+                    break
+                robot.sendto(last, peer)
+                time.sleep(1e-3)
+            else:
+                controller.kill()
+        said = []
+        robot.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                said.append(packets.command(robot.recvfrom(1024)[0], 7).flags)
+    assert controller.returncode == (7 if flags else 3)
+    assert said[-1] == packets.STOP
 
 
 @pytest.mark.parametrize(
