@@ -111,9 +111,8 @@ def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np
         torque = inverse_dynamics(signals.body, q + reading.zero, qd, qdd)
     finally:
         source.opt.gravity = standing
-    own = (
-        rows.command - rows.gap - signals.tables.torque[signals.rows]
-    )  # by the model's own effects
+    # what the model's own effects need but its friction, of which it may have too much
+    own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
     target = reading.torque * rows.command[some] - own[some] - torque
     out = np.zeros(len(reading.zero))
     for j, use in enumerate(rows.used[some].T):
