@@ -121,5 +121,9 @@ def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np
             columns = [qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j], np.ones(len(some))]
             x = np.stack([*columns, -columns[-1]], 1)[use]
             size = np.maximum(np.abs(x).max(0), 1e-300)
-            out[j] = nnls(x / size, target[use, j])[1] / np.sqrt(use.sum()) / rows.spread[j]
+            out[j] = (
+                nnls(x / size, target[use, j], maxiter=1000)[1]
+                / np.sqrt(use.sum())
+                / rows.spread[j]
+            )
     return out
