@@ -7,13 +7,13 @@ looks odd is a note.
 
 import re
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
 from jaxidl.logs.header import CONTROL, CURRENT, KINDS
+from jaxidl.logs.mending import Samples, advancing, complete, distinct, unwrapped, wraps
 from jaxidl.logs.missing import count_joints
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.tables import Table, listed, shown
@@ -25,18 +25,6 @@ CLIPPED = 20  # consecutive samples at exactly the same extreme
 LARGEST = 1e9  # no position, speed or torque in SI units is larger
 # least value of a Unix time in each unit, and the unit [s]
 UNIX = {"ns": (1e17, 1e-9), "us": (1e14, 1e-6), "ms": (1.2e12, 1e-3)}
-
-
-class Samples(NamedTuple):
-    """The contents of one file, as numbers and in order."""
-
-    table: Table
-    time: np.ndarray  # (T,) [s], strictly increasing within a run
-    signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
-    run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
-    # [m or rad] mean positions of the robot's joints that are not used, by name
-    still: dict[str, float]
-    notes: list[str]
 
 
 def numbers(table: Table, key: str) -> np.ndarray:
@@ -97,8 +85,16 @@ def _parsed(table: Table, key: str, cells: list[str]) -> np.ndarray:
     raise AssertionError("a cell that is not a number")
 
 
-def samples(table: Table, joints: int | None, motor: MotorSide | None = None) -> Samples:
+def samples(
+    table: Table, joints: int | None, motor: MotorSide | None = None, *, exact: bool = False
+) -> Samples:
     """Return a file's columns as numbers, complete, of equal length, and in order.
+
+    Args:
+        table: the file's columns.
+        joints: number of the model's joints; None takes that of the log.
+        motor: how joints follow from motors, if the log has motors' data.
+        exact: refuse what would be mended otherwise: a few spoilt rows, angles that wrap.
 
     Raises:
         LogError: naming column and row.
@@ -123,6 +119,7 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
             "record the motion again, or export it completely",
         )
     notes = list(table.notes)
+    table = table if exact else complete(table, notes)
     time = instants(table, notes)
     every = (*KINDS, *[CURRENT] * current, *CONTROL)
     kinds = [kind for kind in every if f"{kind}0" in table.columns]
@@ -136,6 +133,7 @@ def samples(table: Table, joints: int | None, motor: MotorSide | None = None) ->
         if current and "tau" in signals:
             notes.append(f"tau of {table.name} is ignored: torques are computed from currents")
         found = found._replace(signals=motor.joint_side(found.signals))
+    found = found if exact else unwrapped(advancing(found))
     in_order(found)
     return found._replace(still=others(table, notes))
 
@@ -164,25 +162,6 @@ def instants(table: Table, notes: list[str]) -> np.ndarray:
             )
             return (time - time[0]) * scale
     return time
-
-
-def distinct(found: Samples) -> Samples:
-    """Return the samples without rows that repeat the one before, time included.
-
-    Some robots log every row twice.
-    """
-    table, every = found.table, np.column_stack([found.time, found.run, *found.signals.values()])
-    same = np.concatenate([[False], (every[1:] == every[:-1]).all(axis=1)])
-    if not same.any():
-        return found
-    keep = np.flatnonzero(~same)
-    count = int(same.sum())
-    found.notes.append(
-        f"{count} row{'s' * (count > 1)} of {table.name} repeated the one before: left out"
-    )
-    table = replace(table, rows=keep)
-    signals = {kind: signal[keep] for kind, signal in found.signals.items()}
-    return found._replace(table=table, time=found.time[keep], run=found.run[keep], signals=signals)
 
 
 def others(table: Table, notes: list[str]) -> dict[str, float]:
@@ -265,17 +244,14 @@ def in_order(found: Samples) -> None:
                 )
         raise LogError(expected, got, remedy)
     for j, q in enumerate(found.signals["q"].T):
-        # an angle that wraps stays within a turn, and jumps from one end of it to the other
-        if np.ptp(q) <= 2.01 * np.pi:
-            jump = np.flatnonzero(within & (np.abs(np.diff(q)) > 1.8 * np.pi)) + 1
-            if jump.size:
-                got = (
-                    f"a jump from {q[jump[0] - 1]:.4g} to {q[jump[0]]:.4g} in"
-                    f" {table.row(int(jump[0]))}"
-                )
-                raise LogError(
-                    f"q{j} in {table.name} to be continuous", got, "unwrap the angle (numpy.unwrap)"
-                )
+        jump = np.flatnonzero(wraps(q, within)) + 1
+        if jump.size:
+            got = (
+                f"a jump from {q[jump[0] - 1]:.4g} to {q[jump[0]]:.4g} in {table.row(int(jump[0]))}"
+            )
+            raise LogError(
+                f"q{j} in {table.name} to be continuous", got, "unwrap the angle (numpy.unwrap)"
+            )
 
 
 def long_enough(time: np.ndarray, dt: float) -> None:

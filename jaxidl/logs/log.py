@@ -17,9 +17,9 @@ from jaxtyping import Float64, Int
 
 from jaxidl.errors import LogError
 from jaxidl.logs import checks
-from jaxidl.logs.checks import Samples
 from jaxidl.logs.families import Wanted
 from jaxidl.logs.header import KINDS
+from jaxidl.logs.mending import Samples
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.sampling import LEAST_RUN, interval, pieces, resample

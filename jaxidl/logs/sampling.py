@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.logs.checks import Samples
+from jaxidl.logs.mending import Samples
 
 LATEST = 1e10  # [s]; a Unix time is smaller
 LEAST_RATE = 20.0  # [Hz]

@@ -7,7 +7,7 @@ import csv
 import warnings
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -162,26 +162,38 @@ def _csv(path: Path, wanted: Wanted) -> Table:
             else row.split(delimiter)
         )
 
-    headers = cells(header)
-    for i, line in enumerate(lines):
+    headers, notes = cells(header), []
+    for i, line in enumerate(list(lines)):
         row = rows[line - 1]
         width = len(cells(row)) if '"' in row else row.count(delimiter) + 1
-        if width != len(headers):
-            got = f"{width} in row {i + 1} (line {line})" + (
-                ", the last: the file may be cut off" if i + 1 == len(lines) else ""
-            )
+        if width < len(headers) and i and i + 1 == len(lines):  # as when the recorder was stopped
+            notes.append(f"the last row of {name} is cut off: left out")
+            lines.pop()
+        elif width != len(headers):
             raise LogError(
                 f"{len(headers)} cells in each row of {name}, as in its header",
-                got,
+                f"{width} in row {i + 1} (line {line})",
                 "complete or remove that row",
             )
     chosen = choose(name, headers, wanted)
     columns = list(zip(*[cells(rows[line - 1]) for line in lines], strict=True)) or [()] * len(
         headers
     )
-    return _table(
-        name, {key: list(columns[place]) for key, place in chosen.places.items()}, chosen, lines
+    points = list if delimiter == "," else _with_points
+    table = _table(
+        name,
+        {key: points(columns[place]) for key, place in chosen.places.items()},
+        chosen,
+        lines,
     )
+    return replace(table, notes=(*table.notes, *notes))
+
+
+def _with_points(cells: Sequence[str]) -> list[str]:
+    """Return cells whose decimals follow a comma with a point instead."""
+    text = "".join(cells)
+    commas = "," in text and "." not in text
+    return [cell.replace(",", ".") if commas else cell for cell in cells]
 
 
 def _table(

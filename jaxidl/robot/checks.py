@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from jaxidl.errors import LogError
-from jaxidl.logs.checks import Samples
+from jaxidl.logs.mending import Samples
 from jaxidl.systems.mjcf import Model
 
 LEAST_ROWS = 100

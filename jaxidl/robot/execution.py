@@ -18,8 +18,9 @@ import numpy as np
 from jaxidl.control import FeedbackLaw, Pid
 from jaxidl.errors import LogError
 from jaxidl.logs import checks
-from jaxidl.logs.checks import Samples, samples
+from jaxidl.logs.checks import samples
 from jaxidl.logs.families import Wanted
+from jaxidl.logs.mending import Samples
 from jaxidl.logs.missing import near
 from jaxidl.logs.ros_bag import is_bag
 from jaxidl.logs.speeds import check_speeds
@@ -107,7 +108,7 @@ def _samples(path: Path, model: Model, columns: Sequence[str]) -> Samples:
         )
     joints = len(model.names)
     wanted = Wanted(joints, model.names, tuple(range(joints)), tuple(columns), control=True)
-    return samples(load(path, wanted), joints)
+    return samples(load(path, wanted), joints, exact=True)
 
 
 def _trajectory(

@@ -279,7 +279,7 @@ def test_repeated_rows_are_left_out(tmp_path):
     same(log)
     assert log.notes == (f"300 rows of {path} repeated the one before: left out",)
     twice = {key: np.repeat(column, 2) for key, column in THREE.items()}
-    twice["tau1"][7] += 0.1
+    twice["tau1"][7::10] += 0.1
     refuse(lambda: read(write(tmp_path / "b.csv", twice)), "0.015 again in row 8 (line 9)")
 
 

@@ -155,6 +155,58 @@ def test_short_runs_are_left_out():
 
 
 @pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        (changed("tau1", 20, np.nan), "1 row of the arrays without a number, first tau1 in row 21"),
+        (
+            changed("q0", [0, 20], np.inf),
+            "2 rows of the arrays without a number, first q0 in row 1",
+        ),
+        (changed("time", 20, np.nan), "first time in row 21"),
+        (changed("time", 20, 19 * DT), "1 row of the arrays with a time that does not fit"),
+        (changed("time", 20, 700.0), "first row 21: left out"),
+        (changed("time", 20, -1.0), "first row 21: left out"),
+    ],
+)
+def test_a_few_spoilt_rows_are_left_out(spoilt, words):
+    log, notes = notes_of(spoilt)
+    assert words in notes
+    true = good()
+    rows = np.rint(log.time / DT).astype(int)
+    assert set(range(1, SAMPLES)) <= set(rows.tolist())
+    for kind in ("q", "tau"):
+        wanted = each_joint(true, kind, (0, 1))[rows]
+        np.testing.assert_allclose(getattr(log, kind), wanted, atol=1e-3)
+
+
+def test_rows_keep_their_numbers_when_others_were_left_out(tmp_path):
+    columns = changed("tau1", 20, np.nan) | {"run": np.ones(SAMPLES, int).astype(str)}
+    columns["run"][100] = ""
+    refuse(lambda: read(write(tmp_path / "a.csv", columns)), "row 101 (line 102)")
+
+
+@pytest.mark.parametrize("least", [0.0, -np.pi])
+def test_angles_that_wrap_are_unwrapped(least):
+    angle = 2.5 * np.sin(np.arange(SAMPLES) * 0.03) + 1.0
+    log, notes = notes_of(good(q0=(angle - least) % (2 * np.pi) + least))
+    assert "q0 of the arrays jumps by a turn" in notes
+    np.testing.assert_allclose(log.q[:, 0], angle, atol=1e-12)
+
+
+def test_a_last_row_that_was_cut_off_is_left_out(tmp_path):
+    whole = text(good())
+    (tmp_path / "a.csv").write_text(whole[: -len(whole.split("\n")[-2]) // 2 - 1])
+    log = read(tmp_path / "a.csv")
+    assert log.notes == (f"the last row of {tmp_path / 'a.csv'} is cut off: left out",)
+    assert log.samples == SAMPLES - 1
+
+
+def test_decimals_may_follow_a_comma_where_a_semicolon_separates(tmp_path):
+    (tmp_path / "a.csv").write_text(text(good()).replace(",", ";").replace(".", ","))
+    np.testing.assert_array_equal(read(tmp_path / "a.csv").q, arrays(good()).q)
+
+
+@pytest.mark.parametrize(
     ("columns", "words"),
     [
         (good(q1=np.ones(SAMPLES)), "q1 is constant"),
@@ -175,10 +227,11 @@ def test_ignored_columns_are_noted(tmp_path):
 
 # What is wrong with the numbers, in every format.
 
-NAN, SWAPPED = float("nan"), np.r_[np.arange(100), 101, 100, np.arange(102, SAMPLES)]
+NAN, SPOILT = float("nan"), slice(6, 10)  # one row more than is mended
+SWAPPED = np.r_[np.arange(100), np.arange(100, SAMPLES).reshape(-1, 2)[:, ::-1].ravel()]
 COMPLAINTS = {
-    "not a number": (changed("tau1", 6, NAN), ["tau1", "nan in row 7", "interpolate"]),
-    "infinite": (changed("q0", 0, np.inf), ["q0", "inf in row 1", "interpolate"]),
+    "not a number": (changed("tau1", SPOILT, NAN), ["tau1", "nan in row 7", "interpolate"]),
+    "infinite": (changed("q0", SPOILT, np.inf), ["q0", "inf in row 7", "interpolate"]),
     "huge": (changed("q1", 3, -2e9), ["q1", "-2e+09 in row 4", "SI units"]),
     "no time": (without("time"), ["column time", "q0, q1, tau0, tau1", "add a column time"]),
     "two clocks": (
@@ -199,13 +252,16 @@ COMPLAINTS = {
         ["q0..q2 without gaps", "got q0, q2;", "add a column q1"],
     ),
     "half of qd": (good(qd1=np.ones(SAMPLES)), ["qd0..qd1", "add a column qd0"]),
-    "repeated time": (changed("time", 9, 8 * DT), ["time", "0.04 again in row 10", "more digits"]),
+    "repeated time": (
+        changed("time", slice(9, 13), 8 * DT),
+        ["time", "0.04 again in row 10", "more digits"],
+    ),
     "time back": (
         {k: v[SWAPPED] for k, v in good().items()},
         ["time", "0.5 after 0.505 in row 102", "sort"],
     ),
     "time far off": (
-        changed("time", 9, 700.0),
+        changed("time", slice(9, 49, 10), 700.0),
         ["time", "0.05 after 700 in row 11", "correct the time"],
     ),
     "restart": (
@@ -240,7 +296,6 @@ COMPLAINTS = {
         good(tau0=np.zeros(SAMPLES), tau1=np.zeros(SAMPLES)),
         ["no torque acted", "tau0, tau1"],
     ),
-    "wraps": (good(q0=(np.arange(SAMPLES) * 0.05) % (2 * np.pi)), ["q0", "row 127", "unwrap"]),
 }
 
 
@@ -293,6 +348,12 @@ def line_changed(number, edit):
     return "\n".join(lines)
 
 
+def lines_changed(edit):
+    """The text of a good log with lines 5 to 8 edited: one row more than is mended."""
+    lines = GOOD_TEXT.split("\n")
+    return "\n".join([*lines[:4], *map(edit, lines[4:8]), *lines[8:]])
+
+
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -302,7 +363,7 @@ def line_changed(number, edit):
         (GOOD_TEXT.split("\n", 1)[1], ["header", "begin with a line time,q0,tau0"]),
         (GOOD_TEXT.replace(",", " "), ["header", "commas"]),
         (
-            GOOD_TEXT.replace(",", ";").replace(".", ","),
+            GOOD_TEXT.replace(",", ";").replace(".", ",").replace("0,005", "0.005"),
             ["time", "'0,0' in row 1 (line 2)", "point, not a comma"],
         ),
         (
@@ -311,10 +372,7 @@ def line_changed(number, edit):
         ),
         (line_changed(9, lambda s: s + ",1"), ["5 cells", "6 in row 8 (line 9)"]),
         ("# note\n" + line_changed(9, lambda s: s + ",1"), ["6 in row 8 (line 10)"]),
-        (
-            GOOD_TEXT[: -len(GOOD_TEXT.split("\n")[-2]) // 2 - 1],
-            ["row 300 (line 301), the last", "cut off"],
-        ),
+        (GOOD_TEXT + "1\n1\n", ["5 cells", "1 in row 301 (line 302)"]),
         (
             line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",bad\x1b"),
             ["tau1", r"'bad\x1b' in row 4 (line 5)", "write a number"],
@@ -324,16 +382,16 @@ def line_changed(number, edit):
             ["tau1", "'1_0' in row 4 (line 5)"],
         ),
         (
-            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ","),
+            lines_changed(lambda s: s.rsplit(",", 1)[0] + ","),
             ["tau1", "an empty cell in row 4 (line 5)", "fill it"],
         ),
         (line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1+2j"), ["tau1", "'1+2j' in row 4"]),
         (
-            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",NaN"),
+            lines_changed(lambda s: s.rsplit(",", 1)[0] + ",NaN"),
             ["tau1", "nan in row 4 (line 5)"],
         ),
         (
-            line_changed(5, lambda s: s.rsplit(",", 1)[0] + ",1e999"),
+            lines_changed(lambda s: s.rsplit(",", 1)[0] + ",1e999"),
             ["tau1", "inf in row 4 (line 5)"],
         ),
         (line_changed(5, lambda s: s.replace("0.015", "0.016")), None),
@@ -444,7 +502,7 @@ def test_damaged_parquet_is_refused(tmp_path):
     for values, words in [
         (["x"] * SAMPLES, ["q0", "'x' in row 1", "float64"]),
         ([[1.0]] * SAMPLES, ["q0", "row 1", "float64"]),
-        ([None] + [1.0] * (SAMPLES - 1), ["q0", "nan in row 1"]),
+        ([None] * 4 + [1.0] * (SAMPLES - 4), ["q0", "nan in row 1"]),
         (pa.array(range(SAMPLES), pa.timestamp("ms")), ["q0", "datetime64", "float64"]),
         (pa.array([1] * SAMPLES, pa.decimal128(5, 2)), ["q0", "Decimal", "float64"]),
     ]:
