@@ -202,19 +202,20 @@ class TorqueSaturation(Effect):
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
-        return [
-            {"limit": share * scale.torque}
-            for share in (0.93, 0.85, 0.76, 0.68, 0.6, 0.53, 0.46, 0.4, 0.34, 0.28, 0.2)
-        ]
+        shares = [0.93, 0.85, 0.76, 0.68, 0.6, 0.53, 0.46, 0.4, 0.34, 0.28, 0.2]
+        while 0.7 * shares[-1] * scale.torque > scale.typical > 0.0:  # commands far beyond a limit
+            shares.append(0.7 * shares[-1])
+        return [{"limit": share * scale.torque} for share in shares]
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return variants with a limit between a tenth of the largest command and that command.
+        """Return variants with a limit up to the largest command, and not far below the usual one.
 
         A motor that always delivers the same torque is no motor; one that never reaches its limit
         does not show it.
         """
-        within = {"limit": (0.1 * scale.torque, scale.torque)}
+        least = min(0.1 * scale.torque, 0.5 * (scale.typical or scale.torque))
+        within = {"limit": (least, scale.torque)}
         return [Variant(guess, within=within) for guess in cls.guesses(scale)]
 
 

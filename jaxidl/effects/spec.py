@@ -51,6 +51,7 @@ class Scale(NamedTuple):
     highs: Sequence[float] = ()  # (J,) largest positions
     rest_speed: float = 0.0  # speed below which a joint seems to rest [m/s or rad/s]
     effort: float = 0.0  # root mean square of the command [N or Nm]; 0: unknown
+    typical: float = 0.0  # median of the command's size [N or Nm]; 0: unknown
 
     @property
     def width(self) -> float:

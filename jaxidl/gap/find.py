@@ -10,6 +10,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
+from jaxidl.gap.confirm import confirmed
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.library import Library, pushed, residual, upsampled
@@ -20,6 +21,7 @@ from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
 from jaxidl.gap.shape import movable, sees
 from jaxidl.gap.shapes import fitted
+from jaxidl.gap.values import Value
 
 ROUNDS = 5  # rounds of fitting shapes and searching sets
 
@@ -33,6 +35,7 @@ class Found:
     library: Library
     score: Score  # with the members' fitted shapes
     solution: Solution  # of the effects that may be named
+    fitted: list[Value]  # their values, fitted to the whole log
     predicted: np.ndarray  # (T, J) command predicted by the members [N or Nm]
     support: Support
     ties: list[Tie]  # effects that explain the log as well as what was found
@@ -64,12 +67,17 @@ def find(
         score, now, predicted = settled(score, now, library, predicted)
         fit, number = set(now.members), number + 1
         now, narrow, strong, weak = nameable(score, now, rows, min_gain)
+        now, whole, doubtful = confirmed(narrow, now, rows, predicted)
+        strong |= doubtful
         banned |= strong
-        if number == ROUNDS or all(
-            m in fit or m.shape is None or not movable(m.shape) for m in now.members
+        if number == ROUNDS or (
+            not doubtful
+            and all(m in fit or m.shape is None or not movable(m.shape) for m in now.members)
         ):
             break
         score = score.narrowed([i for i in score.items if i.group not in strong])
+        now = search(score, now.members) if doubtful else now
+    narrow = narrow.narrowed([i for i in narrow.items if i.group not in doubtful])
     watch("resampling", 0.0)
     said = support(
         narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
@@ -80,7 +88,7 @@ def find(
         if resample
         else []
     )
-    return Found(library, narrow, now, predicted, said, ties, banned | weak)
+    return Found(library, narrow, now, whole, predicted, said, ties, banned | weak)
 
 
 def settled(

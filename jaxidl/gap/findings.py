@@ -1,73 +1,23 @@
 """The findings of a diagnosis: effects with values, what each explains, and its probability."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from jaxidl.effects import CATALOGUE, Effect, added_to
-from jaxidl.errors import EffectError
+from jaxidl.effects import CATALOGUE
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item
 from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.library import rms
-from jaxidl.gap.objections import BOUND
 from jaxidl.gap.rivals import part
-from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.values import Value, values
+from jaxidl.gap.values import Value
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
 MOST = 24  # rivals of an effect that are solved for
-
-
-def possible(effect: Effect, own: Sequence[Effect]) -> bool:
-    """Return whether an effect, with what the model has of it already, is within its bounds.
-
-    Values fitted to the whole log may leave them; a model with such an effect cannot be simulated.
-    """
-    try:
-        added_to(own, effect).check()
-    except EffectError:
-        return False
-    return True
-
-
-def confirmed(found: Found) -> tuple[Found, list[Value]]:
-    """Return what was found without what the whole log does not confirm, and the others' values.
-
-    The values are fitted to the whole log. The weakest goes first, since the others were fitted
-    beside it.
-    """
-    while True:
-        fitted = fitted_to(found, found.library.rows.whole())
-        wrong = {v.key: why for v in fitted if (why := _unconfirmed(v, found.library.rows.effects))}
-        if not wrong:
-            return found, fitted
-        members, score = found.solution.members, found.score
-        less = {key: score.solve([m for m in members if m.always or m.key != key]) for key in wrong}
-        weakest = max(less, key=lambda key: less[key].value)
-        dropped = {m.group: wrong[weakest] for m in members if not m.always and m.key == weakest}
-        found = replace(found, solution=less[weakest], dropped=found.dropped | dropped)
-
-
-def fitted_to(found: Found, rows: Rows) -> list[Value]:
-    """Return the effects found with parameters fitted to ``rows``."""
-    x = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
-    return values(found.solution.members, x, rows, found.score, found.predicted)
-
-
-def _unconfirmed(value: Value, own: Sequence[Effect]) -> str:
-    """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
-    known = any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values())
-    if not (known or value.share > 0.0):
-        return "the whole log does not confirm what a part of it suggests"
-    if value.on_bound:
-        return BOUND
-    return "" if possible(value.effect, own) else "its value is impossible"
 
 
 def findings(

@@ -37,8 +37,8 @@ class Item:
     actuates: bool = False  # true if it changes what the motor delivers
     common: bool = False  # true if part of the envelope
     always: bool = False  # true if part of every set without being an effect
-    # (P, N, K) derivatives of the columns by the command [1]
-    push: np.ndarray | None = field(default=None, repr=False)
+    # additional commands on its joints (S, N, K), and what it holds back of them (S, P, N, K) [1]
+    push: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
     deaf: np.ndarray | None = field(
         default=None, repr=False
     )  # (P, K) share of samples at which no additional command passes
@@ -160,7 +160,7 @@ class Gram:
         """Return where columns of actuators are, and their covariances.
 
         The covariances are among the columns, with joint j's command and of the command; then the
-        same for a small additional command.
+        same for each small additional command, relative to its variance.
         """
         sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
         places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
@@ -170,10 +170,22 @@ class Gram:
         x = np.concatenate(
             [*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)]
         )
-        more = [np.zeros_like(i.columns) if i.push is None else i.push for i in acting]
-        p = np.concatenate(
-            [*none, *(m[:, mask, i.joints.index(j)] for i, m in zip(acting, more, strict=True))]
-        )
+        pushes = []
+        for k in range(max([0, *(len(i.push[0]) for i in acting if i.push is not None)])):
+            way = max((i.push[0][k][mask, i.joints.index(j)] for i in acting if i.push), key=len)
+            held = np.concatenate(
+                [
+                    *none,
+                    *(
+                        np.zeros((len(i.lower), int(mask.sum())))
+                        if i.push is None
+                        else i.push[1][k][:, mask, i.joints.index(j)]
+                        for i in acting
+                    ),
+                ]
+            )
+            size = max(float(way @ way), 1e-300)
+            pushes.append((held @ held.T / size, held @ way / size))
         c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
         deaf = [
             np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting
@@ -181,7 +193,7 @@ class Gram:
         d = np.concatenate(
             [np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))]
         )
-        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (p @ p.T / n, p.sum(1) / n, d))
+        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (pushes, d))
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return normal equations (B, P, P) and (B, P) of a set's coefficients.

@@ -24,7 +24,7 @@ from jaxidl.gap.shape import Present, shapes_of
 from jaxidl.logs.signals import Signals
 
 ALIKE = 20.0  # correlated samples that count as one, before their number is known
-PUSH = 0.01  # additional command, over its spread, to test whether it is delivered
+PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
 HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
 DEAF = 0.8
 
@@ -48,36 +48,36 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
-    """Return items with the response of actuators to a small additional command.
+    """Return items with the response of actuators to small additional commands.
 
-    It is what they hold back of it, per command, and the share of samples at which they hold back
-    all of it while it is held.
+    It is what they hold back of two: one along the command, and the residual backwards in time.
+    The latter has the spectrum of the residual and nothing to do with the motion: an actuator that
+    holds it back would also make noise smaller that is on the command. The items further have the
+    share of samples at which they hold back all of a command while it is held.
     """
     acting = [i for i in items if i.actuates]
-    nudge, shapes = PUSH * np.maximum(rows.spread, 1e-300), [i.shape for i in acting]
+    signals, shapes = rows.signals, [i.shape for i in acting]
+    size = PUSH * np.maximum(rows.spread, 1e-300)
     without = columns_of(shapes, rows, predicted)
+    noise = (rows.tau - predicted)[::-1]
+    noise = noise / np.maximum(np.sqrt(np.mean(noise**2, 0)), 1e-300)
 
-    def kept(logged: np.ndarray, way: np.ndarray | float) -> list[np.ndarray]:
-        more = columns_of(
-            shapes, rows._replace(tau=rows.tau + nudge * logged), predicted + nudge * logged
-        )
-        return [(a - b) * way / nudge for a, b in zip(more, without, strict=True)]
+    def kept(way: np.ndarray) -> list[np.ndarray]:
+        more = columns_of(shapes, rows._replace(tau=rows.tau + size * way), predicted + size * way)
+        return [(a - b) / size for a, b in zip(more, without, strict=True)]
 
-    size = max(
-        3, round(HELD / (rows.signals.dt * float(np.median(np.diff(rows.signals.rows, prepend=0)))))
-    )
+    long = max(3, round(HELD / (signals.dt * float(np.median(np.diff(signals.rows, prepend=0))))))
     use = rows.used & rows.training[:, None]
+    ways = np.stack([np.sign(rows.command), signals.command(noise)[signals.rows]])
     out = {}
-    for i, push, held in zip(
-        acting,
-        kept(np.sign(rows.tau), np.sign(rows.command)),
-        kept(np.ones_like(rows.tau), 1.0),
-        strict=True,
+    for i, along, back, held in zip(
+        acting, kept(np.sign(rows.tau)), kept(noise), kept(np.ones_like(rows.tau)), strict=True
     ):
-        deaf = (uniform_filter1d(held, size, axis=1) > DEAF) & use
+        deaf = (uniform_filter1d(held, long, axis=1) > DEAF) & use
+        on = list(i.joints)
         out[id(i)] = {
-            "push": push[:, :, list(i.joints)],
-            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, list(i.joints)],
+            "push": (ways[:, :, on], np.stack([along, back])[..., on]),
+            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, on],
         }
     return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
@@ -90,11 +90,8 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
     lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    torque, effort, count = (
-        np.abs(signals.tau).max(0),
-        np.sqrt(np.mean(signals.tau**2, 0)),
-        len(lows),
-    )
+    size, count = np.abs(signals.tau), len(lows)
+    torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
     return [
         Scale(
             float(torque[j]),
@@ -111,6 +108,7 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
             tuple(highs.tolist()),
             float(signals.rest_speed[j]),
             float(effort[j]),
+            float(typical[j]),
         )
         for j in range(count)
     ]
@@ -246,9 +244,17 @@ def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
 
 def residual(rows: Rows, found: Solution) -> np.ndarray:
     """Return the residual (N, J) [N or Nm] of a set."""
-    left = rows.gap.copy()
+    return residual_on(rows, found, range(rows.gap.shape[1]))
+
+
+def residual_on(rows: Rows, found: Solution, joints: Sequence[int]) -> np.ndarray:
+    """Return the residual (N, K) [N or Nm] of a set on K of the joints."""
+    left = rows.gap[:, list(joints)].copy()
     for m in found.members:
-        left[:, list(m.joints)] -= np.tensordot(found.x[found.of(m)], m.columns, 1)
+        on = [k for k, j in enumerate(joints) if j in m.joints]
+        own = [m.joints.index(joints[k]) for k in on]
+        if own:
+            left[:, on] -= np.tensordot(found.x[found.of(m)], m.columns[:, :, own], 1)
     return left
 
 

@@ -10,6 +10,8 @@ motor moves as its command says, not as the noisy encoder: that alone makes the 
 * An effect has to make the residual smaller also in units of what noise causes at each frequency.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.signal import welch
 
@@ -37,18 +39,21 @@ def read_again(rows: Rows) -> Rows:
     return rows._replace(signals=signals, gap=rows.gap + noise)
 
 
-def in_units_of_noise(rows: Rows, left: np.ndarray) -> np.ndarray:
-    """Return the mean over frequencies of a residual's (N, J) spectrum over that of noise, (J,).
+def in_units_of_noise(rows: Rows, left: np.ndarray, joints: Sequence[int]) -> np.ndarray:
+    """Return the mean over frequencies of a residual's spectrum over that of noise, (K,).
+
+    The residual ``left`` (N, K) is that of K of the ``joints``.
 
     Encoder noise that is white has a spectrum in the torque that grows with the frequency's fourth
     power. No simulation is assumed to be better than a small white residual.
     """
     signals = rows.signals
     interval = signals.dt * float(np.median(np.diff(signals.rows)))
-    used = np.where(rows.used, left, 0.0)
+    joints = list(joints)
+    used = np.where(rows.used[:, joints], left, 0.0)
     frequency, power = welch(used, 1.0 / interval, nperseg=min(SEGMENT, len(left)), axis=0)
-    encoder = 5.0 * signals.noise_floor**2 * frequency[:, None] ** 4 / signals.band**5
-    least = 2.0 * interval * (LEAST_FLOOR * rows.spread) ** 2
+    encoder = 5.0 * signals.noise_floor[joints] ** 2 * frequency[:, None] ** 4 / signals.band**5
+    least = 2.0 * interval * (LEAST_FLOOR * rows.spread[joints]) ** 2
     # neither noise nor a command: whatever is there is far above both
     nothing = 1e-12 * power.max(axis=0) + np.finfo(float).tiny
     return np.mean(power / (encoder + least + nothing), axis=0)

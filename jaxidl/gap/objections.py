@@ -6,7 +6,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.held_out import gain, jackknife, worse_aside
-from jaxidl.gap.library import residual
+from jaxidl.gap.library import residual_on
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rows import Rows
@@ -123,8 +123,10 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
-    without_it, with_it = (in_units_of_noise(rows, residual(rows, s)) for s in (other, now))
-    if np.all(with_it[pick] > without_it[pick]):
+    without_it, with_it = (
+        in_units_of_noise(rows, residual_on(rows, s, pick), pick) for s in (other, now)
+    )
+    if np.all(with_it > without_it):
         return "it only makes the encoder's noise smaller"
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"

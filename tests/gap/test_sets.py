@@ -289,8 +289,9 @@ def test_where_a_motor_lets_no_more_through_it_explains_nothing(planted):
     rows, pool, _, _ = planted
     acting = replace(pool[0], actuates=True)
     (x,) = score_of(rows, [acting]).solve([acting]).x
-    push = np.zeros((1, N, 1))
-    push[0, np.flatnonzero(rows.training)[::4], 0] = 1.0 / x
+    held = np.zeros((1, 1, N, 1))
+    held[0, 0, np.flatnonzero(rows.training)[::4], 0] = 1.0 / x
+    push = np.ones((1, N, 1)), held
     deaf = np.array([[0.25 / abs(x)]])
     score = score_of(rows, [limited := replace(acting, push=push, deaf=deaf)])
     found = score.solve([limited])
@@ -478,7 +479,7 @@ def test_a_joint_without_noise_and_command_has_a_residual_in_units_of_nothing():
     rows = rows_with(np.zeros((N, JOINTS)))._replace(spread=np.zeros(JOINTS))
     left = np.zeros((N, JOINTS))
     left[:, 0] = np.random.default_rng(0).normal(size=N)
-    some, none = in_units_of_noise(rows, left)
+    some, none = in_units_of_noise(rows, left, (0, 1))
     assert np.isfinite(some)
     assert some > 1e9
     assert none == 0.0

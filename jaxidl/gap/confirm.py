@@ -1,0 +1,70 @@
+"""What the whole log does not confirm is not named.
+
+The search fits to a part of the log. Fitted to all of it, an effect's values must differ from zero,
+be off their bounds, and be possible in a simulation.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxidl.effects import Effect, added_to
+from jaxidl.errors import EffectError
+from jaxidl.gap.gram import Group
+from jaxidl.gap.objections import BOUND
+from jaxidl.gap.rows import Rows
+from jaxidl.gap.score import Score, Solution
+from jaxidl.gap.values import Value, values
+
+
+def possible(effect: Effect, own: Sequence[Effect]) -> bool:
+    """Return whether an effect, with what the model has of it already, is within its bounds.
+
+    Values fitted to the whole log may leave them; a model with such an effect cannot be simulated.
+    """
+    try:
+        added_to(own, effect).check()
+    except EffectError:
+        return False
+    return True
+
+
+def confirmed(
+    score: Score, now: Solution, rows: Rows, predicted: np.ndarray
+) -> tuple[Solution, list[Value], dict[Group, str]]:
+    """Return a set without what the whole log does not confirm, its values, and what went and why.
+
+    The values are fitted to the whole log. The weakest goes first, since the others were fitted
+    beside it.
+    """
+    dropped = dict[Group, str]()
+    while True:
+        fitted = fitted_to(score, now, rows.whole(), predicted)
+        wrong = {v.key: why for v in fitted if (why := unconfirmed(v, rows.effects))}
+        if not wrong:
+            return now, fitted, dropped
+        less = {
+            key: score.solve([m for m in now.members if m.always or m.key != key]) for key in wrong
+        }
+        weakest = max(less, key=lambda key: less[key].value)
+        gone = (m.group for m in now.members if not m.always and m.key == weakest)
+        dropped |= dict.fromkeys(gone, wrong[weakest])
+        now = less[weakest]
+
+
+def fitted_to(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Value]:
+    """Return the effects of a set with parameters fitted to ``rows``.
+
+    ``predicted`` (T, J) is the command that the set predicts [N or Nm].
+    """
+    return values(now.members, [now.x[now.of(m)] for m in now.members], rows, score, predicted)
+
+
+def unconfirmed(value: Value, own: Sequence[Effect]) -> str:
+    """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
+    known = any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values())
+    if not (known or value.share > 0.0):
+        return "the whole log does not confirm what a part of it suggests"
+    if value.on_bound:
+        return BOUND
+    return "" if possible(value.effect, own) else "its value is impossible"
