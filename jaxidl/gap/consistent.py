@@ -42,7 +42,8 @@ def consistent(
         cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive
             semidefinite.
     """
-    size = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    size = np.sqrt(np.diag(gram))
+    size = np.where(size > 1e-12 * size.max(initial=0.0), size, 1.0)
     eye = np.eye(len(right))
     low, high = np.isfinite(lower), np.isfinite(upper)
     rows = [-eye[low], eye[high], -unequal]

@@ -1,10 +1,11 @@
-"""Whether the log's signs, zeros and gravity are those of the model.
+"""Whether the log's signs, zeros, units and gravity are those of the model.
 
 Each of a few other readings of the log (a joint's torque or position with the opposite sign, its
 zero 90° or 180° away, the base mounted another way round, torques without those that carry the
-weight) is tried with the model's own inertias and with friction, rotor inertia and offset on every
-joint. The best one is taken while it reduces some joint's error to a third or less; what was taken
-is reported, with others that are as good, and nothing is changed.
+weight, torques in a unit that is powers of ten away, positions in degrees) is tried with the
+model's own inertias and with friction, rotor inertia and offset on every joint. The best one is
+taken while it reduces some joint's error to a third or less; what was taken is reported, with
+others that are as good, and nothing is changed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,6 +21,7 @@ WRONG = 0.2  # of the command's spread: joints with more error than this make on
 FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at most
 ALIKE = 0.01  # difference of squared errors below which two readings are equally good
 ENOUGH = 400  # rows
+UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
 MOUNTED = {
     "the base hung upside down": (0, 0, 1),
     "the base stood on a wall with its x axis up": (-1, 0, 0),
@@ -95,6 +97,11 @@ def _others(now: Reading, source: Any) -> Iterator[tuple[int | None, str, Readin
                 zero = now.zero + np.deg2rad(degrees) * (np.arange(len(now.zero)) == j)
                 what = f"{degrees}° had to be added to its position"
                 yield j, what, now._replace(zero=zero)
+    for factor in UNITS:
+        larger = now._replace(torque=now.torque * factor)
+        yield None, f"its torques had to be multiplied by {factor:g}", larger
+    degrees = np.where(source.jnt_type == 3, np.pi / 180.0, 1.0)
+    yield None, "its positions were in degrees", now._replace(position=now.position * degrees)
     if now.down.any():
         for what, down in MOUNTED.items():
             yield None, what, now._replace(down=np.array(down, float))
@@ -117,7 +124,7 @@ def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np
     out = np.zeros(len(reading.zero))
     for j, use in enumerate(rows.used[some].T):
         if use.sum() > 8 and rows.spread[j] > 0.0:
-            slow = max(float(signals.rest_speed[j]), 1e-9)
+            slow = max(float(abs(reading.position[j]) * signals.rest_speed[j]), 1e-12)
             columns = [qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j], np.ones(len(some))]
             x = np.stack([*columns, -columns[-1]], 1)[use]
             size = np.maximum(np.abs(x).max(0), 1e-300)
@@ -125,5 +132,6 @@ def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np
                 nnls(x / size, target[use, j], maxiter=1000)[1]
                 / np.sqrt(use.sum())
                 / rows.spread[j]
+                / abs(reading.torque[j])
             )
     return out

@@ -105,8 +105,9 @@ class Gram:
         for i in items:
             for k, j in enumerate(i.joints):
                 scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
-        self.scale = np.sqrt(np.maximum(scale / max(rows.training.sum(), 1), 1e-300))
+        # columns without any effect on this log keep their own unit
         self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
+        self.scale = np.where(self.dead, 1.0, np.sqrt(scale / max(rows.training.sum(), 1)))
         same = np.full(self.total, -1)  # indices in the old score
         before = {} if old is None else old.place
         for i in items:

@@ -35,13 +35,7 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
     For changes of links it is given by how large a change is plausible. Neighbouring samples are
     correlated, ``alike`` of them count as one, and the prior is weighted like the data.
     """
-    if (
-        links is None
-        or i.shape is None
-        or i.shape.joint is None
-        or i.shape.cls.alter is Effect.alter
-        or not i.shape.free
-    ):
+    if links is None or i.shape is None or i.shape.cls.alter is Effect.alter or not i.shape.free:
         return i
     changes = np.stack([change_of(i.shape.at(row), links) for row in np.eye(len(i.lower))])
     return replace(i, precision=alike * np.sum((changes / links.plausible) ** 2, (1, 2)))

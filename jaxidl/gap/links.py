@@ -23,7 +23,7 @@ class Links(NamedTuple):
 
     nominal: np.ndarray  # (J + 1, 10)
     unit: np.ndarray  # (J, 10) of one additional kilogram, with inertia in proportion
-    plausible: np.ndarray  # (J + 1, 10) standard deviations of changes
+    plausible: np.ndarray  # (J + 1, 10) standard deviations of changes, the last that of a load
     same: bool  # true if the last joint's body is the last that moves, not one welded to it
 
 
@@ -54,10 +54,12 @@ def links_of(body: Any) -> Links | None:
     spread = np.concatenate(
         [heavy, np.repeat(heavy * length, 3, 1), np.repeat(heavy * length**2, 6, 1)], 1
     )
+    total, far = heavy[:-1].sum(), length[:-1].sum()  # a load may be as heavy and long as the robot
+    load = total * np.repeat([1.0, far, far**2], [1, 3, 6])
     return Links(
         mass[ids][:, None] * each[ids],
         each[list(body.bodies)],
-        PLAUSIBLE * spread,
+        np.concatenate([PLAUSIBLE * spread[:-1], load[None]]),
         last == body.bodies[-1],
     )
 

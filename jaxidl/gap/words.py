@@ -12,8 +12,8 @@ from jaxidl.systems.mjcf import Model
 FEW = 6  # most effects that a summary names
 SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
 DOUBTFUL = (
-    "First of all, the log's signs, zeros or gravity seem not to be the model's (see the first"
-    " notes); what follows may be wrong. "
+    "First of all, the log's signs, zeros, units or gravity seem not to be the model's (see the"
+    " first notes); what follows may be wrong. "
 )
 MOST = 1e4  # times the command: no command moves such a joint
 

@@ -77,11 +77,26 @@ class PartOfRobotError(LogError):
 
 
 def _part(name: str, titles: Sequence[Title | None], chosen: Chosen, wanted: Wanted) -> None:
-    """Raise PartOfRobotError if the joints that the titles name are a part of those wanted."""
+    """Raise PartOfRobotError if the joints that the titles name are a part of those wanted.
+
+    If they are fewer and only numbered, raise LogError.
+    """
     drive = CURRENT if wanted.current else "tau"
     count = len(wanted.taken)
     if all(f"{kind}{j}" in chosen.places for kind in ("q", drive) for j in range(count)):
         return
+    numbered = {
+        t.number
+        for t in titles
+        if t and t.kind == "q" and not t.wish and t.joint is None and t.number is not None
+    }
+    if "q0" not in chosen.places and 1 < len(numbered) < count and wanted.names:
+        raise LogError(
+            f"positions of the model's {count} joints in {name}",
+            f"{len(numbered)} columns of positions",
+            "name the joints that the log has, such as --joints "
+            + " ".join(wanted.names[j] for j in wanted.taken[: len(numbered)]),
+        )
     named = [
         {t.joint for t in titles if t and t.kind == kind and not t.wish and t.joint is not None}
         for kind in ("q", drive)

@@ -1,4 +1,4 @@
-"""Logs whose signs, zeros or gravity are not the model's, and logs whose are."""
+"""Logs whose signs, zeros, units or gravity are not the model's, and logs whose are."""
 
 import numpy as np
 import pytest
@@ -78,6 +78,20 @@ def test_gravity_the_other_way_round_or_none_is_found(model, motion):
     (said,) = read(model, q, tau - 2.0 * weight)
     assert "the base hung upside down" in said
     assert "shoulder reads as if 180° had to be added" in said  # in a plane, the same
+
+
+@pytest.mark.parametrize(
+    ("words", "read_as"),
+    [
+        ("torques had to be multiplied by 1000", lambda q, tau: (q, 1e-3 * tau)),
+        ("torques had to be multiplied by 0.1", lambda q, tau: (q, 10.0 * tau)),
+        ("positions were in degrees", lambda q, tau: (np.rad2deg(q), tau)),
+    ],
+)
+def test_another_unit_is_found(model, motion, words, read_as):
+    (said,) = read(model, *read_as(*motion[:2]))
+    assert said.startswith("the log reads as if ")
+    assert words in said
 
 
 def test_an_inertia_error_of_the_model_raises_no_doubt(model, motion):
