@@ -479,7 +479,7 @@ def test_odd_headers_and_mappings_are_understood_or_refused(tmp_path):
 def test_fewer_numbered_columns_than_the_model_has_joints_name_the_way_out(tmp_path):
     columns = {"time": THREE["time"]}
     for j in range(3):
-        columns |= {f"q[{j}]": THREE[f"q{j}"], f"tau_J[{j}]": THREE[f"tau{j}"]}
+        columns |= {f"q[{j}]": THREE[f"q{j}"], f"torque[{j}]": THREE[f"tau{j}"]}
     path, names = write(tmp_path / "a.csv", columns), ("j1", "j2", "j3", "finger")
     refuse(lambda: read(path, names), "3 columns of positions", "--joints j1 j2 j3")
     same(read(path, names[:3], robot=names))
