@@ -116,7 +116,7 @@ def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, 
 
     def free(carry: Any, command: Any) -> Any:
         state, hidden = carry
-        state, hidden = plant.step(state, hidden, command, dt)
+        state, hidden = plant.step(state, hidden, command, dt, implicit=True)
         return (state, hidden), state.q
 
     return jax.lax.scan(free, (State(q[lead], qd[lead]), hidden), tau[lead:-1])[1]

@@ -52,11 +52,15 @@ class Plant(struct.PyTreeNode):
         """Return the hidden states of all effects at rest at ``q`` (J,)."""
         return tuple(effect.start(q) for effect in self.effects)
 
-    def acceleration(self, state: State, tau: Joints, dt: float) -> Joints:
+    def acceleration(
+        self, state: State, tau: Joints, dt: float, *, implicit: bool = False
+    ) -> Joints:
         """Return the acceleration (J,) [m/s^2] over a step ``dt`` [s].
 
         ``tau`` (J,) [N] is the delivered torque. Dry friction takes the velocity towards zero by as
-        much as its level can in one step, and never through it.
+        much as its level can in one step, and never through it. With ``implicit``, a joint's
+        damping is that at the end of the step, linearised (Hairer and Wanner 1996, IV.7): friction
+        on a small inertia then is stable in steps of any length, as in MuJoCo.
         """
         q, qd = state
         body, total = self.body, tau
@@ -65,11 +69,26 @@ class Plant(struct.PyTreeNode):
             body = effect.alter(body)
             total = total + effect.torque(q, qd, tau)
             held = either(held, effect.holds(q, qd, tau))
-        qdd = choose(held, 0.0, body.forward_dynamics(q, qd, total))
-        if not any(map(_grips, self.effects)):
+        qdd, dry = body.forward_dynamics(q, qd, total), any(map(_grips, self.effects))
+        if not (implicit or dry):
+            return choose(held, 0.0, qdd)
+        mobility = body.mobility(q)
+        if implicit:
+            damped = jnp.eye(len(q)) + dt * mobility * self.damping(q, qd, tau)[None]
+            qdd, mobility = jnp.linalg.solve(damped, qdd), jnp.linalg.solve(damped, mobility)
+        qdd = choose(held, 0.0, qdd)
+        if not dry:
             return qdd
-        free, mobility = qd + dt * qdd, body.mobility(q)
+        free = qd + dt * qdd
         return qdd - mobility @ friction_torque(free / dt, mobility, self.grip(q, qd, tau, free))
+
+    def damping(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        """Return by how much (J,) [N s/m] a joint's own speed reduces the torque on it, or zero."""
+
+        def torque(qd: Joints) -> Joints:
+            return sum((e.torque(q, qd, tau) for e in self.effects), jnp.zeros_like(qd))
+
+        return jnp.maximum(-jnp.diagonal(jax.jacfwd(torque)(qd)), 0.0)
 
     def grip(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         """Return the level (J,) [N or Nm] of all dry friction together.
@@ -98,18 +117,26 @@ class Plant(struct.PyTreeNode):
         return needed + self.grip(q, qd, needed, direction) * jnp.sign(direction)
 
     def step(
-        self, state: State, hidden: tuple[Any, ...], tau: Joints, dt: float
+        self,
+        state: State,
+        hidden: tuple[Any, ...],
+        tau: Joints,
+        dt: float,
+        *,
+        implicit: bool = False,
     ) -> tuple[State, tuple[Any, ...]]:
         """Return state and hidden states one time step ``dt`` [s] later.
 
         ``tau`` (J,) [N] is the commanded torque. The command passes the effects' ``actuate`` in
-        their order; the state then moves by q + dt·qd + dt²·qdd/2, qd + dt·qdd.
+        their order; the state then moves by q + dt·qd + dt²·qdd/2, qd + dt·qdd. ``implicit`` is as
+        for :meth:`acceleration`.
         """
         after = []
         for effect, memory in zip(self.effects, hidden, strict=True):
             tau, memory = effect.actuate(memory, state.q, state.qd, tau, dt)
             after.append(memory)
-        return integrate(state, self.acceleration(state, tau, dt), dt), tuple(after)
+        qdd = self.acceleration(state, tau, dt, implicit=implicit)
+        return integrate(state, qdd, dt), tuple(after)
 
     def sense(self, hidden: tuple[Any, ...], q: Joints, noise: Joints) -> Joints:
         """Return the encoder reading (J,) at ``q`` (J,).
