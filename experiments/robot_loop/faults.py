@@ -19,9 +19,11 @@ class Faults:
     nan_at: float = -1.0  # [s] from when on an encoder gives NaN; < 0: never
     nan_joint: int = 0  # counted from 0
     silent_at: float = -1.0  # [s] from when on the robot sends nothing; < 0: never
+    repeat_at: float = -1.0  # [s] from when on it sends its last reading again; < 0: never
     seed: int = 0
     out: list[tuple[int, int, bytes]] = field(default_factory=list)  # due tick, sequence, packet
     come: list[tuple[int, Command]] = field(default_factory=list)
+    last: bytes = b""  # the last reading before it is repeated
 
     def __post_init__(self) -> None:
         self.draws = np.random.default_rng([self.seed, 1])
@@ -29,14 +31,14 @@ class Faults:
     @staticmethod
     def add_options(parser: argparse.ArgumentParser) -> None:
         """Add an option for each fault."""
-        for f in fields(Faults)[:8]:
+        for f in fields(Faults)[:9]:
             option = f"--{f.name.replace('_', '-')}"
             parser.add_argument(option, type=type(f.default), default=f.default)
 
     @classmethod
     def of(cls, given: argparse.Namespace) -> "Faults":
         """Return the faults that the options say."""
-        return cls(**{f.name: getattr(given, f.name) for f in fields(cls)[:8]}, seed=given.seed)
+        return cls(**{f.name: getattr(given, f.name) for f in fields(cls)[:9]}, seed=given.seed)
 
     def sensed(self, time: float, q: np.ndarray) -> np.ndarray:
         """Return what the encoders give (J,)."""
@@ -46,6 +48,8 @@ class Faults:
 
     def sent(self, tick: int, packet: bytes) -> list[tuple[int, bytes]]:
         """Take a reading and return what leaves for the controller now: sequence and packet."""
+        repeats = bool(self.last) and 0.0 <= self.repeat_at <= tick * 1e-3
+        self.last = packet = self.last if repeats else packet
         if not 0.0 <= self.silent_at <= tick * 1e-3:
             self.out += [(due, tick, packet) for due in self._fate(tick)]
         now = [(sequence, packet) for due, sequence, packet in self.out if due <= tick]

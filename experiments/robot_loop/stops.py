@@ -32,6 +32,7 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "all packets 30 ms late": ("--late=1", "--late-by=30", f"--since={AT}"),
     "an encoder gives NaN": (f"--nan-at={AT}", "--nan-joint=3"),
     "the robot sends nothing more": (f"--silent-at={AT}",),
+    "the robot repeats its last reading": (f"--repeat-at={AT}",),
     "the controller is killed": (f"--kill-at={AT}",),
 }
 

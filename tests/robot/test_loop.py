@@ -160,6 +160,7 @@ def test_lost_late_and_doubled_packets_do_not_stop_the_task(loop, tmp_path, undi
 STOPS = {
     "NaN from a sensor": (("--nan-at=0.2", "--nan-joint=3"), "a number that is not finite"),
     "a silent robot": (("--silent-at=0.2",), "silent robot"),
+    "a robot that repeats its last reading": (("--repeat-at=0.2",), "silent robot"),
     "most packets lost": (("--lose=0.8", "--since=0.2"), ""),
     "all packets too late": (("--late=1", "--late-by=30", "--since=0.2"), "the robot braked"),
     "a controller killed": (("--kill-at=0.2",), "killed"),
