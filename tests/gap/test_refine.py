@@ -67,7 +67,7 @@ def moved(plant, start=0.3):
     @jax.jit
     def simulate(tau):
         def step(carry, command):
-            return plant.step(*carry, command, DT), carry[0].q
+            return plant.step(*carry, command, DT, implicit=True), carry[0].q
 
         q = jnp.array([start])
         return jax.lax.scan(step, (State(q, jnp.zeros(1)), plant.start(q)), tau)[1]
@@ -85,13 +85,13 @@ def signals(pendulum):
 @pytest.fixture(scope="module")
 def problem(pendulum, signals):
     """The windows of training, at parameters that are off."""
-    return _problem(pendulum, signals, *WRONG)
+    return _problem(pendulum, signals, effects(*WRONG))
 
 
-def _problem(pendulum, signals, *factors):
+def _problem(pendulum, signals, found=None, free=FREE):
     starts = _starts(signals, instants_of(signals, kept_rows(signals, 0.3)), LENGTH)
     return WindowFit(
-        Free(Plant(pendulum.plant.body, effects(*factors)), FREE), signals, starts, LENGTH
+        Free(Plant(pendulum.plant.body, found or effects()), free), signals, starts, LENGTH
     )
 
 
@@ -115,7 +115,7 @@ def test_right_parameters_are_left_alone(pendulum, signals):
     found = refine(pendulum.plant, right, signals, FREE)
     assert not found.accepted
     assert found.effects == right
-    assert found.after.score > 0.9 * found.before.score
+    assert found.after.score > 0.8 * found.before.score  # less only by fitting noise
     np.testing.assert_allclose(
         [next(iter(v.values()))[0] for v in found.refined], list(TRUE.values()), rtol=0.01
     )
@@ -199,13 +199,14 @@ def test_a_window_that_runs_away_counts_as_an_error_and_spoils_no_derivative(pro
 
 
 def test_a_start_from_which_everything_diverges_is_reported(pendulum, signals):
-    brakes = 1e4, 1.0, 1.0  # more viscous friction than steps of this length can simulate
-    unstable = effects(*brakes)
-    found = refine(pendulum.plant, unstable, signals, ({"coefficient": (0.0, 1e4)}, *FREE[1:]))
+    # a stiffer spring than steps of this length can simulate
+    spring = OnJoint(Spring(jnp.array([1e6]), jnp.zeros(1)), 0, 1)
+    unstable, free = (spring, *effects()[1:]), ({"stiffness": (0.0, 1e6)}, *FREE[1:])
+    found = refine(pendulum.plant, unstable, signals, free)
     assert not found.accepted
     assert "diverges" in found.reason
     assert found.effects == unstable
-    at = _problem(pendulum, signals, *brakes)
+    at = _problem(pendulum, signals, unstable, free)
     assert at.hopeless
     assert np.isfinite(at.residual(at.start)).all()
     np.testing.assert_array_equal(at.slopes(at.start), 0.0)
