@@ -2,7 +2,6 @@
 
 import ctypes
 import importlib.util
-import os
 import shutil
 import subprocess
 import sys
@@ -21,7 +20,7 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror")
 def compilers() -> dict[str, list[str]]:
     """Return the commands of gcc and clang, by name, as far as they are there.
 
-    ``JAXIDL_ZIG`` may name a Python that has the package ziglang, whose compiler is clang.
+    The package ziglang brings clang.
     """
     found = {name: [name] for name in ("gcc", "clang") if shutil.which(name)}
     if "clang" not in found and (zig := _zig()):
@@ -31,10 +30,8 @@ def compilers() -> dict[str, list[str]]:
 
 @cache
 def _zig() -> list[str]:
-    own = os.environ.get("JAXIDL_ZIG")
-    if own or importlib.util.find_spec("ziglang"):
-        return [own or sys.executable, "-m", "ziglang", "cc"]
-    return []
+    found = importlib.util.find_spec("ziglang")
+    return [sys.executable, "-m", "ziglang", "cc"] if found else []
 
 
 @cache

@@ -134,10 +134,10 @@ def _guard(region: Region | None, inputs: int) -> str:
     if region is None:
         return _FREE
     bounds = {name: np.asarray(getattr(region, name), float) for name in ("lowest", "highest")}
-    tables = "".join(table(name, x[:inputs], "range of inputs") for name, x in bounds.items())
+    tables = "".join(table(name, x[:inputs], f"{name} inputs") for name, x in bounds.items())
     tables += "".join(
-        table(name, np.asarray(getattr(region, name), float), "range of torques")
-        for name in ("least", "most")
+        table(name, np.asarray(getattr(region, name), float), f"{side} torques")
+        for name, side in (("least", "lowest"), ("most", "highest"))
     )
     return f"\n{tables}{_GUARDED.format(inputs=inputs)}"
 
