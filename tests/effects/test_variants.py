@@ -215,3 +215,17 @@ def test_a_field_that_hides_a_method_of_every_effect_is_refused(clean_catalogue)
 
     with pytest.raises(EffectError, match=r"start, which every effect has as a method; rename"):
         register(Late)
+
+
+@pytest.mark.parametrize("typical", [0.0, 20.0, 250.0])
+def test_a_limit_is_looked_for_as_far_down_as_the_usual_command(typical):
+    """A controller that winds up asks for many times what the motor can give."""
+    scale = SCALE._replace(torque=700.0, typical=typical)
+    variants = fx.TorqueSaturation.variants(scale)
+    limits = sorted(variant.values["limit"] for variant in variants)
+    assert max(limits) == pytest.approx(0.93 * 700.0)
+    assert min(limits) == pytest.approx(0.2 * 700.0) if typical != 20.0 else min(limits) < 30.0
+    low, high = variants[0].within["limit"]
+    assert low < min(limits)
+    assert high == 700.0
+    assert (np.diff(np.log(limits)) < 0.4).all()

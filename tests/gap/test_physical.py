@@ -19,7 +19,7 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, seen_anew
 from jaxidl.gap.items import beside, items_of
-from jaxidl.gap.library import library, pushed, residual, rms, scales
+from jaxidl.gap.library import library, plausible, pushed, residual, rms, scales
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
@@ -297,3 +297,35 @@ def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(two_link):
         assert value[0] == pytest.approx(level, rel=0.02)
         assert 0.0 < stderr[0] < 0.05 * level
         assert isinstance(fitted["coulomb_friction", j].effect.effect, CoulombFriction)
+
+
+def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_commands(two_link):
+    """Otherwise smoothing the noise on a logged torque would count as explaining the motion."""
+    clean = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    noise = np.random.default_rng(0).normal(size=clean[2].shape) * clean[2].std(0)
+    rows = rows_of(
+        prepare(from_arrays(clean[0], clean[1], clean[2] + 0.2 * noise), two_link.plant.body)
+    )
+    shape = shapes_of(CATALOGUE["actuator_lag"], scales(rows.signals, np.ones(2))[0])[0]
+    shape = shape._replace(values={"time_constant": np.asarray(0.03)})
+    (lag,) = pushed(items_of([shape], rows, clean[2]), rows, clean[2])
+    left = [
+        np.sum(((way - held[0]) ** 2)[rows.used[:, 0]]) / np.sum((way**2)[rows.used[:, 0]])
+        for way, held in zip(*lag.push, strict=True)
+    ]
+    assert left[0] > 0.8
+    assert left[1] < 0.5
+
+
+def test_a_load_may_be_as_heavy_as_the_robot_and_no_part_of_it_is_free(two_link):
+    signals = prepare(
+        from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))),
+        two_link.plant.body,
+    )
+    rows, links = rows_of(signals), links_of(two_link.plant.body)
+    scale = scales(signals, np.ones(2))[0]
+    (load,) = items_of(shapes_of(CATALOGUE["payload"], scale), rows, rows.tau)
+    assert (load.precision == 0.0).all()
+    sure = plausible(load, links, 1.0).precision
+    assert (sure > 0.0).all()
+    assert 1.0 / np.sqrt(sure[0]) == pytest.approx(links.nominal[:-1, 0].sum(), rel=0.5)
