@@ -243,9 +243,11 @@ def executed(
         run = case.measure(motion=(motion.q, motion.qd, motion.qdd))
     except Diverged as error:
         return {"right": 0.0, "lost": str(error)}
+    speed = np.gradient(run.clean, 1.0 / RATE, axis=0)
     kept = bool(
         np.all((run.clean > limits.lower) & (run.clean < limits.upper))
-        and np.all(np.abs(np.gradient(run.clean, 1.0 / RATE, axis=0)) < limits.speed)
+        and np.all(np.abs(speed) < limits.speed)
+        and np.all(np.abs(np.gradient(speed, 1.0 / RATE, axis=0)) < limits.acceleration)
         and np.all(np.abs(run.tau) < limits.torque)
     )
     new = old.with_name("new.npz")
