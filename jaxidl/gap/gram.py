@@ -171,22 +171,19 @@ class Gram:
         x = np.concatenate(
             [*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)]
         )
-        pushes = []
-        for k in range(max([0, *(len(i.push[0]) for i in acting if i.push is not None)])):
-            way = max((i.push[0][k][mask, i.joints.index(j)] for i in acting if i.push), key=len)
-            held = np.concatenate(
-                [
-                    *none,
-                    *(
-                        np.zeros((len(i.lower), int(mask.sum())))
-                        if i.push is None
-                        else i.push[1][k][:, mask, i.joints.index(j)]
-                        for i in acting
-                    ),
-                ]
-            )
-            size = max(float(way @ way), 1e-300)
-            pushes.append((held @ held.T / size, held @ way / size))
+        at = lambda pushed, i: pushed[..., mask, i.joints.index(j)]
+        ways = next((at(i.push[0], i) for i in acting if i.push), np.zeros((0, int(mask.sum()))))
+        nothing = np.zeros((len(ways), 1, int(mask.sum())))
+        held = np.concatenate(
+            [nothing[:, :0], *(
+                at(i.push[1], i) if i.push else np.repeat(nothing, len(i.lower), 1) for i in acting
+            )],
+            axis=1,
+        )  # fmt: skip
+        sizes = np.maximum(np.sum(ways**2, 1), 1e-300)
+        pushes = [
+            (h @ h.T / size, h @ way / size) for h, way, size in zip(held, ways, sizes, strict=True)
+        ]
         c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
         deaf = [
             np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting
