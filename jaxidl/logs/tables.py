@@ -166,7 +166,8 @@ def _csv(path: Path, wanted: Wanted) -> Table:
     for i, line in enumerate(list(lines)):
         row = rows[line - 1]
         width = len(cells(row)) if '"' in row else row.count(delimiter) + 1
-        if width < len(headers) and i and i + 1 == len(lines):  # as when the recorder was stopped
+        last = 0 < i == len(lines) - 1 and not wanted.control  # learning mends nothing
+        if width < len(headers) and last:  # as when the recorder was stopped
             notes.append(f"the last row of {name} is cut off: left out")
             lines.pop()
         elif width != len(headers):
