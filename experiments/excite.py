@@ -47,6 +47,7 @@ from jaxidl.gap.benchmark.score import share
 from jaxidl.gap.library import library, noise_of, residual
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import present
+from jaxidl.jobs.provenance import revision
 from jaxidl.jobs.statistics import geometric
 from jaxidl.logs.signals import prepare
 from jaxidl.plot.style import house_style, save
@@ -399,7 +400,7 @@ def main() -> None:
                 for found in open_cases(given.work / str(root), root, ("clear",))[: given.most]
             ]
             print(f"{len(opened)} open cases", flush=True)
-            result |= {"roots": given.roots, "open": len(opened)}
+            result |= {"roots": given.roots, "open": len(opened), "cases_revision": revision()}
             for where in given.limits:
                 result[where] = {"cases": []}
                 for work, case, report in opened:
@@ -411,10 +412,10 @@ def main() -> None:
                     result[where]["resolved"] = resolved(result[where]["cases"])
                     keep()
         if "arm" in given.parts:
-            result["arm"] = arm_errors(given.seeds, given.steps)
+            result["arm"] = arm_errors(given.seeds, given.steps) | {"git_revision": revision()}
             keep()
         if "ur10e" in given.parts and (found := measured_arm(given.ur10e, given.steps)):
-            result["ur10e"] = found
+            result["ur10e"] = found | {"git_revision": revision()}
             keep()
     draw(plain(result), given.folder)
     print(text(plain(result)))

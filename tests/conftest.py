@@ -92,11 +92,16 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
 )
 
 
+@pytest.hookimpl(tryfirst=True)  # before some are left out
 def pytest_collection_modifyitems(items):
-    """Mark the slow variants."""
+    """Mark the slow variants; where all tests were collected, each must be one."""
     for item in items:
         if item.name.startswith(SLOW):
             item.add_marker(pytest.mark.slow)
+    if {item.path for item in items} >= set((ROOT / "tests").rglob("test_*.py")):
+        unknown = [s for s in SLOW if not any(item.name.startswith(s) for item in items)]
+        if unknown:
+            raise pytest.UsageError(f"no test is one of these slow variants: {unknown}")
 
 
 def pytest_unconfigure(config):

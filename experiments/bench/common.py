@@ -91,6 +91,8 @@ def report(title: str, rows: list[dict[str, Any]], to: Path | None, **about: Any
         console.print(f"{name.replace('_', ' ')}: {value}", soft_wrap=True)
     if to is not None:
         from jaxidl.files import write_bytes
+        from jaxidl.jobs.provenance import revision
 
-        content = {"title": title, "machine": machine(), "rows": rows} | about
+        content = {"title": title, "machine": machine(), "git_revision": revision(), "rows": rows}
+        content |= about
         write_bytes(to, (json.dumps(content, indent=2, default=float) + "\n").encode())
