@@ -22,11 +22,12 @@ from matplotlib.figure import Figure  # noqa: E402
 
 from jaxidl import gap, report  # noqa: E402
 from jaxidl.control import Pid, PidGains  # noqa: E402
-from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction  # noqa: E402
+from jaxidl.effects import SensingNoise  # noqa: E402
 from jaxidl.jobs.provenance import revision  # noqa: E402
 from jaxidl.learning.execute import Task, execute  # noqa: E402
 from jaxidl.learning.guard import Guard  # noqa: E402
 from jaxidl.learning.iterate import learn  # noqa: E402
+from jaxidl.paper.effects import PaperFriction, paper_stiction  # noqa: E402
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise  # noqa: E402
 from jaxidl.plot.style import SOURCE_STYLE, house_style, save  # noqa: E402
 from jaxidl.systems import Plant, point_mass  # noqa: E402

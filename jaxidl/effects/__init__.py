@@ -11,7 +11,7 @@ from jaxidl.effects.actuator import (
 from jaxidl.effects.base import Effect
 from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
-from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
+from jaxidl.effects.friction import QuadraticDrag, ViscousFriction
 from jaxidl.effects.gears import (
     CoupledJointFriction,
     DirectionalLoadFriction,
@@ -24,13 +24,12 @@ from jaxidl.effects.on_joint import OnJoint, added_to, placed
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
-from jaxidl.effects.stiction import STICTION_LEVEL, Stiction, paper_stiction
+from jaxidl.effects.stiction import Stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
 from jaxidl.effects.varying import CoupledFriction, LoadDependentFriction, PositionDependentFriction
 
 __all__ = [
     "CATALOGUE",
-    "STICTION_LEVEL",
     "ActuatorDelay",
     "ActuatorLag",
     "AsymmetricFriction",
@@ -51,7 +50,6 @@ __all__ = [
     "LoadDependentFriction",
     "MotorCoupling",
     "OnJoint",
-    "PaperFriction",
     "Parameter",
     "Payload",
     "PositionBias",
@@ -73,7 +71,6 @@ __all__ = [
     "ViscousFriction",
     "added_to",
     "from_dict",
-    "paper_stiction",
     "placed",
     "register",
     "searchable",

@@ -18,7 +18,7 @@ from jaxidl.effects.actuator import (
 )
 from jaxidl.effects.base import Effect
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
-from jaxidl.effects.friction import PaperFriction, QuadraticDrag, ViscousFriction
+from jaxidl.effects.friction import QuadraticDrag, ViscousFriction
 from jaxidl.effects.gears import (
     CoupledJointFriction,
     DirectionalLoadFriction,
@@ -70,7 +70,6 @@ CATALOGUE: dict[str, type[Effect]] = {
         MotorCoupling,
         PositionBias,
         SensorDelay,
-        PaperFriction,
         SensingNoise,
         EncoderQuantisation,
     )
@@ -80,8 +79,8 @@ _BUILT_IN = frozenset(CATALOGUE.values())
 
 RESERVED = ("alignment",)  # what the gap workflow calls its own correction of a log's timing
 
-# the first combines two effects, the others add no torque
-_never: set[str] = {PaperFriction.name, SensingNoise.name, EncoderQuantisation.name}
+# they add no torque
+_never: set[str] = {SensingNoise.name, EncoderQuantisation.name}
 _aside: set[str] = set()  # registered with ``searched=False``: sought only where they are named
 
 _ORDINARY = Scale(
@@ -105,8 +104,8 @@ C = TypeVar("C", bound=type[Effect])
 def searched() -> tuple[str, ...]:
     """Return the names of the effects that the gap workflow looks for by default.
 
-    They include those registered so far. Not among them are the paper's friction, which combines
-    two effects, and noise and counts of the encoders, which add no torque.
+    They include those registered so far. Not among them are noise and counts of the encoders, which
+    add no torque.
     """
     return tuple(name for name in searchable() if name not in _aside)
 

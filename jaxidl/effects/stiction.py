@@ -92,24 +92,7 @@ class Stiction(Effect):
         ]
 
 
-STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
-
-
 def _size(border: Joints | Scalar) -> Array:
     """Return the unit of a border's width: its own size, or 1 where that is zero or infinite."""
     size = jnp.abs(jnp.asarray(border))
     return jnp.where((size > 0.0) & (size < jnp.inf), size, 1.0)
-
-
-def paper_stiction(level: Scalar, width: float = 0.0) -> Stiction:
-    """Return the paper's stiction of level s.
-
-    Its breakaway torques are (100 s, 50 s) N on joints 0 and 1, below 0.2 m and 0.0001 m/s, signed.
-    """
-    return Stiction(
-        jnp.asarray([100.0, 50.0]) * level,
-        jnp.asarray(1e-4),
-        jnp.asarray(0.2),
-        signed=True,
-        width=width,
-    )

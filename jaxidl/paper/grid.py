@@ -153,7 +153,8 @@ def check_levels(
 ) -> None:
     """Raise :class:`ConfigurationError` unless every level is within its effect's bounds."""
     # JAX: not for a help text
-    from jaxidl.effects import STICTION_LEVEL, PaperFriction, SensingNoise
+    from jaxidl.effects import SensingNoise
+    from jaxidl.paper.effects import STICTION_LEVEL, PaperFriction
 
     bounds = (SensingNoise.parameters["scale"], PaperFriction.parameters["level"], STICTION_LEVEL)
     for axis, values, bound in zip(LEVELS, (noise, friction, stiction), bounds, strict=True):

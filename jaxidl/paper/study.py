@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from jaxidl.control import Doomed, FeedbackLaw, PdPolicy, Pid, PidGains
-from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
+from jaxidl.effects import SensingNoise
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.guard import Guard
@@ -18,6 +18,7 @@ from jaxidl.learning.iterate import Setting
 from jaxidl.learning.schedule import Schedule
 from jaxidl.learning.sources import TRAIN_ON
 from jaxidl.models import ErrorModel, Training
+from jaxidl.paper.effects import PaperFriction, paper_stiction
 from jaxidl.paper.grid import CONTROLLERS
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import Scalar, State

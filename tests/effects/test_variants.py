@@ -14,6 +14,7 @@ import jaxidl.effects as fx
 from jaxidl.effects import CATALOGUE, Effect, OnJoint, Parameter, Scale, placed, register, searched
 from jaxidl.effects.spec import Variant
 from jaxidl.errors import EffectError
+from jaxidl.paper.effects import paper_stiction
 from jaxidl.systems import PointMass
 from jaxidl.systems.record import check_fits
 from tests.helpers.effects import TURNING, Worm
@@ -154,7 +155,7 @@ def test_effects_that_read_the_torque_are_recognised():
         "torque_scale",
         "stribeck_friction",
     }
-    assert fx.paper_stiction(jnp.array(1.0)).reads_torque(2)  # holds
+    assert paper_stiction(jnp.array(1.0)).reads_torque(2)  # holds
 
 
 def test_a_linear_effect_of_a_user_that_reads_the_torque_is_recognised(clean_catalogue):

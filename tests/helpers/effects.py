@@ -9,6 +9,7 @@ import numpy as np
 
 import jaxidl.effects as fx
 from jaxidl.effects import Effect, OnJoint, Parameter
+from jaxidl.paper.effects import PaperFriction
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
 
@@ -64,7 +65,7 @@ EXAMPLES: dict[str, Effect] = {
         fx.Backlash(pair(2e-3, 1e-3), pair(4e3, 3e3), pair(20.0, 15.0), pair(0.6, 0.4)),
         fx.PositionBias(pair(0.03, -0.02)),
         fx.SensorDelay(pair(0.0043, 0.0077), steps=12),
-        fx.PaperFriction(jnp.array(3.0)),
+        PaperFriction(jnp.array(3.0)),
         fx.SensingNoise(jnp.array(1e-3)),
         fx.EncoderQuantisation(pair(1e-3, 2e-3)),
     )

@@ -25,11 +25,12 @@ from jaxidl.control import (
     PidGains,
     Sequence,
 )
-from jaxidl.effects import PaperFriction, SensingNoise, paper_stiction
+from jaxidl.effects import SensingNoise
 from jaxidl.learning.execute import Task, execute
 from jaxidl.learning.iterate import learn
 from jaxidl.learning.sources import SOURCES, rows
 from jaxidl.models import ErrorModel, Training, start
+from jaxidl.paper.effects import PaperFriction, paper_stiction
 from jaxidl.paper.study import Condition, PaperStudy, draw_noise
 from jaxidl.paper.vary import varied
 from jaxidl.scan import scan

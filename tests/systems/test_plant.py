@@ -9,11 +9,10 @@ from jaxidl.effects import (
     ActuatorLag,
     ConstantOffset,
     InertiaError,
-    PaperFriction,
     SensingNoise,
     ViscousFriction,
-    paper_stiction,
 )
+from jaxidl.paper.effects import PaperFriction, paper_stiction
 from jaxidl.systems import Plant, point_mass
 from jaxidl.types import State
 
