@@ -1,7 +1,8 @@
 """What the whole log does not confirm is not named.
 
 The search fits to a part of the log. Fitted to all of it, an effect's values must differ from zero,
-be off their bounds, and be possible in a simulation.
+one by one or together, be off their bounds, and be possible in a simulation. What only seems wrong
+since another effect has gone is judged again once something else could take that one's place.
 """
 
 from collections.abc import Sequence
@@ -10,8 +11,9 @@ import numpy as np
 
 from jaxidl.effects import Effect, added_to
 from jaxidl.errors import EffectError
+from jaxidl.gap.diagnosis import Key
 from jaxidl.gap.gram import Group
-from jaxidl.gap.objections import BOUND
+from jaxidl.gap.objections import BOUND, EXCLUDED
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value, values
@@ -35,13 +37,14 @@ def confirmed(
     """Return a set without what the whole log does not confirm, its values, and what went and why.
 
     The values are fitted to the whole log. The weakest goes first, since the others were fitted
-    beside it.
+    beside it; nothing goes that was confirmed before.
     """
-    dropped = dict[Group, str]()
+    dropped, doubted = dict[Group, str](), set[Key]()
     while True:
         fitted = fitted_to(score, now, rows.whole(), predicted)
         wrong = {v.key: why for v in fitted if (why := unconfirmed(v, rows.effects))}
-        if not wrong:
+        doubted = doubted or wrong.keys()
+        if not (wrong := {key: why for key, why in wrong.items() if key in doubted}):
             return now, fitted, dropped
         less = {
             key: score.solve([m for m in now.members if m.always or m.key != key]) for key in wrong
@@ -62,8 +65,8 @@ def fitted_to(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) ->
 
 def unconfirmed(value: Value, own: Sequence[Effect]) -> str:
     """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
-    known = any(np.any(np.abs(v) > 2.0 * e) for v, e in value.parameters.values())
-    if not (known or value.share > 0.0):
+    known = any(np.any(np.abs(v) > EXCLUDED * e) for v, e in value.parameters.values())
+    if not (known or value.together > EXCLUDED or value.share > 0.0):
         return "the whole log does not confirm what a part of it suggests"
     if value.on_bound:
         return BOUND

@@ -255,8 +255,3 @@ class Diagnosis:
     def to_json(self, **extra: Any) -> str:
         """Return :meth:`to_dict` as strict JSON."""
         return as_json(self.to_dict() | extra)
-
-
-def sentence_of(name: str) -> str:
-    """Return a description of an effect in words."""
-    return CATALOGUE[name].sentence

@@ -77,7 +77,10 @@ def find(
             break
         score = score.narrowed([i for i in score.items if i.group not in strong])
         now = search(score, now.members) if doubtful else now
-    narrow = narrow.narrowed([i for i in narrow.items if i.group not in doubtful])
+    while doubtful:
+        now, whole, doubtful = confirmed(narrow, now, rows, predicted)
+        banned |= doubtful
+    narrow = narrow.narrowed([i for i in narrow.items if i.group not in banned])
     watch("resampling", 0.0)
     said = support(
         narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)

@@ -51,3 +51,14 @@ def jackknife(samples: np.ndarray) -> np.ndarray:
     """Return the standard error (...) of ``samples`` (B, ...), each without one block."""
     b = len(samples)
     return np.asarray(np.sqrt((b - 1) / b * np.sum((samples - samples.mean(0)) ** 2, axis=0)))
+
+
+def covariance_of(folds: np.ndarray) -> np.ndarray:
+    """Return the jackknife's covariance (P, P) of coefficients ``folds`` (B, P)."""
+    apart = folds - folds.mean(0)
+    return (len(folds) - 1) / len(folds) * apart.T @ apart
+
+
+def wald(x: np.ndarray, covariance: np.ndarray) -> float:
+    """Return the root mean square of coefficients (P,) in standard errors, jointly."""
+    return float(np.sqrt(max(x @ np.linalg.pinv(covariance, hermitian=True) @ x, 0.0) / len(x)))

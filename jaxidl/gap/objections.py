@@ -5,7 +5,7 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.gram import Group, Item
-from jaxidl.gap.held_out import gain, jackknife, worse_aside
+from jaxidl.gap.held_out import covariance_of, gain, jackknife, wald, worse_aside
 from jaxidl.gap.library import residual_on
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.projection import ALIGNMENT
@@ -171,8 +171,4 @@ def together(x: np.ndarray, folds: np.ndarray) -> float:
 
     ``folds`` are the coefficients fitted without one block each.
     """
-    if len(x) < 2:
-        return 0.0
-    apart = folds - folds.mean(0)
-    covariance = (len(folds) - 1) / len(folds) * apart.T @ apart
-    return float(np.sqrt(max(x @ np.linalg.pinv(covariance, hermitian=True) @ x, 0.0) / len(x)))
+    return wald(x, covariance_of(folds)) if len(x) > 1 else 0.0

@@ -20,7 +20,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.diagnosis import Key
 from jaxidl.gap.gram import Item
-from jaxidl.gap.held_out import jackknife
+from jaxidl.gap.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
@@ -37,6 +37,8 @@ class Value(NamedTuple):
     # value and standard error of the fitted parameters
     parameters: dict[str, tuple[np.ndarray, np.ndarray]]
     on_bound: bool  # whether a parameter besides the amplitudes is on a plausible bound
+    # several coefficients that are all its parameters: root mean square [standard errors], jointly
+    together: float = 0.0
     # least share of it that is there, by two standard errors; 0 where parameters tell
     share: float = 0.0
 
@@ -187,7 +189,11 @@ def _value(
         n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)
     } or parameters
     bound = any(movable(i.shape) and on_bound(i.shape, fit.x[place]) for i, place in whole)
-    return Value(key, items, effect, parameters, bound)
+    own, together = _places([place for _, place in whole]), 0.0
+    if len(own) > 1 and all(map(_plain, items)):
+        scatter = covariance_of(fit.folds[:, own])
+        together = wald(fit.x[own], scatter + fit.covariance[np.ix_(own, own)])
+    return Value(key, items, effect, parameters, bound, together)
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
@@ -195,8 +201,12 @@ def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
 
     These are those of some of the coefficients.
     """
-    own = np.concatenate([np.arange(p.start, p.stop) for p in places])
+    own = _places(places)
     size, u = np.linalg.eigh(fit.covariance[np.ix_(own, own)])
     out = np.repeat(fit.x[None], len(own), 0)
     out[:, own] += (u * np.sqrt(np.maximum(size, 0.0))).T
     return out
+
+
+def _places(places: Sequence[slice]) -> np.ndarray:
+    return np.concatenate([np.arange(p.start, p.stop) for p in places])

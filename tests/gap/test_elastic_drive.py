@@ -89,3 +89,4 @@ def test_what_no_single_parameter_shows_is_confirmed_by_its_share():
     value = Value((effect.name, 0), (), OnJoint(effect, 0, 1), unsure, on_bound=False)
     assert "does not confirm" in unconfirmed(value, ())
     assert unconfirmed(value._replace(share=0.5), ()) == ""
+    assert unconfirmed(value._replace(together=3.0), ()) == ""

@@ -13,6 +13,7 @@ from jaxidl.gap import confirm, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.held_out import wald
 from jaxidl.gap.objections import BOUND
 from jaxidl.systems.export import patched, write_patched
 from jaxidl.systems.mjcf import read_model
@@ -112,6 +113,32 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
     assert ("coulomb_friction", 0, "it is wrong") in [
         (r.name, r.joint, r.reason) for r in found.rivals
     ]
+
+
+def test_what_only_seems_wrong_since_another_has_gone_is_judged_again(tmp_path, monkeypatch):
+    """Without what went, the others explain it as well as they can, and look wrong."""
+    (tmp_path / "model.xml").write_text(TOO_MUCH)
+    real, asked = confirm.unconfirmed, []
+
+    def unconfirmed(value, own):
+        asked.append(value.key[0])
+        first = value.key[0] == "coulomb_friction" and asked.count("coulomb_friction") == 1
+        then = value.key[0] == "viscous_friction" and asked.count("viscous_friction") == 2
+        return "it is wrong" if first or then else real(value, own)
+
+    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
+    found = gap.diagnose(measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False)
+    assert asked.count("viscous_friction") > 2
+    assert "viscous_friction" in {f.name for f in found.findings}
+    dropped = {r.name for r in found.rivals if r.reason == "it is wrong"}
+    assert dropped == {"coulomb_friction"}
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_several_coefficients_are_judged_together(coupled):
+    """Each of two that only their sum is known of may be zero, but not both."""
+    known = np.array([[1.0, -0.99], [-0.99, 1.0]]) if coupled else np.eye(2)
+    assert (wald(np.array([1.0, 1.0]), known) > 2.0) == coupled
 
 
 def test_what_is_on_a_bound_in_the_whole_log_is_not_named(tmp_path, monkeypatch):

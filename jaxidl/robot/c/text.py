@@ -30,7 +30,6 @@ static real table_value(real x, int n, const real *at, const real *value)
 }
 """,
 }
-HELPERS = tuple(_MADE_OF)
 
 
 def helpers(text: str) -> str:
