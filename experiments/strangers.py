@@ -163,32 +163,34 @@ def simulated(robot: Robot, path: Path, folder: Path, seed: int) -> None:
     (folder / "truth.json").write_text(plain)
 
 
+def right(truth: dict[str, Any], effect: dict[str, Any]) -> tuple[str, int | None] | None:
+    """Return which hidden effect a finding is, or None."""
+    name, values = effect["effect"], list(effect["parameters"])
+    if values in (["coefficient"], ["level"], ["extra"]) and NAMES.get(name) in truth["lacks"]:
+        return NAMES[name], effect["joint"]
+    return ("load", None) if name == "payload" and truth["load"] else None
+
+
 def judged(folder: Path) -> dict[str, Any]:
     """Return what a report says, compared with the truth."""
     truth, report = (
         json.loads((folder / f).read_text()) for f in ("truth.json", "gap/report.json")
     )
-    hidden = {
-        (kind, j): value
-        for kind, values in truth["lacks"].items()
-        for j, value in enumerate(values)
-    }
+    flat = lambda table: {(kind, j): x for kind, row in table.items() for j, x in enumerate(row)}
+    hidden = flat(truth["lacks"]) | {("load", None): truth["load"]}
     named, wrong, off = set(), [], []
     for e in report["effects"]:
         if e["confidence"] < SURE:
             continue
-        name, own = e["effect"], e["parameters"]
-        key = (NAMES.get(name, name), e["joint"])
-        value = next(iter(own.values()))["value"] if len(own) == 1 else None
-        if key in hidden and value is not None and set(own) <= {"coefficient", "level", "extra"}:
-            named.add(key)
-            off.append(abs(value - hidden[key]) / abs(hidden[key]))
-        elif name == "payload" and truth["load"]:
-            named.add(("load", None))
-            off.append(abs(own["mass"]["value"] - truth["load"]) / truth["load"])
-        else:
-            wrong.append(f"{name} {'' if e['joint'] is None else e['joint']}".strip())
-    worth = {key for key in hidden if truth["worth"][key[0]][key[1]] >= WORTH}
+        key = right(truth, e)
+        if key is None:
+            wrong.append(f"{e['effect']} {'' if e['joint'] is None else e['joint']}".strip())
+            continue
+        named.add(key)
+        own, wanted = e["parameters"], hidden[key]
+        value = own.get("mass", next(iter(own.values())))["value"]
+        off.append(abs(value - wanted) / abs(wanted))
+    worth = {key for key, share in flat(truth["worth"]).items() if share >= WORTH}
     worth |= {("load", None)} if truth["load"] else set()
     after, usual = (
         report["gap"]["after"]["torque_relative"],

@@ -1,10 +1,11 @@
 """The probability that a finding is right, from the evidence for it.
 
-It is a logistic model, fitted to the benchmark's cases of another root. Resampling a log does not
-detect imitation: an effect that takes the place of one missing from the catalogue is found on every
-draw. It shows by being rare, explaining little, and leaving a residual behind; an effect that is
-common occurs on all joints. Each sign can only have one direction: an effect that explains more is
-never less likely for it. ``experiments/calibrate.py`` fits the weights.
+It is a logistic model, fitted to the benchmark's cases of another root and to published robots.
+Resampling a log does not detect imitation: an effect that takes the place of one missing from the
+catalogue is found on every draw. It shows by being rare, explaining little, having values that
+hardly differ from zero, and leaving a residual behind; an effect that is common occurs on all
+joints. Each sign can only have one direction: an effect that explains more is never less likely for
+it. ``experiments/calibrate.py`` fits the weights.
 """
 
 import json
@@ -19,10 +20,13 @@ WEIGHTS = Path(__file__).with_suffix(".json")
 
 SIGNS: Mapping[str, int] = {
     **dict.fromkeys(("margin", "share", "odds", "rare_share", "rare_gain", "company"), 1),
-    **dict.fromkeys(("open", "systematic", "tied", "rare_left"), -1),
+    **dict.fromkeys(("open", "systematic", "tied", "rare_left", "small", "vague"), -1),
     "rare": 0,
 }
 """Evidence for (1) or against (-1) a finding, as numbers of similar magnitude."""
+
+SMALL = 0.05  # share of the command below which a rare effect is more often an imitation,
+KNOWN = 10.0  # and standard errors from zero, which none of its values reaches
 
 
 def signs(
@@ -36,6 +40,7 @@ def signs(
     common: bool,
     tied: float,
     company: float,
+    known: float,
 ) -> dict[str, float]:
     """Return the signs of a finding.
 
@@ -52,6 +57,7 @@ def signs(
         tied: prior probability, relative to the effect's, of another effect that explains the log
             as well; 0 if there is none.
         company: share of the other joints on which the same was found.
+        known: by how many standard errors the best known of its values differs from zero.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))
     rare, explained = float(not common), log(share, 1e-3, 1.0)
@@ -67,6 +73,8 @@ def signs(
         "rare_left": rare * log(left, 1.0, 30.0),
         "rare_gain": rare * float(np.clip(gain, 0.0, 1.0)),
         "company": (1.0 - rare) * company,
+        "small": rare * (np.log10(SMALL) - log(share, 1e-3, SMALL)),
+        "vague": rare * (np.log10(KNOWN) - log(known, 1.0, KNOWN)),
     }
 
 
@@ -93,9 +101,8 @@ def margin_of(wanted: float, found: Mapping[str, float]) -> float:
     weights = _weights()
     if not weights:
         return 1.0
-    rest = weights["constant"] + sum(
-        weights[name] * found[name] for name in SIGNS if name not in ("margin", "tied")
-    )
+    kept = [name for name in SIGNS if name in found and name not in ("margin", "tied")]
+    rest = weights["constant"] + sum(weights[name] * found[name] for name in kept)
     sign = (np.log(wanted / (1.0 - wanted)) - rest) / max(weights["margin"], 1e-9)
     return float(10.0 ** max(sign, 0.0)) if sign <= 4.0 else np.inf
 

@@ -81,7 +81,10 @@ def findings(
             if joint is not None and len(known.names) > 1
             else 0.0
         )
-        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company)
+        away = max(
+            float(np.max(np.abs(v) / np.maximum(e, 1e-300))) for v, e in value.parameters.values()
+        )
+        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company, away)
         out.append(
             Finding(
                 name,

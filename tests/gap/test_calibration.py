@@ -22,6 +22,7 @@ GOOD = {
     "common": True,
     "tied": 0.0,
     "company": 1.0,
+    "known": 30.0,
 }
 BAD = GOOD | {
     "margin": 0.1,
@@ -31,6 +32,7 @@ BAD = GOOD | {
     "unexplained": 0.8,
     "odds": -4.0,
     "common": False,
+    "known": 0.5,
 }
 
 
@@ -41,7 +43,7 @@ def test_the_packaged_weights_tell_a_dry_friction_from_a_crumb():
     assert probability(signs(**BAD)) < 0.5
 
 
-@pytest.mark.parametrize("name", ["margin", "left", "share", "unexplained"])
+@pytest.mark.parametrize("name", ["margin", "left", "share", "unexplained", "known"])
 def test_signs_are_finite_however_extreme(name):
     for value in (0.0, 1e-300, 1e300, np.inf):
         assert all(np.isfinite(v) for v in signs(**(GOOD | {name: value})).values())
@@ -82,6 +84,10 @@ def test_a_fit_finds_the_weights_that_made_the_answers_and_families_weigh_alike(
     np.testing.assert_allclose([weights[name] for name in SIGNS], true, atol=0.25)
     assert weights["constant"] == pytest.approx(0.7, abs=0.15)
     assert fitted(rows) == weights
+    # some of the weights alone
+    again = fitted(rows, only=["share"], held=weights | {"share": 0.0})
+    assert again == pytest.approx(weights | {"share": again["share"]})
+    assert again["share"] == pytest.approx(weights["share"], abs=0.02)
     # a sign that seems to speak the wrong way does not speak
     turned = fitted(
         [(family, found | {"share": -found["share"]}, ok) for family, found, ok in rows]

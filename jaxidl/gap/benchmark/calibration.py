@@ -1,7 +1,7 @@
 """The share of reported effects that are right, by their reported confidence."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,7 +82,10 @@ def training_rows(
 
 
 def fitted(
-    rows: Iterable[tuple[str, Mapping[str, float], bool]], strength: float = STRENGTH
+    rows: Iterable[tuple[str, Mapping[str, float], bool]],
+    strength: float = STRENGTH,
+    only: Sequence[str] = (),
+    held: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
     """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
 
@@ -90,6 +93,8 @@ def fitted(
         rows: family, signs and whether it is right, of each finding. Families have equal weights,
             except for ``SELDOM``.
         strength: of the ridge on the weights.
+        only: signs to fit. Default: all, and the constant.
+        held: weights of the others.
     """
     every = list(rows)
     x = np.array([[signs[name] for name in SIGNS] + [1.0] for _, signs, _ in every])
@@ -108,11 +113,14 @@ def fitted(
         ridge = strength * np.append(w[:-1], 0.0)
         return float(weight @ (np.logaddexp(0.0, z) - y * z) + 0.5 * ridge @ w), slope + ridge
 
-    ways = [{1: (0.0, None), -1: (None, 0.0), 0: (None, None)}[way] for way in SIGNS.values()]
-    best = minimize(
-        loss, np.zeros(len(SIGNS) + 1), jac=True, method="L-BFGS-B", bounds=[*ways, (None, None)]
-    ).x
-    return dict(zip((*SIGNS, "constant"), best.tolist(), strict=True))
+    ways = {1: (0.0, None), -1: (None, 0.0), 0: (None, None)}
+    names = (*SIGNS, "constant")
+    bounds = [
+        ways[SIGNS.get(name, 0)] if not only or name in only else ((held or {}).get(name, 0.0),) * 2
+        for name in names
+    ]
+    best = minimize(loss, np.zeros(len(names)), jac=True, method="L-BFGS-B", bounds=bounds).x
+    return dict(zip(names, best.tolist(), strict=True))
 
 
 def _numbers(entry: Mapping[str, Any], before: str = "") -> Iterator[tuple[str, float]]:
