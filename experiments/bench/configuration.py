@@ -1,5 +1,5 @@
-"""One whole configuration of the study, 20 executions with the trainings between them, for each
-data source, on one core.
+"""One whole configuration of the study, 20 executions with the trainings between them, for each of
+the paper's data sources and for weighted data, on one core.
 
 The paper's program needs 127 to 184 core-seconds for the three sources of one 20-epoch
 configuration (measured once on a core of the same kind; its software no longer installs beside
@@ -17,6 +17,7 @@ import numpy as np
 
 from jaxidl.jobs.points import points
 from jaxidl.jobs.programs import program
+from jaxidl.learning.sources import SOURCES
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.runs import LearningRun
 from jaxidl.paper.study import PaperStudy
@@ -27,7 +28,9 @@ PAPERS_PROGRAM = (127.0, 184.0)  # [core-seconds]
 
 def main() -> None:
     options = arguments(__doc__ or "", rounds=3, epochs=20)
-    grid = Grid(("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,))
+    grid = Grid(
+        ("pid",), ("low",), (5e-4,), (5.0,), (5.0,), (options.epochs,), (1,), sources=SOURCES
+    )
     job, calls, compiling = LearningRun(PaperStudy(), grid.executions).job(), {}, {}
     for at in points(grid.dims()):
         inputs, run, source = job.traced([at]), program(job.run, job.kind(at)), dict(at)["source"]
@@ -35,18 +38,21 @@ def main() -> None:
         compiled = run.lower(inputs).compile()
         compiling[source] = time.perf_counter() - began
         calls[source] = lambda compiled=compiled, inputs=inputs: compiled(inputs)
-    seconds = {
-        source: float(np.median(values))
-        for source, values in in_turns(calls, options.rounds).items()
-    }
+    spent = in_turns(calls, options.rounds)
+    seconds = {source: float(np.median(values)) for source, values in spent.items()}
+    paper = [source for source in calls if source != "weighted"]
     table = [
-        {"source": source, "core-seconds": seconds[source], "compilation": compiling[source]}
+        {
+            "source": source,
+            "core-seconds": seconds[source],
+            "over joint, median": float(np.median(spent[source] / spent["joint"])),
+            "compilation": compiling[source],
+        }
         for source in calls
     ]
-    total = sum(seconds.values())
-    table.append(
-        {"source": "all three", "core-seconds": total, "compilation": sum(compiling.values())}
-    )
+    total, made = (sum(each[source] for source in paper) for each in (seconds, compiling))
+    whole = {"source": "the paper's three", "core-seconds": total}
+    table.append(whole | {"over joint, median": None, "compilation": made})
     times = " to ".join(f"{figure / total:.0f}" for figure in PAPERS_PROGRAM)
     title = (
         f"One configuration, {grid.executions} executions, {options.epochs} epochs, medians of"

@@ -20,7 +20,7 @@ from jaxidl.jobs import Variable
 from jaxidl.jobs.programs import Arrays, wait
 from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import desired_trajectory
-from jaxidl.learning.sources import PAPER, SOURCES
+from jaxidl.learning.sources import SOURCES, UNWEIGHTED
 from jaxidl.systems.arm import JOINTS, arm
 from jaxidl.types import Trajectory
 
@@ -59,7 +59,7 @@ class ArmGrid:
 
     noise: tuple[float, ...] = (1e-6, 1e-5, 1e-4)  # of the encoders [rad]
     accelerations: tuple[str, ...] = ACCELERATIONS
-    sources: tuple[str, ...] = tuple(PAPER)
+    sources: tuple[str, ...] = tuple(UNWEIGHTED)
     seeds: tuple[int, ...] = (1, 2, 3, 4, 5)
     executions: int = 10
 

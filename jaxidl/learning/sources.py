@@ -83,12 +83,12 @@ def weighted(run: Trajectory, smoothing: Scalar) -> Dataset:
     return Dataset(jnp.concatenate([x - missed, x[:-1]]), jnp.concatenate([happened, wanted]))
 
 
-PAPER: dict[str, Callable[..., Dataset]] = {
+UNWEIGHTED: dict[str, Callable[..., Dataset]] = {
     "indirect": indirect,
     "direct": direct,
     "joint": joint,
 }
-SOURCES = (*PAPER, "weighted")
+SOURCES = (*UNWEIGHTED, "weighted")
 
 
 def rows(source: str, run: Trajectory, law: FeedbackLaw, train_on: str = "true_state") -> Dataset:
@@ -99,6 +99,6 @@ def rows(source: str, run: Trajectory, law: FeedbackLaw, train_on: str = "true_s
     """
     if source == "weighted":
         return weighted(run, law.smoothing)
-    if source not in PAPER:
+    if source not in UNWEIGHTED:
         raise one_of("source", source, SOURCES)
-    return PAPER[source](run, train_on)
+    return UNWEIGHTED[source](run, train_on)

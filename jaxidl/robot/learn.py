@@ -20,7 +20,7 @@ from jaxidl.learning.deploy import export_feedforward
 from jaxidl.learning.execute import Task
 from jaxidl.learning.guard import Guard, Strayed, distance
 from jaxidl.learning.iterate import recall
-from jaxidl.learning.sources import PAPER, weighted
+from jaxidl.learning.sources import UNWEIGHTED, weighted
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.robot.execution import Execution
 from jaxidl.robot.folder import Learned
@@ -121,7 +121,7 @@ def data_of(execution: Execution, source: str, smoothing: float | None) -> Datas
     """
     if source == "weighted" and smoothing is not None:
         return weighted(execution.run, smoothing)
-    return PAPER[source](execution.run, "sensed_state")
+    return UNWEIGHTED[source](execution.run, "sensed_state")
 
 
 def program(learned: Learned) -> bytes:

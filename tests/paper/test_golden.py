@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.learning.sources import PAPER
+from jaxidl.learning.sources import UNWEIGHTED
 from jaxidl.models import ErrorModel, Training, fit, start
 from jaxidl.paper.grid import GAINS
 from jaxidl.paper.study import draw_noise
@@ -34,10 +34,10 @@ def test_traces_agree_with_the_reference_program(reference, setting):
         np.testing.assert_allclose(getattr(run, name), wanted, rtol=0, atol=5e-9, err_msg=name)
 
 
-@pytest.mark.parametrize("source", PAPER)
+@pytest.mark.parametrize("source", UNWEIGHTED)
 def test_data_sets_agree_with_the_reference_program(reference, source):
     golden = np.load(reference / "training.npz")
-    data = PAPER[source](run_of("pid", "high", 5, 5))
+    data = UNWEIGHTED[source](run_of("pid", "high", 5, 5))
     np.testing.assert_allclose(data.x, golden[f"dataset/{source}/x"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(data.y, golden[f"dataset/{source}/y"], rtol=0, atol=1e-9)
 
