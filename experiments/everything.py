@@ -36,7 +36,7 @@ def tuned(name: str, options: str) -> Made:
     return Made((f"tune_{name}.*",), (f"{JAXIDL} tune --out {folder} {options}", *copied), 10)
 
 
-BENCHMARK = f"{JAXIDL} gap-benchmark --root 1511 --severities clear --out {WORK}/benchmark"
+BENCHMARK = f"{JAXIDL} gap-benchmark --root 1907 --severities clear --out {WORK}/benchmark"
 EVERYTHING = {
     "study": Made(
         ("study.nc", "fig*.*", "claims.json"),
@@ -100,6 +100,11 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/weighted.py figures --sweeps {WORK}/guard",),
         20,
     ),
+    "scheduled": Made(
+        ("scheduled.*",),
+        (f"{EXPERIMENTS}/scheduled.py figures --sweeps {WORK}/guard",),
+        10,
+    ),
     "arm_sources": Made(
         ("arm_sources*.*",),
         (f"{EXPERIMENTS}/arm_sources.py figures --sweeps {WORK}/arm_sources",),
@@ -136,7 +141,7 @@ EVERYTHING = {
             "pip download -q --no-deps example-robot-data -d out && unzip -qo out/example_robot*"
             f" -d {WORK}/models",
             f"{EXPERIMENTS}/strangers.py figures --models {WORK}/models --work {WORK}/strangers"
-            " --seed 2",
+            " --seed 3",
         ),
         15,
     ),
