@@ -72,12 +72,19 @@ def summarise(
             + "."
         )
     for a in ambiguous:
-        names = " and ".join(
+        names = [
             readable(name) + (f" on {model.names[j]}" if j is not None else "")
             for name, j in a.candidates
-        )
-        out.append(f"This log cannot distinguish {names}. To separate them, {a.experiment}.")
+        ]
+        likelier = a.candidates[0] in {(f.name, f.joint) for f in sure}
+        out.append(f"{undecided(names, likelier)} To separate them, {a.experiment}.")
     return " ".join(out)
+
+
+def undecided(names: Sequence[str], likelier: bool) -> str:
+    """Return a sentence on effects that explain a log alike; ``likelier``: the first is named."""
+    both = f"This log cannot distinguish {' and '.join(names)}"
+    return f"{both}; {names[0]} is named because it is likelier." if likelier else f"{both}."
 
 
 def large(gap: Gap, names: Sequence[str]) -> list[str]:
@@ -246,4 +253,5 @@ __all__ = [
     "readable",
     "squared",
     "summarise",
+    "undecided",
 ]

@@ -132,14 +132,16 @@ def ambiguous(d: Diagnosis) -> Html:
     """Return sets of effects that can replace each other."""
     about = (
         ": they explain this log almost equally well, and the first of them is in the patched"
-        " model. To separate them: "
+        " model{}. To separate them: "
     )
     names = [" and ".join(on_joint(d, key) for key in a.candidates) for a in d.ambiguous]
+    sure = {(f.name, f.joint) for f in d.findings if f.sure}
+    likelier = [", named because it is likelier" * (a.candidates[0] in sure) for a in d.ambiguous]
     return tag(
         "ul",
         (
-            tag("li", tag("strong", n), about, a.experiment, ".")
-            for n, a in zip(names, d.ambiguous, strict=True)
+            tag("li", tag("strong", n), about.format(why), a.experiment, ".")
+            for n, why, a in zip(names, likelier, d.ambiguous, strict=True)
         ),
     )
 

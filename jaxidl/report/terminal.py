@@ -21,6 +21,7 @@ from jaxidl.report.words import (
     refined_rows,
     short,
     silent,
+    undecided,
     verdict,
 )
 
@@ -197,9 +198,10 @@ def _refined(d: Diagnosis) -> list[str]:
 def _doubt(
     d: Diagnosis, candidates: Sequence[tuple[str, int | None]], experiment: str
 ) -> list[str]:
-    names = " and ".join(on_joint(d, key) for key in candidates)
+    names = [on_joint(d, key) for key in candidates]
+    likelier = candidates[0] in {(f.name, f.joint) for f in d.findings if f.sure}
     return [
-        *_wrapped(f"This log cannot distinguish {names}."),
+        *_wrapped(undecided(names, likelier)),
         *_wrapped(f"To separate them: {experiment}.", "  "),
     ]
 

@@ -17,6 +17,7 @@ from jaxidl.gap.words import (
     percent,
     readable,
     squared,
+    undecided,
 )
 
 BADGES = {
@@ -226,5 +227,6 @@ __all__ = [
     "short",
     "silent",
     "squared",
+    "undecided",
     "verdict",
 ]

@@ -3,7 +3,7 @@
 import pytest
 
 from jaxidl.gap.verdict import unexplained_joints
-from jaxidl.gap.words import headline
+from jaxidl.gap.words import headline, undecided
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,9 @@ def test_an_error_that_remains_is_not_passed_over():
     assert "remains, 32 % of the command on slide, can hardly be predicted" in headline(
         "nothing_missing", 0, 0, [], ["32 % of the command on slide"]
     )
+
+
+def test_why_one_of_two_equal_explanations_is_named_is_said():
+    names = ["viscous friction", "quadratic drag"]
+    assert undecided(names, False).endswith("viscous friction and quadratic drag.")
+    assert undecided(names, True).endswith("; viscous friction is named because it is likelier.")
