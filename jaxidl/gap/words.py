@@ -88,12 +88,13 @@ def undecided(names: Sequence[str], likelier: bool) -> str:
 
 
 def large(gap: Gap, names: Sequence[str]) -> list[str]:
-    """Return the errors that remain and are worth mentioning, each with its joint."""
-    return [
-        f"{percent(relative)} of the command on {name}"
-        for name, relative in zip(names, gap.after.torque_relative, strict=True)
-        if judged(relative) and relative > MUCH
-    ]
+    """Return the errors that remain and are worth mentioning, each with its joint.
+
+    The largest comes first.
+    """
+    every = zip(gap.after.torque_relative, names, strict=True)
+    worth = sorted((left for left in every if judged(left[0]) and left[0] > MUCH), reverse=True)
+    return [f"{percent(relative)} of the command on {name}" for relative, name in worth]
 
 
 def headline(
@@ -112,7 +113,7 @@ def headline(
         sure: number of effects that are certain.
         suspected: number of those that are not.
         unexplained: names of the joints with a large residual.
-        remaining: large errors that remain.
+        remaining: large errors that remain, the largest first.
         reference: the log was compared with an earlier one.
         less: number of certain effects of which the model has too much.
     """
@@ -152,11 +153,10 @@ def headline(
         if sure:
             return f"{lacks} for certain; {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
-    return f"{lacks}." + (
-        f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
-        if suspected
-        else ""
-    )
+    possible = f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
+    most = f"{'up to ' * (len(remaining) > 1)}{remaining[0]}" if remaining else ""
+    left = f" The error that remains, {most}, can hardly be predicted from the state."
+    return f"{lacks}." + possible * bool(suspected) + left * bool(remaining)
 
 
 def listed(names: Sequence[str]) -> str:

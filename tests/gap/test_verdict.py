@@ -31,6 +31,9 @@ def test_an_error_that_remains_is_not_passed_over():
     assert "remains, 32 % of the command on slide, can hardly be predicted" in headline(
         "nothing_missing", 0, 0, [], ["32 % of the command on slide"]
     )
+    assert "remains" not in headline("named", 1, 0, [], [])
+    named = headline("named", 1, 0, [], ["9 % of the command on a", "8 % of the command on b"])
+    assert "remains, up to 9 % of the command on a, can hardly be predicted" in named
 
 
 def test_why_one_of_two_equal_explanations_is_named_is_said():
