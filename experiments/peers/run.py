@@ -21,6 +21,7 @@ from cases import CASES, FITTED
 from table import table
 
 from jaxidl.files import write_bytes
+from jaxidl.jobs.provenance import revision
 
 HERE = Path(__file__).resolve().parent
 OUT = HERE.parents[1] / "figures" / "peers.json"
@@ -144,12 +145,7 @@ def add(name: str, case: str, answer: dict[str, object]) -> None:
         "lines": count(HERE / peer.script, peer.without) if peer.lines is None else peer.lines,
     }
     if name == "jaxidl":
-        git = ["git", "-C", str(HERE), "describe", "--always", "--dirty"]
-        answer = answer | {
-            "revision": subprocess.run(
-                git, capture_output=True, text=True, check=False
-            ).stdout.strip()
-        }
+        answer = answer | {"revision": revision()}
     if answer["status"] != "skipped" or case not in entry["answers"]:
         entry["answers"][case] = answer
     if not CASES[case].missing():
