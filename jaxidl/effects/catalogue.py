@@ -171,22 +171,23 @@ def _title(cls: type) -> str:
 
 def _check_class(cls: Any) -> None:
     """Raise EffectError unless it is an effect that can be stored and has a name of its own."""
+    given: Any = cls  # a user's class may have anything where an effect has text
     if not (isinstance(cls, type) and issubclass(cls, Effect)):
         raise EffectError(
             "a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect"
         )
     title = _title(cls)
-    if not (isinstance(cls.name, str) and cls.name.isidentifier()):
+    if not (isinstance(given.name, str) and cls.name.isidentifier()):
         raise EffectError(
             f"a name of {title}, one word",
             repr(cls.name),
             'write name: ClassVar[str] = "…", with underscores',
         )
-    if not (isinstance(cls.sentence, str) and cls.sentence.strip()):
+    if not (isinstance(given.sentence, str) and cls.sentence.strip()):
         raise EffectError(
             f"a sentence of {title}", repr(cls.sentence), "say in plain words what the effect is"
         )
-    specs = cls.parameters if isinstance(cls.parameters, Mapping) else {}
+    specs: Mapping[str, Any] = given.parameters if isinstance(given.parameters, Mapping) else {}
     traced, named = (
         [f.name for f in fields(cls) if f.metadata.get("pytree_node", True)],
         list(specs),

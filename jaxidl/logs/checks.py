@@ -7,6 +7,7 @@ looks odd is a note.
 
 import re
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -194,7 +195,8 @@ def labels(table: Table) -> np.ndarray:
         LogError: on an empty label, and on a run whose rows are not contiguous.
     """
     column, codes, run = table.columns["run"], {}, []
-    for i, label in enumerate(column if isinstance(column, list) else column.tolist()):
+    labels: list[Any] = column if isinstance(column, list) else column.tolist()
+    for i, label in enumerate(labels):
         key = label.strip() if isinstance(label, str) else label
         if not (
             (isinstance(key, str | bytes) and key) or (isinstance(key, int | float) and key == key)

@@ -86,7 +86,8 @@ def _plain(name: str, size: float, rng: np.random.Generator) -> dict[str, Any]:
             return {"delay": FINE * round(size / FINE)}
         case "position_bias":
             return {"bias": signed}
-    return {}
+        case _:
+            return {}
 
 
 def clipping(share: float, torque: Array) -> float:
@@ -131,7 +132,8 @@ def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> d
             return {"stiffness": size, "rest": place.span * _in(rng, -0.3, 0.3)}
         case "torque_ripple":
             return {"amplitude": size, "period": place.span * _in(rng, 0.15, 0.45), "phase": phase}
-    return {}
+        case _:
+            return {}
 
 
 def _wide(
@@ -172,7 +174,8 @@ def _wide(
             return load | {
                 "inertia": [size * (place.arm * _in(rng, 0.1, 0.3)) ** 2] * 3 + [0.0] * 3
             }
-    return {}
+        case _:
+            return {}
 
 
 def _hidden_rotor(name: str, size: float, rng: np.random.Generator, place: Place) -> dict[str, Any]:
@@ -211,7 +214,8 @@ def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> 
                 "interval": _in(rng, 1.2, 1.8),
                 "phase": phase,
             }
-    raise KeyError(kind)
+        case _:
+            raise KeyError(kind)
 
 
 def _imitable(
@@ -240,7 +244,8 @@ def _imitable(
             return {"error": size, "period": place.span * _in(rng, 1.5, 2.5)} | phase
         case "fading_motor":
             return {"loss": size}
-    raise KeyError(kind)
+        case _:
+            raise KeyError(kind)
 
 
 def _in(rng: np.random.Generator, low: float, high: float) -> float:

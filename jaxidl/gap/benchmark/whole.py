@@ -230,7 +230,8 @@ def _absurd(name: str, parameters: Mapping[str, Any], arm: Arm) -> bool:
             return abs(parameters["bias"]) > 0.12
         case "load_dependent_friction" | "directional_load_friction":
             return max(parameters.values()) > 0.3
-    return False
+        case _:
+            return False
 
 
 def _spring(rng: np.random.Generator, j: int, common: list[Part]) -> dict[str, Any]:
