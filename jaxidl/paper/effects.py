@@ -16,10 +16,12 @@ STICTION_LEVEL = Parameter("1", 0.0, 1000.0, "the stiction level")
 class PaperFriction(Effect):
     """The paper's friction: viscous, with a coefficient c(q) that differs by region.
 
-    It acts on joints 0 and 1. In the catalogue's words it is ``position_dependent_friction`` on
-    joints 0 and 1 (on joint 1 with a band where the coefficient is negative and feeds motion)
-    together with ``coupled_friction`` of joint 0 with the position of joint 1. The rules, each
-    overwriting the ones before, with level f (reference experiment, section "Plant"):
+    It acts on joints 0 and 1, and is not in the catalogue: a plant with it simulates and learns,
+    but it is neither looked for in a log nor read from a file. In the catalogue's words it is
+    ``position_dependent_friction`` on joints 0 and 1 (on joint 1 with a band where the coefficient
+    is negative and feeds motion) together with ``coupled_friction`` of joint 0 with the position of
+    joint 1. The rules, each overwriting the ones before, with level f (reference experiment,
+    section "Plant"):
 
     1. q₀ < 0.2: c₀ = 10·exp(f)·sin²q₀
     2. q₁ < 0.2: c₁ = 10·f·cos²q₁

@@ -71,7 +71,7 @@ def test_parameters_out_of_bounds_are_named(effect):
                 effect.replace(**{key: jnp.asarray(value)}).check()
 
 
-@of(EXAMPLES | WRAPPED)
+@of({name: e for name, e in (EXAMPLES | WRAPPED).items() if name != PaperFriction.name})
 def test_round_trip_through_a_dictionary(effect):
     record = json.loads(json.dumps(effect.to_dict(), allow_nan=False))
     again = from_dict(record)
