@@ -38,6 +38,34 @@ def weighted() -> list[str]:
     ]
 
 
+def guard() -> list[str]:
+    rows = results("guard")["rows"]
+    every = lambda key: [row[key] for row in rows]
+    return [
+        f"No guarded execution is more than {max(every('worst_on')):.1f} times worse",
+        f"without the guard the worst is {max(every('worst_off')):.0f} times worse, and"
+        f" {sum(every('above_3_off'))} of {sum(every('executions'))} are more than three times",
+    ]
+
+
+def excite() -> list[str]:
+    found = results("excite")
+    random, least = (found["arm"]["ratios"][f"d over {of}"] for of in ("random", "condition"))
+    measured, by = found["ur10e"]["designed over measured"], found["ur10e"]["by effect"]
+    resolved = found["wider"]["resolved"]
+    right = {name: round(of["share"] * of["n"]) for name, of in resolved.items()}
+    share, low, high = (resolved["designed"][k] for k in ("share", "low", "high"))
+    return [
+        "{:.2f} (95 %: {:.2f} to {:.2f}) of a random motion's".format(*random),
+        "{:.2f} ({:.2f} to {:.2f}) of those of motions with the least condition".format(*least),
+        f"ratio {measured:.2f}, from {min(by.values()):.2f} for",
+        f"to {by['viscous_friction']:.2f} for viscous friction",
+        f"{right['designed']} of {found['open']} are right ({100 * share:.0f} %, 95 %:"
+        f" {100 * low:.0f} to {100 * high:.0f}), with a random one {right['random']}, before"
+        f" {right['before']}",
+    ]
+
+
 def robot_loop() -> list[str]:
     found = results("robot_loop")
     step, early = found["loop_us"].values()
@@ -85,6 +113,8 @@ def c_step() -> list[str]:
     ("page", "said"),
     [
         ("explanation/trust.md", weighted),
+        ("explanation/trust.md", guard),
+        ("howto/excite.md", excite),
         ("howto/robot.md", robot_loop),
         ("explanation/gap_benchmark.md", benchmark),
         ("howto/export_c.md", c_step),
