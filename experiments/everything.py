@@ -98,7 +98,7 @@ EVERYTHING = {
     "weighted": Made(
         ("weighted.*",),
         (f"{EXPERIMENTS}/weighted.py figures --sweeps {WORK}/guard",),
-        20,
+        50,
     ),
     "scheduled": Made(
         ("scheduled.*",),

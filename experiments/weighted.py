@@ -1,9 +1,9 @@
 """What weighted data are worth: ``python experiments/weighted.py FOLDER``.
 
 Learning from weighted data (:func:`jaxidl.learning.sources.weighted`) against the best of the
-paper's three sources, condition by condition: in the paper's grid at 20 epochs, guarded, whose
-three sources are in FOLDER/study.nc, and in the conditions of ``guard.py``, which no rule was made
-on, with and without the guard. FOLDER gets weighted.md, .json, .png and .pdf; the sweeps stay in
+paper's three sources, condition by condition: in the paper's whole grid, guarded, whose three
+sources are in FOLDER/study.nc, and in the conditions of ``guard.py``, which no rule was made on,
+with and without the guard. FOLDER gets weighted.md, .json, .png and .pdf; the sweeps stay in
 ``--sweeps`` (default: FOLDER), and an interrupted run continues.
 """
 
@@ -28,8 +28,7 @@ from jaxidl.plot.style import CONTROLLER_NAME, SOURCE_STYLE, house_style, save
 PAPER, FRESH = "the paper's grid, guarded", "other conditions"
 GUARDED = "other conditions, guarded"
 ONLY = ("weighted",)
-SEEDS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)  # in the paper's grid
-CONDITION = ("controller", "gain", "noise", "friction", "stiction")
+CONDITION = ("controller", "gain", "noise", "friction", "stiction", "epochs")
 
 
 def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
@@ -38,12 +37,8 @@ def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
     three = run_sweep(guard.GRID, folder / "guard_off.nc", PaperStudy())
     data = {
         PAPER: (
-            xr.load_dataset(study).sel(epochs=[20], seed=list(SEEDS)),
-            run_sweep(
-                Grid(sources=ONLY, epochs=(20,), seeds=SEEDS),
-                folder / "weighted_paper.nc",
-                PaperStudy(guard="on"),
-            ),
+            xr.load_dataset(study),
+            run_sweep(Grid(sources=ONLY), folder / "weighted_paper.nc", PaperStudy(guard="on")),
         ),
         FRESH: (three, run_sweep(grid, folder / "weighted_off.nc", PaperStudy())),
         GUARDED: (three, run_sweep(grid, folder / "weighted_on.nc", PaperStudy(guard="on"))),
@@ -53,9 +48,7 @@ def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
         for name, parts in data.items()
     }
     return {
-        name: error.squeeze("epochs", drop=True)
-        .stack(condition=CONDITION)
-        .transpose("condition", "seed", "source", "iteration")
+        name: error.stack(condition=CONDITION).transpose("condition", "seed", "source", "iteration")
         for name, error in joined.items()
     }
 
@@ -86,8 +79,11 @@ def row(error: xr.DataArray) -> dict[str, Any]:
     """Return what is said of one group of conditions."""
     last = final(error)
     ratio = against_the_best(last, "weighted")
-    means = last.copy(data=np.exp(last.values)).mean("seed")
-    by_mean = means.sel(source="weighted") / means.sel(source=list(SOURCES)).min("source")
+    final_errors = last.copy(data=np.exp(last.values))
+    by_mean, by_median = (
+        over.sel(source="weighted") / over.sel(source=list(SOURCES)).min("source")
+        for over in (final_errors.mean("seed"), final_errors.median("seed"))
+    )
     later = error.isel(iteration=slice(1, None)) / error.isel(iteration=0)
     single = {s: float(np.exp(against_the_best(last, s).mean())) for s in SOURCES}
     least = min(single, key=lambda source: single[source])
@@ -95,6 +91,7 @@ def row(error: xr.DataArray) -> dict[str, Any]:
         "conditions": len(ratio),
         "ratio": geometric(np.exp(ratio.mean(0))),
         "by_mean": float(np.exp(np.log(by_mean.values).mean())),
+        "by_median": float(np.exp(np.log(by_median.values).mean())),
         "worst_condition": float(np.exp(ratio.mean(1).max())),
         "clearly_worse": sum(above(np.exp(seeds)) for seeds in ratio),
         "single": least,
@@ -107,7 +104,9 @@ def row(error: xr.DataArray) -> dict[str, Any]:
 
 
 def rows(data: dict[str, xr.DataArray]) -> list[dict[str, Any]]:
-    """Return a row for each set of conditions, controller and gain, and one for each set."""
+    """Return a row for each controller and gain, and each number of epochs, of each set of
+    conditions, and one for each set.
+    """
     out = []
     for name, error in data.items():
         whole = error.reset_index("condition")
@@ -116,6 +115,10 @@ def rows(data: dict[str, xr.DataArray]) -> list[dict[str, Any]]:
                 chosen = (whole.controller == controller) & (whole.gain == gain)
                 about = {"set": name, "of": f"{CONTROLLER_NAME[controller]}, {gain} gain"}
                 out.append(about | row(error[chosen.values]))
+        epochs = np.unique(whole.epochs)
+        for number in epochs if len(epochs) > 1 else ():
+            about = {"set": name, "of": f"{number} epochs"}
+            out.append(about | row(error[(whole.epochs == number).values]))
         out.append({"set": name, "of": "all"} | row(error))
     return out
 
@@ -127,7 +130,7 @@ def table(found: list[dict[str, Any]]) -> str:
         "of",
         "number",
         "final error, weighted / best of three, 95 % over seeds",
-        "the same by means over seeds",
+        "the same by means, by medians over seeds",
         "in the worst condition",
         "clearly worse by more than 10 %",
         "best single source",
@@ -142,7 +145,7 @@ def table(found: list[dict[str, Any]]) -> str:
                 r["of"],
                 r["conditions"],
                 r["ratio"],
-                f"{r['by_mean']:.2g}",
+                f"{r['by_mean']:.2g}, {r['by_median']:.2g}",
                 f"{r['worst_condition']:.2g}",
                 f"{r['clearly_worse']} of {r['conditions']}",
                 f"{r['single']}, {r['single_ratio']:.2g}",
