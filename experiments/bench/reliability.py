@@ -127,7 +127,7 @@ def two_at_once(sound: Whole, folder: Path) -> None:
     row(
         "a second process on the same file",
         "refused in one line, the first undisturbed",
-        second.refused("another sweep"),
+        second.refused("another process"),
         sound.unlike(out),
     )
     out = folder / "lock.nc"
@@ -158,7 +158,7 @@ def full_disk(sound: Whole, folder: Path) -> None:
                 fill(out.parent, leave)
             limit = 0 if real else leave - parts if leave else 1000
             failures.append(
-                Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="").end().refused("make room")
+                Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="").end().refused("free some space")
             )
             failures.append("" if out.read_bytes() == old else "the old results changed")
         (out.parent / "filler").unlink(missing_ok=True)
@@ -237,7 +237,7 @@ def interruptions(sound: Whole, folder: Path, count: int, chance: random.Random)
         right = (
             life.status == 130
             and len(lines) == 1
-            and "continues" in lines[0]
+            and "only what is left" in lines[0]
             and "Traceback" not in life.said
         )
         failures.append("" if right else f"status {life.status}, said {life.said[-300:]!r}")
