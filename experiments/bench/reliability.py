@@ -158,7 +158,9 @@ def full_disk(sound: Whole, folder: Path) -> None:
                 fill(out.parent, leave)
             limit = 0 if real else leave - parts if leave else 1000
             failures.append(
-                Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="").end().refused("free some space")
+                Life(out, limit=limit, JAX_COMPILATION_CACHE_DIR="")
+                .end()
+                .refused("free some space")
             )
             failures.append("" if out.read_bytes() == old else "the old results changed")
         (out.parent / "filler").unlink(missing_ok=True)
