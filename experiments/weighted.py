@@ -35,11 +35,16 @@ def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
     """Return position errors (condition, seed, source, iteration) [m] of all four sources."""
     grid = replace(guard.GRID, sources=ONLY)
     three = run_sweep(guard.GRID, folder / "guard_off.nc", PaperStudy())
+    paper = [
+        run_sweep(
+            Grid(sources=ONLY, epochs=(epochs,)),
+            folder / f"weighted_paper_{epochs}.nc",
+            PaperStudy(guard="on"),
+        )
+        for epochs in Grid().epochs
+    ]
     data = {
-        PAPER: (
-            xr.load_dataset(study),
-            run_sweep(Grid(sources=ONLY), folder / "weighted_paper.nc", PaperStudy(guard="on")),
-        ),
+        PAPER: (xr.load_dataset(study), xr.concat(paper, "epochs")),
         FRESH: (three, run_sweep(grid, folder / "weighted_off.nc", PaperStudy())),
         GUARDED: (three, run_sweep(grid, folder / "weighted_on.nc", PaperStudy(guard="on"))),
     }
@@ -206,7 +211,7 @@ def main() -> None:
     sweeps = given.sweeps or given.folder
     data = errors(given.folder / "study.nc", sweeps)
     found = rows(data)
-    revision = xr.load_dataset(sweeps / "weighted_paper.nc").attrs["git_revision"]
+    revision = xr.load_dataset(sweeps / "weighted_on.nc").attrs["git_revision"]
     listed = [r | {"ratio": [r["ratio"].value, *(r["ratio"].interval or ())]} for r in found]
     write_bytes(
         given.folder / "weighted.json",

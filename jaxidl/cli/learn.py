@@ -80,7 +80,7 @@ def learn(
 
     from jaxidl.jobs.progress import Bar
     from jaxidl.learning.guard import Guard
-    from jaxidl.logs.header import joints_called
+    from jaxidl.logs.joint_names import joints_called
     from jaxidl.report.learned import learned_report
     from jaxidl.robot import folder
     from jaxidl.robot.execution import read_execution

@@ -20,7 +20,7 @@ from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
 from jaxidl.excite.table import errors, evidence, separated, text
 from jaxidl.gap.inputs import words
-from jaxidl.logs.header import joints_called
+from jaxidl.logs.joint_names import joints_called
 from jaxidl.systems.bounds import Shapes, bounds
 from jaxidl.systems.mjcf import Model, names_of, read_model
 

@@ -10,7 +10,7 @@ import jax
 
 from jaxidl.errors import ModelError
 from jaxidl.logs.columns import PartOfRobotError
-from jaxidl.logs.header import joints_called
+from jaxidl.logs.joint_names import joints_called
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.motor_side import MotorSide, motor_side
 from jaxidl.systems.mjcf import Model, names_of, read_model

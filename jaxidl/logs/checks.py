@@ -13,11 +13,11 @@ import numpy as np
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
-from jaxidl.logs.header import CONTROL, CURRENT, KINDS
 from jaxidl.logs.mending import Samples, advancing, complete, distinct, unwrapped, wraps
 from jaxidl.logs.missing import count_joints
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.tables import Table, listed, shown
+from jaxidl.logs.words import CONTROL, CURRENT, KINDS
 
 LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log [-], [s]
 MOVES = 0.02  # [m or rad] motion of a locked joint that is reported

@@ -11,8 +11,9 @@ from dataclasses import replace
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
-from jaxidl.logs.header import CONTROL, CURRENT, KINDS, Title, control_title, factor, read_title
+from jaxidl.logs.header import Title, control_title, read_title
 from jaxidl.logs.mapping import mapped
+from jaxidl.logs.words import CONTROL, CURRENT, KINDS, factor
 
 MOST = 10_000  # columns; a header with more is damage, not a log
 KNOWN = re.compile(r"(time|run)|(q|tau|qd|qdd|i)(0|[1-9][0-9]{0,3})", re.ASCII)

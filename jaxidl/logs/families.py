@@ -20,7 +20,7 @@ class Wanted:
     taken: tuple[int, ...] = ()  # indices in ``names`` of the joints that are used
     columns: tuple[str, ...] = ()  # as written by the user: KEY=TITLE
     current: bool = False  # true if the log has motor currents instead of torques
-    control: bool = False  # true if what a controller logs (``header.CONTROL``) is needed, too
+    control: bool = False  # true if what a controller logs (``words.CONTROL``) is needed, too
 
     @property
     def robot(self) -> int | None:

@@ -6,7 +6,9 @@ from collections.abc import Sequence
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import Family, Member, Wanted, shortened
-from jaxidl.logs.header import CONTROL, CURRENT, KINDS, Title, joint_called, read_title
+from jaxidl.logs.header import Title, read_title
+from jaxidl.logs.joint_names import joint_called
+from jaxidl.logs.words import CONTROL, CURRENT, KINDS
 
 KEY = re.compile(
     rf"(time|run|sec|nanosec)|({'|'.join(CONTROL)}|qdd|qd|q|tau|i)(?:(0|[1-9][0-9]{{0,3}})|\.(.+))?",

@@ -5,8 +5,9 @@ import re
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
-from jaxidl.logs.header import CONTROL, CURRENT, KINDS, read_title
+from jaxidl.logs.header import read_title
 from jaxidl.logs.tables import Table, listed, shown
+from jaxidl.logs.words import CONTROL, CURRENT, KINDS
 
 
 def meant(name: str) -> str | None:

@@ -16,7 +16,8 @@ from jaxtyping import Float64
 from jaxidl.errors import LogError
 from jaxidl.files import LARGEST_BY_HAND
 from jaxidl.logs.families import shortened
-from jaxidl.logs.header import CURRENT, joint_called
+from jaxidl.logs.joint_names import joint_called
+from jaxidl.logs.words import CURRENT
 
 KEYS = ("torque_constant", "gear_ratio", "coupling", "offset", "motor_positions", "joints")
 WORST = 1e6  # largest condition number of a coupling

@@ -15,7 +15,7 @@ import numpy as np
 from jaxidl.errors import LogError
 from jaxidl.logs.columns import MOST, choose
 from jaxidl.logs.families import INSTANTS, Chosen, Wanted
-from jaxidl.logs.header import UNITS
+from jaxidl.logs.words import UNITS
 
 LARGEST_TEXT, LARGEST_FILE = 2**28, 2**32  # bytes; reading text takes ten times as much
 MAGIC = {

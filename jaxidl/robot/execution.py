@@ -2,7 +2,7 @@
 
 One row a control step: time, sensed positions, desired accelerations, commanded torque and what it
 was made of. Titles, units and formats are those of :mod:`jaxidl.logs`; the names beyond that are
-``CONTROL`` in :mod:`jaxidl.logs.header`, and the how-to page "Learn from recorded executions".
+``CONTROL`` in :mod:`jaxidl.logs.words`, and the how-to page "Learn from recorded executions".
 """
 
 import hashlib

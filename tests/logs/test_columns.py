@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import JaxidlError, LogError
-from jaxidl.logs.header import factor, read_title
+from jaxidl.logs.header import read_title
 from jaxidl.logs.log import read
 from jaxidl.logs.motor_side import motor_side
+from jaxidl.logs.words import factor
 from tests.helpers.logs import (
     ARM,
     CURRENTS,
