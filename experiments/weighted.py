@@ -44,7 +44,7 @@ def errors(study: Path, folder: Path) -> dict[str, xr.DataArray]:
         for epochs in Grid().epochs
     ]
     data = {
-        PAPER: (xr.load_dataset(study), xr.concat(paper, "epochs")),
+        PAPER: (xr.load_dataset(study), xr.concat(paper, "epochs", data_vars="all")),
         FRESH: (three, run_sweep(grid, folder / "weighted_off.nc", PaperStudy())),
         GUARDED: (three, run_sweep(grid, folder / "weighted_on.nc", PaperStudy(guard="on"))),
     }
