@@ -16,7 +16,7 @@ from jaxidl.logs.families import INSTANTS
 from jaxidl.logs.mending import Samples, advancing, complete, distinct, unwrapped, wraps
 from jaxidl.logs.missing import count_joints
 from jaxidl.logs.motor_side import MotorSide
-from jaxidl.logs.tables import Table, listed, shown
+from jaxidl.logs.table import Table, listed, shown
 from jaxidl.logs.words import CONTROL, CURRENT, KINDS
 
 LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log [-], [s]

@@ -17,13 +17,15 @@ from jaxtyping import Float64, Int
 
 from jaxidl.errors import LogError
 from jaxidl.logs import checks
+from jaxidl.logs.array_tables import expanded
 from jaxidl.logs.families import Wanted
+from jaxidl.logs.formats import load
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.sampling import LEAST_RUN, interval, pieces, resample
 from jaxidl.logs.speeds import check_speeds
-from jaxidl.logs.tables import Table, expanded, listed, load, name_of, reason
+from jaxidl.logs.table import Table, listed, name_of, reason
 from jaxidl.logs.words import KINDS
 
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jaxidl.logs.tables import Table
+from jaxidl.logs.table import Table
 
 FEW = 0.01  # share of a file's rows
 NOTHING = {"", "nan", "inf", "null", "none", "na", "n/a"}  # that recorders write for no number

@@ -6,7 +6,7 @@ import re
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
 from jaxidl.logs.header import read_title
-from jaxidl.logs.tables import Table, listed, shown
+from jaxidl.logs.table import Table, listed, shown
 from jaxidl.logs.words import CONTROL, CURRENT, KINDS
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxidl.errors import LogError
 from jaxidl.logs.columns import choose
 from jaxidl.logs.families import Wanted, shortened
-from jaxidl.logs.tables import Table, listed, name_of, reason
+from jaxidl.logs.table import Table, listed, name_of, reason
 
 ENDINGS = (".mcap", ".db3", ".bag")
 TYPE = "sensor_msgs/msg/JointState"

@@ -20,11 +20,12 @@ from jaxidl.errors import LogError
 from jaxidl.logs import checks
 from jaxidl.logs.checks import samples
 from jaxidl.logs.families import Wanted
+from jaxidl.logs.formats import load
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.missing import near
 from jaxidl.logs.ros_bag import is_bag
 from jaxidl.logs.speeds import check_speeds
-from jaxidl.logs.tables import listed, load, name_of
+from jaxidl.logs.table import listed, name_of
 from jaxidl.robot.checks import balanced, plausible, step_of
 from jaxidl.robot.gains import feedback_of
 from jaxidl.robot.motion import Moved, moved
