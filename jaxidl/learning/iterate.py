@@ -16,7 +16,7 @@ from jaxidl.control import FeedbackLaw
 from jaxidl.learning.execute import Task, desired_trajectory, execute
 from jaxidl.learning.guard import Guard, Strayed, distance
 from jaxidl.learning.schedule import Schedule
-from jaxidl.learning.sources import rows
+from jaxidl.learning.sources import OwnSource, rows
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.systems import Plant, RigidBody
 from jaxidl.types import Dataset, History, Key, Trajectory
@@ -60,7 +60,7 @@ def learn(
     noise: Float[Array, "K T J"],
     key: Key,
     *,
-    source: str,
+    source: str | OwnSource,
     error_model: ErrorModel,
     training: Training,
     train_on: str = "true_state",
@@ -80,8 +80,10 @@ def learn(
         noise: (K, T, J) standard-normal draws, one slice per execution.
         key: root of the initial weights and of every iteration's batches; iteration k uses
             ``fold_in(key, k)``.
-        source: "indirect", "direct", "joint" or "weighted".
-        train_on: "true_state" or "sensed_state"; weighted data are always of the sensed one.
+        source: "indirect", "direct", "joint" or "weighted"; or a function of your own that makes
+            training data of an execution and its feedback law.
+        train_on: "true_state" or "sensed_state"; weighted data are always of the sensed one, and a
+            source of your own decides for itself.
         record: also return every execution.
         starts: (K, J) true initial position of each execution. Default: the task's.
         kept: number of earlier executions whose data are learned from in addition to the last

@@ -89,14 +89,21 @@ UNWEIGHTED: dict[str, Callable[..., Dataset]] = {
     "joint": joint,
 }
 SOURCES = (*UNWEIGHTED, "weighted")
+OwnSource = Callable[[Trajectory, FeedbackLaw], Dataset]
 
 
-def rows(source: str, run: Trajectory, law: FeedbackLaw, train_on: str = "true_state") -> Dataset:
+def rows(
+    source: str | OwnSource, run: Trajectory, law: FeedbackLaw, train_on: str = "true_state"
+) -> Dataset:
     """Return the training data that ``source`` takes from an execution under ``law``.
+
+    ``source`` is one of SOURCES, or a function of your own of both.
 
     Raises:
         ConfigurationError: for an unknown source.
     """
+    if callable(source):
+        return source(run, law)
     if source == "weighted":
         return weighted(run, law.smoothing)
     if source not in UNWEIGHTED:
