@@ -4,8 +4,9 @@ Each of a few other readings of the log (a joint's torque or position with the o
 zero 90° or 180° away, the base mounted another way round, torques without those that carry the
 weight, torques in a unit that is powers of ten away, positions in degrees) is tried with the
 model's own inertias and with friction, rotor inertia and offset on every joint. The best one is
-taken while it reduces some joint's error to a third or less; what was taken is reported, with
-others that are as good, and nothing is changed.
+taken while it reduces some joint's error to a third or less, also of what is left without any
+model: where friction alone explains a torque, every larger unit makes errors look smaller. What
+was taken is reported, with others that are as good, and nothing is changed.
 """
 
 from collections.abc import Iterator, Sequence
@@ -55,10 +56,12 @@ def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
     one = np.ones(size)
     now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300))
     left = _left(rows, some, now, strength)
+    bare = _left(rows, some, now, strength, share=0.0)
     said: list[str] = []
     while np.any(left > WRONG) and len(said) <= size:
         tried = [(*other, _left(rows, some, other[-1], strength)) for other in _others(now, source)]
-        better = [t for t in tried if np.any((t[-1] <= FEWER * left) & (left > WRONG))]
+        most = FEWER * np.minimum(left, bare)
+        better = [t for t in tried if np.any((t[-1] <= most) & (left > WRONG))]
         error = [float(np.sum(t[-1] ** 2)) for t in better]
         if not better or min(error) >= np.sum(left**2):
             break
@@ -107,8 +110,13 @@ def _others(now: Reading, source: Any) -> Iterator[tuple[int | None, str, Readin
             yield None, what, now._replace(down=np.array(down, float))
 
 
-def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np.ndarray:
-    """Return the error (J,) that is left over the command's spread, zero where nothing moves."""
+def _left(
+    rows: Rows, some: np.ndarray, reading: Reading, strength: float, share: float = 1.0
+) -> np.ndarray:
+    """Return the error (J,) that is left over the command's spread, zero where nothing moves.
+
+    Of the model a ``share`` is taken: with none, friction, rotor inertia and offset are left.
+    """
     signals, kept = rows.signals, rows.signals.rows[some]
     q, qd, qdd = (reading.position * x[kept] for x in (signals.q, signals.qd, signals.qdd))
     source = signals.body.source
@@ -120,7 +128,7 @@ def _left(rows: Rows, some: np.ndarray, reading: Reading, strength: float) -> np
         source.opt.gravity = standing
     # what the model's own effects need but its friction, of which it may have too much
     own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
-    target = reading.torque * rows.command[some] - own[some] - torque
+    target = reading.torque * rows.command[some] - share * (own[some] + torque)
     out = np.zeros(len(reading.zero))
     for j, use in enumerate(rows.used[some].T):
         if use.sum() > 8 and rows.spread[j] > 0.0:

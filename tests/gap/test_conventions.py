@@ -109,3 +109,11 @@ def test_the_doubt_is_the_first_that_is_said(model, motion):
     assert found.notes[0] == found.conventions[0]
     assert found.summary.startswith("First of all")
     assert "First of all" in table(found).split(". ")[1]
+
+
+def test_a_load_that_is_gone_raises_no_doubt_where_friction_explains_the_torque(model, motion):
+    # with torques ten times as large, the error of the load would only look ten times smaller
+    q, tau, qd, _ = motion
+    friction = VISCOUS * qd + DRY * np.tanh(qd / 0.01)
+    size = 2.0 * np.std(tau - friction, axis=0) / np.std(friction, axis=0)
+    assert read(model, q, size * friction) == []
