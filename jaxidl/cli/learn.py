@@ -43,15 +43,16 @@ def learn(
     seed: Annotated[int | None, optional("N", "0")] = None,
     joints: Annotated[Names, optional("NAME ...", "those of --continue, or all")] = (),
     columns: Annotated[tuple[str, ...], optional("KEY=TITLE ...")] = (),
+    topic: Annotated[str | None, optional("NAME")] = None,
     tolerance: float = 0.05,
 ) -> None:
     """Learn from executions that were recorded on a robot: write the feedforward for the next one.
 
     Args:
-        logs: CSV, NPZ or Parquet, one a file, in the order of their recording: a row for each
-            control step with columns time, q0..., qdd_desired0..., tau0..., tau_feedback0...,
-            tau_feedback_applied0..., tau_feedforward0...; optional: qd*, qdd*, q_desired*,
-            qd_desired*.
+        logs: CSV, NPZ, Parquet or ROS bags, one execution each, in the order of their recording: a
+            row for each control step with columns time, q0..., qdd_desired0..., tau0...,
+            tau_feedback0..., tau_feedback_applied0..., tau_feedforward0...; optional: qd*, qdd*,
+            q_desired*, qd_desired*. A bag has them as interfaces of a DynamicJointState.
         out: folder for feedforward.json, weights.npz, feedforward.jaxexport, the model and
             report.md; one that jaxidl learn wrote is replaced, so that it has no default.
         model: MJCF or URDF that the robot is commanded by.
@@ -71,6 +72,7 @@ def learn(
         seed: root of weights and batches.
         joints: those that are learned, an arm without its gripper; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints.
+        topic: topic to read, if a ROS bag has several with joint states.
         tolerance: how far a command may be off the sum of its parts, as a share of the joint's
             largest command.
     """
@@ -123,6 +125,7 @@ def learn(
                 motion=settings.motion,
                 torque_limit=settings.torque_limit,
                 tolerance=tolerance,
+                topic=topic,
             )
             for log in logs
         ]

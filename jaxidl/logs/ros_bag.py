@@ -1,12 +1,14 @@
 """ROS bags with joint states: MCAP, SQLite, or bags of ROS 1.
 
-They are read through the optional package ``rosbags``; ROS itself is not needed.
+They are read through the optional package ``rosbags``; ROS itself is not needed. Two messages are
+understood: ``JointState``, and the ``DynamicJointState`` of ros2_control, which has any number of
+named values for each joint: what a controller computes, too.
 """
 
 import warnings
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,8 +18,8 @@ from jaxidl.logs.families import Wanted, shortened
 from jaxidl.logs.table import Table, listed, name_of, reason
 
 ENDINGS = (".mcap", ".db3", ".bag")
-TYPE = "sensor_msgs/msg/JointState"
-FIELDS = ("position", "velocity", "effort")
+STATE, DYNAMIC = "sensor_msgs/msg/JointState", "control_msgs/msg/DynamicJointState"
+FIELDS = ("position", "velocity", "effort")  # of a JointState
 MOST = 10_000_000  # most messages read
 
 
@@ -37,10 +39,12 @@ def is_bag(path: Path) -> bool:
 def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
     """Return the joint states of a bag as a table.
 
-    Columns are called ``NAME/position``, ``NAME/velocity`` and ``NAME/effort``.
+    Columns are called ``NAME/position``, ``NAME/velocity`` and ``NAME/effort``, or, of a
+    ``DynamicJointState``, ``NAME/INTERFACE``.
 
     Args:
-        topic: the topic to read. Default: the only one with joint states.
+        topic: the topic to read. Default: the only one with joint states; if there are two kinds,
+            the dynamic ones for the log of an execution, the others for a log of motion.
 
     Raises:
         LogError: if ``rosbags`` is not installed, the bag cannot be read, or has no such topic.
@@ -85,29 +89,58 @@ def _bag_of(path: Path) -> Path:
     )
 
 
+class Message(NamedTuple):
+    """Values of some joints at one instant."""
+
+    stamp: int  # [ns]
+    received: int  # [ns]
+    names: tuple[str, ...]
+    values: dict[str, np.ndarray]  # of each field; empty where a message has none
+
+
+def _message(received: int, raw: Any) -> Message:
+    """Return a message of either type."""
+    stamp = int(raw.header.stamp.sec) * 10**9 + int(raw.header.stamp.nanosec)
+    if not hasattr(raw, "joint_names"):
+        values = {field: np.asarray(getattr(raw, field), float) for field in FIELDS}
+        return Message(stamp, int(received), tuple(raw.name), values)
+    values = {}
+    for j, own in enumerate(raw.interface_values):
+        for field, value in zip(own.interface_names, own.values, strict=True):
+            values.setdefault(field, np.full(len(raw.joint_names), np.nan))[j] = value
+    return Message(stamp, int(received), tuple(raw.joint_names), values)
+
+
+def _topic(name: str, reader: Any, wanted: Wanted, topic: str | None) -> str:
+    """Return the topic to read."""
+    order = (DYNAMIC, STATE) if wanted.control else (STATE, DYNAMIC)
+    there = sorted({(c.topic, c.msgtype) for c in reader.connections})
+    kinds = {kind: [one for one, its in there if its == kind] for kind in order}
+    every = [one for kind in order for one in kinds[kind]]
+    if topic is not None:
+        if topic not in every:
+            expected = f"a topic {shortened(topic)} of {STATE} or {DYNAMIC} in {name}"
+            raise LogError(expected, listed(every) or "none", "choose one that is there")
+        return topic
+    if not every:
+        raise LogError(
+            f"a topic of {STATE} or {DYNAMIC} in {name}",
+            listed([f"{one} ({kind})" for one, kind in there]),
+            "record joint states, or export the log as CSV",
+        )
+    kind = next(kind for kind in order if kinds[kind])
+    if len(kinds[kind]) > 1:
+        got, remedy = listed(kinds[kind]), f"choose with --topic {kinds[kind][0]}"
+        raise LogError(f"one topic of {kind} in {name}", got, remedy)
+    return kinds[kind][0]
+
+
 def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
-    topics = sorted({c.topic for c in reader.connections if c.msgtype == TYPE})
-    if topic is None and len(topics) != 1:
-        other = sorted({f"{c.topic} ({c.msgtype})" for c in reader.connections})
-        if not topics:
-            raise LogError(
-                f"a topic of {TYPE} in {name}",
-                listed(other),
-                "record joint states, or export the log as CSV",
-            )
-        raise LogError(
-            f"one topic of {TYPE} in {name}", listed(topics), f"choose with --topic {topics[0]}"
-        )
-    if topic is not None and topic not in topics:
-        raise LogError(
-            f"a topic {shortened(topic)} of {TYPE} in {name}", listed(topics), "choose one of these"
-        )
-    connections = [c for c in reader.connections if c.topic == (topic or topics[0])]
-    rows: list[tuple[int, int, Any]] = []
+    topic = _topic(name, reader, wanted, topic)
+    connections = [c for c in reader.connections if c.topic == topic]
+    rows: list[Message] = []
     for connection, received, raw in reader.messages(connections=connections):
-        message = reader.deserialize(raw, connection.msgtype)
-        stamp = int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
-        rows.append((stamp, int(received), message))
+        rows.append(_message(received, reader.deserialize(raw, connection.msgtype)))
         if len(rows) > MOST:
             raise LogError(f"at most {MOST} messages in {name}", "more", "shorten the bag")
     if not rows:
@@ -115,10 +148,10 @@ def _table(name: str, reader: Any, wanted: Wanted, topic: str | None) -> Table:
     return _columns(name, rows, wanted)
 
 
-def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Table:
+def _columns(name: str, rows: list[Message], wanted: Wanted) -> Table:
     """Return a table of the messages of the publisher whose joints are those of the robot."""
     notes: list[str] = []
-    groups = Counter(tuple(message.name) for _, _, message in rows)
+    groups = Counter(message.names for message in rows)
     robot = {wanted.names[j] for j in wanted.taken}
     fitting = [names for names in groups if robot and robot <= set(names)] or list(groups)
     if len(fitting) > 1:
@@ -131,15 +164,16 @@ def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Tab
     names, left = fitting[0], sum(groups.values()) - groups[fitting[0]]
     if left:
         notes.append(f"{left} messages of {name} with other joints left out")
-    mine = [(stamp, received, m) for stamp, received, m in rows if tuple(m.name) == names]
-    stamps = [stamp for stamp, _, _ in mine]
+    mine = [m for m in rows if m.names == names]
+    stamps = [m.stamp for m in mine]
     if not any(stamps):
         notes.append(f"no time stamps in {name}: the time of recording is used")
-        stamps = [received for _, received, _ in mine]
-    count = len(names) or max(len(getattr(mine[0][2], field)) for field in FIELDS)
+        stamps = [m.received for m in mine]
+    count = len(names) or max(map(len, mine[0].values.values()))
     headers, columns = ["time"], [np.array([1e-9 * (stamp - stamps[0]) for stamp in stamps])]
-    for field in FIELDS:
-        lengths = {len(getattr(m, field)) for _, _, m in mine}
+    nothing = np.zeros(0)
+    for field in dict.fromkeys(field for m in mine for field in m.values):
+        lengths = {len(m.values.get(field, nothing)) for m in mine}
         if lengths == {0}:
             continue
         if lengths != {count}:
@@ -149,7 +183,7 @@ def _columns(name: str, rows: list[tuple[int, int, Any]], wanted: Wanted) -> Tab
                 got,
                 "record again, or export the good part as CSV",
             )
-        values = np.array([getattr(m, field) for _, _, m in mine], float)
+        values = np.array([m.values[field] for m in mine])
         for j in range(count):
             if not np.isnan(values[:, j]).all():  # some drivers fill unknown fields with NaN
                 headers.append(f"{names[j]}/{field}" if names else f"{field}_{j}")

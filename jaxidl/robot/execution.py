@@ -23,9 +23,9 @@ from jaxidl.logs.families import Wanted
 from jaxidl.logs.formats import load
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.missing import near
-from jaxidl.logs.ros_bag import is_bag
+from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.speeds import check_speeds
-from jaxidl.logs.table import listed, name_of
+from jaxidl.logs.table import listed
 from jaxidl.robot.checks import balanced, plausible, step_of
 from jaxidl.robot.gains import feedback_of
 from jaxidl.robot.motion import Moved, moved
@@ -45,7 +45,7 @@ class Execution(NamedTuple):
     run: Trajectory  # (T, J); the true state is not known: it is the sensed one
     desired: np.ndarray | None  # (T, J) desired positions [m or rad], if they were logged
     dt: float  # [s] control step
-    sha: str  # SHA-256 of the file
+    sha: str  # SHA-256 of the file, or of a bag's files
     name: str  # of the file
     notes: tuple[str, ...]
 
@@ -59,11 +59,12 @@ def read_execution(
     motion: str = "offline",
     torque_limit: np.ndarray | float = np.inf,
     tolerance: float = TOLERANCE,
+    topic: str | None = None,
 ) -> Execution:
     """Return the execution in a log.
 
     Args:
-        path: CSV, NPZ or Parquet.
+        path: CSV, NPZ, Parquet, or a ROS bag.
         model: of the robot; its plant's inverse dynamics are part of the command.
         law: feedback law, from which feedback that was not logged is computed.
         columns: which column is which, as for :func:`jaxidl.logs.read`.
@@ -71,12 +72,13 @@ def read_execution(
         torque_limit: (J,) bound of each part of the command [N or Nm].
         tolerance: largest difference between the command and the sum of its parts, as a share of
             the joint's largest command.
+        topic: topic of a ROS bag.
 
     Raises:
         LogError: if the log cannot be used.
         ConfigurationError: for an unknown ``motion``.
     """
-    found = _samples(path, model, columns)
+    found = _samples(path, model, columns, topic)
     dt = step_of(found)
     signals = {kind: values.astype(float) for kind, values in found.signals.items()}
     _complete(found, law)
@@ -94,22 +96,17 @@ def read_execution(
         _add_feedback(signals, law, estimate, dt, clip)
     _sums(found, signals, estimate.qd, model, clip, tolerance)
     run = _trajectory(signals, estimate, model.plant, clip)
-    sha = hashlib.sha256(path.read_bytes()).hexdigest()
+    files = sorted(path.iterdir()) if path.is_dir() else [path]  # a bag may be a folder
+    sha = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
     return Execution(run, signals.get("q_desired"), dt, sha, found.table.name, tuple(notes))
 
 
-def _samples(path: Path, model: Model, columns: Sequence[str]) -> Samples:
+def _samples(path: Path, model: Model, columns: Sequence[str], topic: str | None) -> Samples:
     """Return the signals in a file that are those of the model's joints."""
-    name = name_of(path)
-    if is_bag(path):
-        raise LogError(
-            f"a CSV, NPZ or Parquet file at {name}",
-            "a ROS bag, whose joint states have no desired accelerations and feedback",
-            "export what the controller logged as one of these",
-        )
     joints = len(model.names)
     wanted = Wanted(joints, model.names, tuple(range(joints)), tuple(columns), control=True)
-    return samples(load(path, wanted), joints, exact=True)
+    table = load_bag(path, wanted, topic) if is_bag(path) else load(path, wanted)
+    return samples(table, joints, exact=True)
 
 
 def _trajectory(

@@ -11,6 +11,8 @@ pytest.importorskip("rosbags")
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from tests.helpers.bags import dynamic_bag
+
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 STATE, HEADER, TIME, TEXT = (
     STORE.types[name]
@@ -135,3 +137,16 @@ def test_missing_rosbags_is_refused_with_the_remedy(tmp_path, monkeypatch):
     refuse(
         lambda: read(tmp_path / "a.mcap"), "rosbags", "none installed", "pip install 'jaxidl[ros]'"
     )
+
+
+def test_values_of_ros2_control_are_read_by_interface(tmp_path):
+    q, tau = (each_joint(THREE, kind, (0, 1, 2)) for kind in ("q", "tau"))
+    values = [
+        {"position": q[:, j], "effort": tau[:, j], **({"temperature": q[:, j]} if j else {})}
+        for j in range(3)
+    ]
+    folder = dynamic_bag(tmp_path / "bag", THREE["time"], ARM, values)
+    same(read(folder, ARM))
+    two = dynamic_bag(tmp_path / "two", THREE["time"], ARM, values, ("/left", "/right"))
+    refuse(lambda: read(two, ARM), "one topic of control_msgs", "--topic /left")
+    same(read(two, ARM, topic="/right"))

@@ -44,6 +44,25 @@ def test_every_signal_comes_back(by_pid, gantry, tmp_path, suffix):
     assert not execution.notes
 
 
+def test_a_bag_of_ros2_control_has_every_signal(by_pid, gantry, tmp_path):
+    bags = pytest.importorskip("tests.helpers.bags", exc_type=ImportError)
+    run, desired = by_pid
+    columns = columns_of(run, DT, desired)
+    values = [
+        {name[:-1]: x for name, x in columns.items() if name.endswith(str(j))} for j in range(2)
+    ]
+    folder = bags.dynamic_bag(tmp_path / "bag", columns["time"], gantry.names, values)
+    execution = read_execution(folder, gantry)
+    assert_read(execution, run, SIGNALS)
+    np.testing.assert_allclose(execution.desired, desired.q)
+    assert execution.dt == pytest.approx(DT)
+    assert execution.sha == read_execution(folder, gantry, topic="/dynamic_joint_states").sha
+    refuse(lambda: read_execution(folder, gantry, topic="/other"), "a topic /other")
+    short = [{name: x for name, x in joint.items() if name != "qdd_desired"} for joint in values]
+    wrong = bags.dynamic_bag(tmp_path / "short", columns["time"], gantry.names, short)
+    refuse(lambda: read_execution(wrong, gantry), "qdd_desired0")
+
+
 def test_npz_may_hold_all_joints_in_one_array(by_pid, gantry, tmp_path):
     run, _ = by_pid
     path = tmp_path / "log.npz"
