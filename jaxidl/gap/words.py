@@ -43,6 +43,7 @@ def summarise(
             large(gap, model.names),
             reference,
             sum(f.less for f in sure),
+            max((f.confidence for f in rest), default=1.0),
         )
     ]
     if sure:
@@ -105,6 +106,7 @@ def headline(
     remaining: Sequence[str],
     reference: bool = False,
     less: int = 0,
+    likely: float = 1.0,
 ) -> str:
     """Return the verdict in one or two sentences.
 
@@ -116,6 +118,7 @@ def headline(
         remaining: large errors that remain, the largest first.
         reference: the log was compared with an earlier one.
         less: number of certain effects of which the model has too much.
+        likely: largest confidence of an effect that is not certain.
     """
     several = sure != 1
     effects = lambda number: f"{number} effect{'s' * (number != 1)}"
@@ -152,6 +155,10 @@ def headline(
         other = f"{more} suspected, which this log cannot distinguish from others"
         if sure:
             return f"{lacks} for certain; {other}."
+        if likely < 0.5:  # each is more likely wrong than right
+            most = f"a confidence of {'at most ' * (suspected > 1)}{percent(likely)}"
+            other = other.replace("suspected", f"suspected, with {most}")
+            return f"Something may {'have changed' if reference else 'be missing'}: {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
     possible = f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
     most = f"{'up to ' * (len(remaining) > 1)}{remaining[0]}" if remaining else ""

@@ -53,7 +53,8 @@ def verdict(d: Diagnosis) -> str:
     names = [d.model.names[j] for j in d.unexplained]
     left = large(d.gap, d.model.names)
     less = sum(f.less for f in d.findings if f.sure)
-    said = headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less)
+    likely = max((f.confidence for f in d.findings if not f.sure), default=1.0)
+    said = headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less, likely)
     return DOUBTFUL * bool(d.conventions) + said
 
 

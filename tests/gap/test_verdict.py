@@ -40,3 +40,11 @@ def test_why_one_of_two_equal_explanations_is_named_is_said():
     names = ["viscous friction", "quadratic drag"]
     assert undecided(names, False).endswith("viscous friction and quadratic drag.")
     assert undecided(names, True).endswith("; viscous friction is named because it is likelier.")
+
+
+def test_the_headline_does_not_claim_what_is_hardly_likely():
+    of = lambda likely: headline("ambiguous", 0, 3, [], [], likely=likely)
+    assert of(0.7).startswith("Something is missing: 3 effects are suspected, which")
+    assert of(0.13).startswith("Something may be missing: 3 effects are suspected")
+    assert "with a confidence of at most 13 %, which" in of(0.13)
+    assert "changed" in headline("ambiguous", 0, 1, [], [], True, likely=0.2)
