@@ -73,18 +73,25 @@ def scored(seeds: list[tuple[ArmStudy, Pushes, dict[str, Any]]]) -> dict[str, An
     return out
 
 
+def counted(found: np.ndarray) -> list[float]:
+    """Return Wilson's 95 % interval of the share of (N,) that is true."""
+    near = binomtest(int(found.sum()), len(found)).proportion_ci(method="wilson")
+    return [near.low, near.high]
+
+
 def at_asked(found: dict[str, np.ndarray], hours: float) -> dict[str, Any]:
     """Return what is felt, and how often falsely, at the threshold of ``ASKED`` alarms an hour."""
     alarms, delay = found["alarms"], found["delay"]
-    near = binomtest(int(alarms.sum()), len(alarms)).proportion_ci()
+    between = counted(alarms)
     large = np.abs(found["size"]) >= LARGE
     long = found["end"] - found["begin"] >= LONG / 1e-3
     felt = np.isfinite(delay)
     return {
         "false": alarms.mean() / hours,
-        "false_between": [near.low / hours, near.high / hours],
+        "false_between": [end / hours for end in between],
         "threshold": found["threshold"].reshape(-1, JOINTS).mean(0),
         "share": felt.mean(),
+        "share_between": counted(felt),
         "share_of": {
             name: felt[which].mean()
             for name, which in {

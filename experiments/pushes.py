@@ -4,8 +4,8 @@ The seven-joint arm repeats its task with what it has learned from weighted data
 one joint at a random moment: 1 to 10 Nm for 20 to 200 ms. Thresholds come from earlier executions
 without a push. Compared are the learning feedback that is left, and the generalised momentum
 observer with the rigid model, with the model that ``jaxidl gap`` has corrected, and with the
-learned one. FOLDER gets pushes.md, .json, .png and .pdf; the diagnosis stays in ``--sweeps``
-(default: FOLDER), and is not repeated.
+learned one. FOLDER gets pushes.md, .json, .png and .pdf, and one push as push.png and .pdf; the
+diagnosis stays in ``--sweeps`` (default: FOLDER), and is not repeated.
 """
 
 from collections.abc import Callable
@@ -30,7 +30,7 @@ from jaxidl.control import Filtered
 from jaxidl.effects import ConstantOffset
 from jaxidl.files import markdown
 from jaxidl.jobs.provenance import revision
-from jaxidl.learning.detector import Observer
+from jaxidl.learning.detector import Observer, calibrate
 from jaxidl.learning.execute import execute
 from jaxidl.plot.style import house_style, save
 from jaxidl.systems import Plant
@@ -42,6 +42,7 @@ SEEDS = (31, 32, 33)  # of learning runs; others were looked at while this was m
 NOISE = 1e-5  # of the encoders [rad]
 LEARNED, EARLIER, QUIET, PUSHED, WALLS = 6, 20, 150, 150, 50  # executions of each seed
 SIZE, LASTS = (1.0, 10.0), (0.02, 0.2)  # of a push [Nm], [s]; drawn uniformly in the logarithm
+SHOWN = 2.0, 0.1  # [Nm], [s]: the push nearest to this one is drawn
 MODELS = {
     "feedback": "learning feedback",
     "rigid": "observer, rigid model",
@@ -201,6 +202,41 @@ def draw_figure(found: dict[str, Any], folder: Path) -> None:
         save(figure, folder, "pushes")
 
 
+def draw_push(
+    study: ArmStudy, pushes: Pushes, found: dict[str, dict[str, np.ndarray]], folder: Path
+) -> None:
+    """Draw what each way to feel a push shows of one of them, beside its threshold."""
+    lasts = (pushes["end"] - pushes["begin"]) * study.dt
+    far = [
+        np.abs(np.log(x / y)) for x, y in zip((np.abs(pushes["size"]), lasts), SHOWN, strict=True)
+    ]
+    k = int(np.argmin(far[0] + far[1]))
+    joint, begin, end = (int(pushes[name][k]) for name in ("joint", "begin", "end"))
+    near = slice(begin - 150, end + 250)
+    ms = 1e3 * study.dt * (np.arange(near.start, near.stop) - begin)
+    acted = np.where((ms >= 0.0) & (ms < 1e3 * lasts[k]), pushes["size"][k], 0.0)
+    with house_style():
+        figure = Figure(figsize=(7.2, 2.5), layout="constrained")
+        for axes, (model, name) in zip(
+            figure.subplots(1, 4, sharex=True, sharey=True), MODELS.items(), strict=True
+        ):
+            limit = float(calibrate(found["earlier"][model], study.dt, ASKED).threshold[joint])
+            # what acts from outside brings the joint there with less torque of the motor's own
+            felt = -found["pushed"][model][k, near, joint]
+            axes.axhspan(-limit, limit, color="0.88", linewidth=0.0)
+            axes.plot(ms, acted, color="black", linewidth=0.8)
+            axes.plot(ms, felt, **STYLE[model])
+            over = np.flatnonzero((np.abs(felt) > limit) & (ms >= 0.0))
+            if len(over):
+                axes.plot(
+                    ms[over[0]], felt[over[0]], "o", color=STYLE[model]["color"], markersize=5
+                )
+            axes.set_title(name.replace(", ", ",\n"), fontsize=8.5)
+            axes.set_xlabel("time [ms]")
+        figure.axes[0].set_ylabel(f"torque on joint {joint + 1} [Nm]")
+        save(figure, folder, "push")
+
+
 def table(found: dict[str, dict[str, Any]]) -> str:
     """Return the rows as Markdown."""
     heads = [
@@ -216,14 +252,15 @@ def table(found: dict[str, dict[str, Any]]) -> str:
     for model, row in found["pushes"].items():
         wall = found["collisions"][model]
         ms = lambda delay: "{:.0f}, {:.0f} ms".format(*(1e3 * np.array(delay)))
+        share = lambda of: "{:.0%} [{:.0%}, {:.0%}]".format(of["share"], *of["share_between"])
         rows.append(
             [
                 MODELS[model],
                 "{:.0f} [{:.0f}, {:.0f}]".format(row["false"], *row["false_between"]),
-                f"{row['share']:.0%}",
+                share(row),
                 *(f"{x:.0%}" for x in row["share_of"].values()),
                 ms(row["delay"]),
-                f"{wall['share']:.0%}",
+                share(wall),
                 ms(wall["delay"]),
             ]
         )
@@ -235,8 +272,10 @@ def main() -> None:
     choose_devices(None)
     jax.config.update("jax_enable_x64", True)
     work, began = given.sweeps or given.folder, revision()
+    runs = [executed(work, seed) for seed in SEEDS]
+    draw_push(*runs[0], given.folder)
     found = {
-        "pushes": scored([executed(work, seed) for seed in SEEDS]),
+        "pushes": scored(runs),
         "collisions": scored([collided(work, seed) for seed in SEEDS]),
     }
     about = {"git_revision": began, "asked": ASKED, "seeds": SEEDS, **found}
