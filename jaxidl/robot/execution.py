@@ -18,11 +18,11 @@ import numpy as np
 from jaxidl.control import FeedbackLaw, Pid
 from jaxidl.errors import LogError
 from jaxidl.logs import checks
-from jaxidl.logs.checks import samples
 from jaxidl.logs.families import Wanted
 from jaxidl.logs.formats import load
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.missing import near
+from jaxidl.logs.numeric import samples
 from jaxidl.logs.ros_bag import is_bag
 from jaxidl.logs.speeds import check_speeds
 from jaxidl.logs.table import listed, name_of
