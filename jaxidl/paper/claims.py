@@ -56,9 +56,10 @@ def _both(
     statement: str,
     measure: str,
     statistic: Callable[..., xr.DataArray],
+    low: float = 0.0,
+    high: float = np.inf,
     source: str = "",
     but: str = "",
-    **within: float,
 ) -> list[Claim]:
     """The same claim for either controller, low gain unless the statistic says otherwise; with
     ``source`` about that one.
@@ -67,9 +68,10 @@ def _both(
     for who in ("pid", "doomed"):
         words = f"{name}/{who}", f"{who.upper()}: {statement}", measure
         own = partial(statistic, who=who)
-        found.append(
-            _of(*words, source, own, but=but, **within) if source else Claim(*words, own, **within)
-        )
+        if source:
+            found.append(_of(*words, source, own, but=but, low=low, high=high))
+        else:
+            found.append(Claim(*words, own, low, high))
     return found
 
 
