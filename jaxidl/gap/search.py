@@ -129,7 +129,7 @@ def pairs(score: Score, now: Solution) -> list[Move]:
     The pairs are the most entangled ones.
     """
     moves = []
-    for a, b in entangled(score, now):
+    for a, b in entangled(now):
         rest, both = after(now.members, [a, b], []), set(a.joints) & set(b.joints)
         fresh = promising(score, rest, -np.inf, both, [a, b])
         good = set(promising(score, rest, now.value, both, [a, b]))
@@ -173,7 +173,7 @@ def promising(
     return found
 
 
-def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
+def entangled(now: Solution) -> list[tuple[Item, Item]]:
     """Return pairs of members on one joint that may both be wrong.
 
     Of effects that are not common it is any two, of others those that the log determines badly

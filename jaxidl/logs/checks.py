@@ -20,15 +20,13 @@ def long_enough(time: np.ndarray, dt: float) -> None:
         )
 
 
-def motion(
-    q: np.ndarray, tau: np.ndarray, time: np.ndarray, dt: float, segments: list[slice]
-) -> list[str]:
+def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, segments: list[slice]) -> list[str]:
     """Return notes on what is odd about a whole log.
 
     These are channels that stay constant, stay at a limit, or jump.
 
     Args:
-        q: (T, J) [m or rad]; tau: (T, J) [N or N m]; time: (T,) [s]; dt: the sampling interval [s].
+        q: (T, J) [m or rad]; tau: (T, J) [N or N m]; time: (T,) [s].
         segments: the rows of each run.
 
     Raises:

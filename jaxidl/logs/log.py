@@ -227,6 +227,4 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     if log.qd is not None:
         check_speeds(log.q, log.qd, dt, log.segments())
     checks.long_enough(log.time, dt)
-    return replace(
-        log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments()))
-    )
+    return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, log.segments())))

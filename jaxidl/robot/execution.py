@@ -163,7 +163,7 @@ def _complete(found: Samples, law: FeedbackLaw | None) -> None:
 def _odd(found: Samples, dt: float) -> list[str]:
     """Return notes on what is odd; raise LogError if nothing moved or no torque acted."""
     signals, time = found.signals, found.time
-    notes = checks.motion(signals["q"], signals["tau"], time, dt, [slice(0, len(time))])
+    notes = checks.motion(signals["q"], signals["tau"], time, [slice(0, len(time))])
     off = float(np.abs(np.diff(time) - dt).max() / dt)
     if off > 0.02:
         notes.append(f"time stamps are up to {off:.0%} of a step off: taken as one row a step")
