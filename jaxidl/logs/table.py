@@ -2,7 +2,7 @@
 
 import contextlib
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -64,7 +64,7 @@ def reason(error: Exception) -> str:
 
 
 @contextlib.contextmanager
-def reading(name: str, kind: str, remedy: str) -> Iterator[None]:
+def reading(name: str, kind: str, remedy: str) -> Generator[None]:
     """Turn whatever a parser raises on a damaged file into a LogError, and hide its guesses.
 
     Args:
