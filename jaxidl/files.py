@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all, and strict JSON."""
+"""Files that are written whole or not at all, where they can be written, and strict JSON."""
 
 import contextlib
 import json
@@ -28,19 +28,39 @@ def write_bytes(path: Path, content: bytes) -> None:
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
+        write_flushed(temporary, content)
         os.replace(temporary, path)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StoreError(
-            f"to write {path}", reason, "free some space or choose another location, then run again"
-        ) from None
+        remedy = "free some space or choose another location, then run again"
+        raise StoreError(f"to write {path}", why(error), remedy) from None
     finally:
         with contextlib.suppress(OSError):  # already renamed, or never created
             temporary.unlink()
+
+
+def write_flushed(path: Path, content: bytes) -> None:
+    """Write a file that is on the disk when this returns; OSError passes."""
+    with path.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def why(error: OSError) -> str:
+    """Return the system's reason, to stand within a sentence."""
+    return (error.strerror or str(error)).lower()
+
+
+def check_writable(folder: Path) -> None:
+    """Check that a folder, or the nearest one above it that exists, can be written into.
+
+    Raises:
+        StoreError: if it cannot.
+    """
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        got = "no permission" if there.is_dir() else "a file"
+        raise StoreError(f"to write into {there}", got, "choose another folder")
 
 
 def as_json(value: Any, indent: int | None = 1) -> str:

@@ -1,4 +1,4 @@
-"""Do the tests notice when the code is wrong? Small changes to six modules, and which tests fail
+"""Do the tests notice when the code is wrong? Small changes to seven modules, and which tests fail
 because of them.
 
     python experiments/bench/mutants.py [--each 6] [--json FILE]
@@ -28,6 +28,7 @@ MODULES = {
     "learning/sources.py": ("paper/golden", "learning/learning"),
     "models/training.py": ("models/training", "paper/golden"),
     "gap/score.py": ("gap/sets", "gap/workflow"),
+    "gap/estimates.py": ("gap/sets", "gap/workflow"),
     "jobs/store.py": ("jobs/sweep", "paper/sweep", "paper/properties"),
 }
 OPPOSITE = {

@@ -4,10 +4,9 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 import numpy as np
-from flax import struct
 
 from jaxidl.effects.base import Effect
-from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Line, late, line, push, variants_of
+from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Delay, Line, late, line, push
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
 from jaxidl.types import History, Joints
 
@@ -55,20 +54,15 @@ class ActuatorLag(Effect):
         ]
 
 
-class ActuatorDelay(Effect):
+class ActuatorDelay(Delay):
     """The delivered torque is the command of ``delay`` ago, interpolated linearly.
 
     The delay is at most ``steps`` steps.
     """
 
-    delay: Joints  # (J,) [s]
-    steps: int = struct.field(pytree_node=False, default=64)
-
     name: ClassVar[str] = "actuator_delay"
     sentence: ClassVar[str] = "the torque arrives late, after a dead time"
     parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the dead time")}
-    prior: ClassVar[float] = 0.02
-    advice: ClassVar[str] = LATE
 
     def start(self, q: Joints) -> Line:
         return line(jnp.zeros_like(q), self.steps)
@@ -77,18 +71,6 @@ class ActuatorDelay(Effect):
         self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: float
     ) -> tuple[Joints, Line]:
         return late(tau, memory, self.delay / dt + jnp.zeros_like(q)), push(memory, tau)
-
-    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
-        """Return ``motor`` unchanged: MuJoCo has no dead time, and its place does not matter."""
-        return motor
-
-    @classmethod
-    def guesses(cls, scale: Scale) -> list[Guess]:
-        return [{"delay": x} for x in DELAYS]
-
-    @classmethod
-    def variants(cls, scale: Scale) -> list[Variant]:
-        return variants_of(cls.guesses(scale), scale)
 
 
 class TorqueScale(Effect):

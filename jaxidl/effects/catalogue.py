@@ -1,7 +1,6 @@
 """The catalogue of named physical effects: built-in ones and those that a user registers."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields
+from collections.abc import Callable
 from typing import Any, TypeVar, overload
 
 import jax
@@ -28,9 +27,9 @@ from jaxidl.effects.gears import (
 )
 from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint
+from jaxidl.effects.own import check_class, obstacle, qualified
 from jaxidl.effects.position import Spring, TorqueRipple
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
-from jaxidl.effects.spec import Parameter, Scale
 from jaxidl.effects.stiction import Stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
 from jaxidl.effects.varying import CoupledFriction, LoadDependentFriction, PositionDependentFriction
@@ -83,21 +82,6 @@ RESERVED = ("alignment",)  # what the gap workflow calls its own correction of a
 _never: set[str] = {SensingNoise.name, EncoderQuantisation.name}
 _aside: set[str] = set()  # registered with ``searched=False``: sought only where they are named
 
-_ORDINARY = Scale(
-    1.0,
-    1.0,
-    -1.0,
-    1.0,
-    1.0,
-    0.1,
-    10.0,
-    0.001,
-    joints=2,
-    lows=(-1.0, -1.0),
-    highs=(1.0, 1.0),
-    rest_speed=0.001,
-)
-
 C = TypeVar("C", bound=type[Effect])
 
 
@@ -148,115 +132,34 @@ def register(cls: Any = None, *, searched: bool = True) -> Any:
     """
     if cls is None:
         return lambda decorated: register(decorated, searched=searched)
-    _check_class(cls)
+    check_class(cls)
+    _check_name(cls)
     if cls not in _BUILT_IN:
-        obstacle = _obstacle(cls)
-        if searched and obstacle:
-            raise obstacle
+        reason = obstacle(cls)
+        if searched and reason:
+            raise reason
         for name in [
             name
             for name, old in CATALOGUE.items()
-            if _title(old) == _title(cls) and name != cls.name
+            if qualified(old) == qualified(cls) and name != cls.name
         ]:
             del CATALOGUE[name]  # the cell was run again with another name
         CATALOGUE[cls.name] = cls
-        (_never.add if obstacle else _never.discard)(cls.name)
+        (_never.add if reason else _never.discard)(cls.name)
     (_aside.discard if searched else _aside.add)(cls.name)
     return cls
 
 
-def _title(cls: type) -> str:
-    return f"{cls.__module__}.{cls.__qualname__}"
-
-
-def _check_class(cls: Any) -> None:
-    """Raise EffectError unless it is an effect that can be stored and has a name of its own."""
-    given: Any = cls  # a user's class may have anything where an effect has text
-    if not (isinstance(cls, type) and issubclass(cls, Effect)):
-        raise EffectError(
-            "a subclass of jaxidl.effects.Effect", repr(cls)[:100], "derive the class from Effect"
-        )
-    title = _title(cls)
-    if not (isinstance(given.name, str) and cls.name.isidentifier()):
-        raise EffectError(
-            f"a name of {title}, one word",
-            repr(cls.name),
-            'write name: ClassVar[str] = "…", with underscores',
-        )
-    if not (isinstance(given.sentence, str) and cls.sentence.strip()):
-        raise EffectError(
-            f"a sentence of {title}", repr(cls.sentence), "say in plain words what the effect is"
-        )
-    specs: Mapping[str, Any] = given.parameters if isinstance(given.parameters, Mapping) else {}
-    traced, named = (
-        [f.name for f in fields(cls) if f.metadata.get("pytree_node", True)],
-        list(specs),
-    )
-    if traced != named or not all(isinstance(spec, Parameter) for spec in specs.values()):
-        got = (
-            f"parameters {', '.join(named) or 'none'} and traced fields"
-            f" {', '.join(traced) or 'none'}"
-        )
-        remedy = (
-            "name every traced field, in their order, or make it static:"
-            " struct.field(pytree_node=False)"
-        )
-        raise EffectError(f"a Parameter of {title} for each traced field", got, remedy)
-    taken = [f.name for f in fields(cls) if callable(getattr(Effect, f.name, None))]
-    if taken:
-        raise EffectError(
-            f"fields of {title} with names of their own",
-            f"{', '.join(taken)}, which every effect has as a method",
-            "rename the field",
-        )
+def _check_name(cls: type[Effect]) -> None:
+    """Raise EffectError unless the class has a name of its own."""
     old = CATALOGUE.get(cls.name)
-    if cls.name in RESERVED or (old is not None and _title(old) != title):
-        owner = "the gap workflow" if old is None else _title(old)
+    if cls.name in RESERVED or (old is not None and qualified(old) != qualified(cls)):
+        owner = "the gap workflow" if old is None else qualified(old)
         raise EffectError(
-            f"a name of {title} that is not taken",
+            f"a name of {qualified(cls)} that is not taken",
             f"{cls.name!r} of {owner}",
             "choose another name",
         )
-
-
-def _obstacle(cls: type[Effect]) -> EffectError | None:
-    """Return why the gap workflow cannot begin a search for it; None if it can."""
-    static = [f for f in fields(cls) if f.name not in cls.parameters]
-    for variant in cls.variants(_ORDINARY):
-        bare = [
-            f.name
-            for f in static
-            if f.default is f.default_factory is MISSING and f.name not in variant.options
-        ]
-        if bare:
-            return EffectError(
-                f"defaults of the static fields of {cls.name}",
-                f"none of {', '.join(bare)}",
-                "set them",
-            )
-        values = variant.values
-        if wrong := [
-            key
-            for key, value in values.items()
-            if key not in cls.parameters or not np.isfinite(value).all()
-        ]:
-            got = ", ".join(f"{key} = {values[key]}" for key in wrong)
-            expected = (
-                f"guesses of {cls.name} that are finite values of"
-                f" {', '.join(cls.parameters) or 'nothing'}"
-            )
-            return EffectError(expected, got, "write guesses or variants with finite values")
-        known = {*cls.parameters}, {f.name for f in static}
-        for what, names, right in zip(
-            ("free", "options"), (variant.free, variant.options), known, strict=True
-        ):
-            if strange := [name for name in names if name not in right]:
-                expected = (
-                    f"variants of {cls.name} with {what} among"
-                    f" {', '.join(sorted(right)) or 'nothing'}"
-                )
-                return EffectError(expected, ", ".join(strange), "correct the names")
-    return None
 
 
 def from_dict(record: dict[str, Any], check: bool = True) -> Effect:

@@ -1,11 +1,13 @@
 """Dead time: a buffer of past values, read between two of them."""
 
-from collections.abc import Sequence
+from typing import ClassVar
 
 import jax.numpy as jnp
+from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.effects.spec import Guess, Scale, Variant
+from jaxidl.effects.base import Effect
+from jaxidl.effects.spec import Guess, Motor, Scale, Variant
 from jaxidl.types import Joints
 
 Line = Float[Array, "H J"]  # row h is the value h + 1 steps ago
@@ -21,13 +23,28 @@ LATE = (
 """How to tell effects of timing apart."""
 
 
-def variants_of(guesses: Sequence[Guess], scale: Scale) -> list[Variant]:
-    """Return starting shapes of a dead time.
+class Delay(Effect):
+    """A value arrives ``delay`` late, at most ``steps`` steps."""
 
-    Their buffer is just long enough for the longest dead time that is searched for.
-    """
-    options = {"steps": max(4, int(LONGEST / scale.dt))}
-    return [Variant(guess, within={"delay": (0.0, LONGEST)}, options=options) for guess in guesses]
+    delay: Joints  # (J,) [s]
+    steps: int = struct.field(pytree_node=False, default=64)
+
+    prior: ClassVar[float] = 0.02
+    advice: ClassVar[str] = LATE
+
+    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
+        """Return ``motor`` unchanged: MuJoCo has no dead time, and its place does not matter."""
+        return motor
+
+    @classmethod
+    def guesses(cls, scale: Scale) -> list[Guess]:
+        return [{"delay": x} for x in DELAYS]
+
+    @classmethod
+    def variants(cls, scale: Scale) -> list[Variant]:
+        """Return shapes whose buffer is just long enough for the longest dead time searched for."""
+        within, options = {"delay": (0.0, LONGEST)}, {"steps": max(4, int(LONGEST / scale.dt))}
+        return [Variant(guess, within=within, options=options) for guess in cls.guesses(scale)]
 
 
 def line(value: Joints, steps: int) -> Line:

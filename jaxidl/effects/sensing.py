@@ -4,11 +4,10 @@ from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-from flax import struct
 
 from jaxidl.effects.base import Effect
-from jaxidl.effects.delay import DELAYS, LATE, late, line, push, variants_of
-from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
+from jaxidl.effects.delay import Delay, late, line, push
+from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.types import History, Joints, Scalar
 
 BIGGEST = 0.5  # largest bias that a search looks for [m or rad]
@@ -84,20 +83,15 @@ class PositionBias(Effect):
         ]
 
 
-class SensorDelay(Effect):
+class SensorDelay(Delay):
     """The encoder's reading is ``delay`` old, interpolated linearly between past positions.
 
     The delay is at most ``steps`` steps.
     """
 
-    delay: Joints  # (J,) [s]
-    steps: int = struct.field(pytree_node=False, default=64)
-
     name: ClassVar[str] = "sensor_delay"
     sentence: ClassVar[str] = "the measured position lags behind the torque"
     parameters: ClassVar = {"delay": Parameter("s", 0.0, 1.0, "the age of the reading")}
-    prior: ClassVar[float] = 0.02
-    advice: ClassVar[str] = LATE
 
     def start(self, q: Joints) -> Any:
         return line(q, self.steps), jnp.zeros_like(q)
@@ -108,9 +102,6 @@ class SensorDelay(Effect):
         """Return the torque unchanged; remember the position and the delay in steps."""
         return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
 
-    def mjcf_motor(self, motor: Motor, joint: int = 0) -> Motor | None:
-        return motor
-
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return late(q, *memory)
 
@@ -118,11 +109,3 @@ class SensorDelay(Effect):
         t = jnp.arange(q.shape[0]) * dt
         shifted = jax.vmap(lambda column, d: jnp.interp(t + d, t, column), (1, 0), 1)
         return shifted(q, jnp.broadcast_to(self.delay, q.shape[1:]))
-
-    @classmethod
-    def guesses(cls, scale: Scale) -> list[Guess]:
-        return [{"delay": x} for x in DELAYS]
-
-    @classmethod
-    def variants(cls, scale: Scale) -> list[Variant]:
-        return variants_of(cls.guesses(scale), scale)

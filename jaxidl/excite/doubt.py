@@ -18,6 +18,7 @@ from jaxidl.excite.parameters import (
     common,
 )
 from jaxidl.excite.plan import Noise
+from jaxidl.files import why
 from jaxidl.gap.calibration import margin_of
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
@@ -90,7 +91,7 @@ def read_report(folder: Path) -> dict[str, Any]:
             return report
         got = "another file of that name"
     except OSError as error:
-        got = (error.strerror or str(error)).lower()
+        got = why(error)
     except (ValueError, AttributeError):
         got = "something else than its report.json"
     raise ConfigurationError(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxidl.gap import estimates
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
@@ -63,10 +64,10 @@ def _rivals(score: Score, found: Solution) -> Score:
     They are those that promise most, with it and without, unless their prior was much lower than
     that of everything on its joints.
     """
-    promise = score.promise(found.members)
+    promise = estimates.promise(score, found.members)
     near = {id(i) for i in score.items if promise.get(id(i), -np.inf) > -4.0}
     for m in found.members:
-        without = score.promise([o for o in found.members if o is not m])
+        without = estimates.promise(score, [o for o in found.members if o is not m])
         ranked = sorted(
             (i for i in score.items if id(i) in without and set(i.joints) & set(m.joints)),
             key=lambda i: -without[id(i)],

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxidl.effects import CATALOGUE
+from jaxidl.gap import estimates
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found
@@ -127,7 +128,7 @@ def best_instead(
         joint: where the effect is largest; rivals are on that joint, too.
     """
     best, nearest = bare.value, None
-    promise = score.promise(others)
+    promise = estimates.promise(score, others)
     rivals = [
         i
         for i in score.items

@@ -198,13 +198,13 @@ class Gram:
 
         There is one for each training block.
         """
-        at = self._places(members)
+        at = self.indices(members)
         gram, right, _ = self._normal(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
 
     def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
-        at = self._places(members)
+        at = self.indices(members)
         return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[
             at
         ] * self.scale[at]
@@ -225,7 +225,7 @@ class Gram:
         return gram, right, own
 
     @cached_property
-    def _whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+    def whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
         """Return Gram matrix (P, P) and right side (P,) of all items on all training blocks.
 
         Also return the items by their width: indices (n, p), their own part of the matrix (n, p, p)
@@ -249,6 +249,6 @@ class Gram:
             widths.append((items, where, own, on))
         return gram, push, widths
 
-    def _places(self, members: Iterable[Item]) -> np.ndarray:
+    def indices(self, members: Iterable[Item]) -> np.ndarray:
         """Return the indices of the columns of some items."""
         return np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])

@@ -35,7 +35,7 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
     for j in np.argsort(size)[::-1].tolist():
         energy = residual[:, j] ** 2 * counted[:, j]
         found = []
-        for regime, mask, words in _regimes(data, residual, j):
+        for regime, mask, words in _regimes(data, j):
             share = float(energy[mask].sum() / max(energy.sum(), 1e-300))
             time = float(np.sum(mask & counted[:, j]) / max(np.sum(counted[:, j]), 1))
             if share > LEAST and share > EXCESS * time and time > 0.0:
@@ -61,7 +61,7 @@ def _everywhere(joint: int, name: str, size: float) -> Place:
     )
 
 
-def _regimes(data: Rows, residual: np.ndarray, j: int) -> list[tuple[str, np.ndarray, str]]:
+def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
     """Return name, rows and description of each regime."""
     signals, rows = data.signals, data.signals.rows
     resting = signals.resting[rows]

@@ -51,7 +51,6 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
             d.ambiguous,
             gap,
             d.unexplained,
-            remaining,
             d.model,
             bool(d.options.get("reference")),
         ),

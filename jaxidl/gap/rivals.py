@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from jaxidl.gap import estimates
 from jaxidl.gap.confidence import FARTHER
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.library import Library
@@ -45,7 +46,7 @@ def contested(
         if m not in now.members:
             continue
         rest = without(now, m)
-        promise = score.promise(rest)
+        promise = estimates.promise(score, rest)
         others = [
             i
             for i in score.items
@@ -100,7 +101,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     sets: dict[tuple[Group, ...], dict[Group, float]] = {}
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
-        promise = score.promise(rest)
+        promise = estimates.promise(score, rest)
         likely = promise[id(m)] - m.odds - max(FAR / 2.0, UNFIT * (promise[id(m)] - m.odds))
         near = [
             i

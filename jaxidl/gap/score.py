@@ -22,7 +22,6 @@ from jaxtyping import Float
 from jaxidl.gap.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
-ALIKE = 1e-6  # share of what columns add below which others imitate them
 
 
 class Solution(NamedTuple):
@@ -52,7 +51,8 @@ class Score(Gram):
         """Take the arguments of :class:`jaxidl.gap.gram.Gram`."""
         super().__init__(*args, **more)
         self._known: dict[frozenset[int], Solution] = {}
-        self._promised: dict[frozenset[int], dict[int, float]] = {}
+        # what :func:`jaxidl.gap.estimates.promise` said so far
+        self.promised: dict[frozenset[int], dict[int, float]] = {}
 
     def solve(self, members: Iterable[Item]) -> Solution:
         """Return the set fitted with and without each block, and its score."""
@@ -63,7 +63,7 @@ class Score(Gram):
         return self._known[known]
 
     def _solve(self, members: tuple[Item, ...]) -> Solution:
-        at = self._places(members)
+        at = self.indices(members)
         blocks = len(self.weights)
         gram, right, own = self._normal(at)
         w = self.weights[:, None]
@@ -172,7 +172,7 @@ class Score(Gram):
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
-        at, blocks = self._places(members), len(self.weights)
+        at, blocks = self.indices(members), len(self.weights)
         _, _, own = self._normal(at)
         scaled, error = x * self.scale[at], np.zeros(len(own))
         for j, (here, g, h) in enumerate(own):
@@ -192,7 +192,7 @@ class Score(Gram):
         errors are equal counts once per block, and what the log does not determine is as wide as
         the prior.
         """
-        at, blocks = self._places(found.members), len(self.weights)
+        at, blocks = self.indices(found.members), len(self.weights)
         gram, _, own = self._normal(at)
         known = self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
         count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
@@ -208,7 +208,7 @@ class Score(Gram):
 
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""
-        at = self._places(found.members)
+        at = self.indices(found.members)
         x, rest = found.x * self.scale[at], ~self.training
         error = self.square[rest].copy()
         for j, local in enumerate(self.local):
@@ -220,90 +220,21 @@ class Score(Gram):
             )
         return np.maximum(error, 0.0)
 
-    def promise(self, members: Iterable[Item]) -> dict[int, float]:
-        """Return a quick estimate of how much each other item would raise the score.
-
-        It is made from the fit on all blocks.
-        """
-        members = tuple(members)
-        known = frozenset(map(id, members))
-        if known not in self._promised:
-            self._promised[known] = self._promise(members)
-        return dict(self._promised[known])
-
-    def _promise(self, members: Iterable[Item]) -> dict[int, float]:
-        now = self.solve(members)
-        at = self._places(now.members)
-        gram, push, widths = self._whole
-        push = push - gram[:, at] @ (now.x * self.scale[at])
-        inside = gram[np.ix_(at, at)] + np.diag(
-            self.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9
-        )
-        over = gram[at]
-        across = np.linalg.solve(inside, over) if len(at) else over
-        left = np.maximum(now.error.sum(0), 1e-9)
-        out: dict[int, float] = {}
-        for items, where, own, on in widths:  # all items with the same number of columns at once
-            schur = own - np.einsum("anp,anq->npq", over[:, where], across[:, where])
-            right = push[where]
-            step = np.linalg.solve(schur, right[..., None])[..., 0]
-            if where.shape[1] == 1:
-                step = np.clip(step, self.bounds[0][where], self.bounds[1][where])
-            gain = 2 * np.sum(step * right, 1) - np.einsum("np,npq,nq->n", step, schur, step)
-            rate = np.clip(gain / (on @ left), 0.0, 1.0 - 1e-6)
-            odds = np.array([i.odds for i in items])
-            worth = -0.5 * (on @ self.effective) * np.log(1.0 - rate) - 0.5 * where.shape[1] + odds
-            out |= zip(map(id, items), worth.tolist(), strict=True)
-        for m in now.members:
-            out.pop(id(m), None)
-        return out
-
-    def lost(self, now: Solution) -> dict[int, float]:
-        """Return a quick estimate of how much the score would fall without each member."""
-        at, (gram, _, _) = self._places(now.members), self._whole
-        inside = gram[np.ix_(at, at)] + np.diag(
-            self.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9
-        )
-        inverse, x = np.linalg.inv(inside), now.x * self.scale[at]
-        left, out = np.maximum(now.error.sum(0), 1e-9), {}
-        for m in now.members:
-            own, on = now.of(m), list(m.joints)
-            cost = float(x[own] @ np.linalg.solve(inverse[own, own], x[own]))
-            out[id(m)] = 0.5 * self.effective[on].sum() * np.log1p(cost / left[on].sum()) + m.odds
-        return out
-
-    def imitated(self, members: Iterable[Item], whole: Item) -> list[Item]:
-        """Return those members that are combinations of an item's several columns."""
-        if len(whole.lower) < 2 or whole.group in {m.group for m in members}:
-            return []
-        gram, _, _ = self._whole
-        at, found = self.place[id(whole)], []
-        inverse = np.linalg.pinv(gram[np.ix_(at, at)], rcond=RIDGE, hermitian=True)
-        for m in members:
-            if not m.always and set(m.joints) <= set(whole.joints):
-                own = self.place[id(m)]
-                left = (
-                    gram[np.ix_(own, own)] - gram[np.ix_(own, at)] @ inverse @ gram[np.ix_(at, own)]
-                )
-                if np.trace(left) < ALIKE * np.trace(gram[np.ix_(own, own)]):
-                    found.append(m)
-        return found
-
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        return self._with(items=list(items), _known=self._known, _promised={})
+        return self._with(items=list(items), _known=self._known, promised={})
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement.
 
         ``weights`` (B,) are how often each was drawn.
         """
-        return self._with(weights=weights, _known={}, _promised={})
+        return self._with(weights=weights, _known={}, promised={})
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
         other.__dict__.update({**self.__dict__, **changes})
-        other.__dict__.pop("_whole", None)
+        other.__dict__.pop("whole", None)
         return other
 
 

@@ -24,6 +24,7 @@ from collections.abc import Callable, Iterable
 
 import numpy as np
 
+from jaxidl.gap import estimates
 from jaxidl.gap.gram import Item
 from jaxidl.gap.score import Score, Solution
 
@@ -89,7 +90,7 @@ def without(now: Solution, m: Item) -> list[Item]:
 
 def single(score: Score, now: Solution) -> list[Move]:
     """Return the moves that drop one, add one, or take another shape of one."""
-    lost = score.lost(now)
+    lost = estimates.lost(score, now)
     drops = [
         (frozenset([m]), frozenset()) for m in now.members if not m.always and lost[id(m)] < NEAR
     ]
@@ -110,12 +111,12 @@ def replaced(score: Score, now: Solution) -> list[Move]:
     moves = [
         (frozenset(alike), frozenset([i]))
         for i in score.items
-        if len(alike := score.imitated(now.members, i)) > 1
+        if len(alike := estimates.imitated(score, now.members, i)) > 1
     ]
     taken = {m.group for m in now.members}
     for m in filter(lambda m: not m.always, now.members):
         less = [i for i in score.items if len(i.lower) < len(m.lower) and i.group not in taken]
-        moves += [(frozenset([m]), frozenset([i])) for i in score.imitated(less, m)]
+        moves += [(frozenset([m]), frozenset([i])) for i in estimates.imitated(score, less, m)]
         rest = after(now.members, [m], [])
         fresh = promising(score, rest, now.value, set(m.joints), [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]
@@ -128,7 +129,7 @@ def pairs(score: Score, now: Solution) -> list[Move]:
     The pairs are the most entangled ones.
     """
     moves = []
-    for a, b in entangled(score, now):
+    for a, b in entangled(now):
         rest, both = after(now.members, [a, b], []), set(a.joints) & set(b.joints)
         fresh = promising(score, rest, -np.inf, both, [a, b])
         good = set(promising(score, rest, now.value, both, [a, b]))
@@ -154,7 +155,7 @@ def promising(
         out: items that must not come back; with ``joints``, neither do other shapes of the members.
     """
     members = tuple(members)
-    promise, least = score.promise(members), value - score.solve(members).value - NEAR
+    promise, least = estimates.promise(score, members), value - score.solve(members).value - NEAR
     taken = {m.group for m in members} if joints is not None else set()
     ranked = sorted(
         (i for i in score.items if promise.get(id(i), -np.inf) > least),
@@ -172,7 +173,7 @@ def promising(
     return found
 
 
-def entangled(score: Score, now: Solution) -> list[tuple[Item, Item]]:
+def entangled(now: Solution) -> list[tuple[Item, Item]]:
     """Return pairs of members on one joint that may both be wrong.
 
     Of effects that are not common it is any two, of others those that the log determines badly

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jaxidl.gap import estimates
 from jaxidl.gap.diagnosis import MUCH, Ambiguity, Finding, Row
 from jaxidl.gap.find import Found
 from jaxidl.gap.rivals import Tie
@@ -72,7 +73,7 @@ def unexplained_joints(
 def rivals_of(found: Found) -> tuple[Row, ...]:
     """Return the effects that were not chosen, and why."""
     dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
-    promise = found.score.promise(found.solution.members)
+    promise = estimates.promise(found.score, found.solution.members)
     rest = sorted(
         (i for i in found.score.items if id(i) in promise and not i.always),
         key=lambda i: -promise[id(i)],

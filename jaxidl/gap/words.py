@@ -6,7 +6,6 @@ import numpy as np
 
 from jaxidl.gap.diagnosis import MUCH, Ambiguity, Estimate, Finding, Gap
 from jaxidl.gap.experiments import experiment
-from jaxidl.gap.localise import Place
 from jaxidl.systems.mjcf import Model
 
 FEW = 6  # most effects that a summary names
@@ -24,7 +23,6 @@ def summarise(
     ambiguous: Sequence[Ambiguity],
     gap: Gap,
     unexplained: Sequence[int],
-    remaining: Sequence[Place],
     model: Model,
     reference: bool = False,
 ) -> str:

@@ -118,9 +118,7 @@ def diagnose(
     return Diagnosis(
         verdict=verdict,
         summary=DOUBTFUL * bool(odd)
-        + summarise(
-            verdict, named, doubts, compared, unexplained, remaining, known, reference is not None
-        ),
+        + summarise(verdict, named, doubts, compared, unexplained, known, reference is not None),
         findings=named,
         ambiguous=doubts,
         where=where,

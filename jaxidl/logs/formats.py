@@ -3,14 +3,13 @@
 The contents of the columns are checked elsewhere.
 """
 
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 from jaxidl.errors import LogError
 from jaxidl.logs.array_tables import LARGEST_FILE, read_npz, read_parquet
 from jaxidl.logs.families import Wanted
-from jaxidl.logs.table import Table, listed, name_of, reason, shown
+from jaxidl.logs.table import Table, listed, name_of, reading, shown
 from jaxidl.logs.text_tables import read_text
 
 LARGEST_TEXT = 2**28  # bytes; reading text takes ten times as much
@@ -32,7 +31,8 @@ def load(path: Path, wanted: Wanted) -> Table:
         LogError: if there is no such file, or it is not of the kind that its name says.
     """
     name, reader = name_of(path), READERS.get(path.suffix.lower())
-    try:
+    kind, remedy = path.suffix.lstrip(".").upper(), "export it again, it may be damaged or cut off"
+    with reading(name, f"{kind} file", remedy):
         if not path.is_file():
             got = (
                 "a folder"
@@ -57,18 +57,4 @@ def load(path: Path, wanted: Wanted) -> Table:
                 got,
                 "shorten it, or save it as Parquet",
             )
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # ignore a parser's guesses about a damaged file
-            return reader(path, wanted)
-    except LogError:
-        raise
-    except PermissionError:
-        raise LogError(
-            f"to read {name}", "no permission", "change its permissions or owner, or copy it"
-        ) from None
-    except Exception as error:  # parsers raise nearly anything on a damaged file
-        kind, remedy = (
-            path.suffix.lstrip(".").upper(),
-            "export it again, it may be damaged or cut off",
-        )
-        raise LogError(f"a readable {kind} file at {name}", reason(error), remedy) from None
+        return reader(path, wanted)

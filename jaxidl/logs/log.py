@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float64, Int
 
 from jaxidl.errors import LogError
-from jaxidl.logs import checks
+from jaxidl.logs import checks, numeric
 from jaxidl.logs.array_tables import expanded
 from jaxidl.logs.families import Wanted
 from jaxidl.logs.formats import load
@@ -166,7 +166,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     found: list[Samples] = []
     notes: list[str] = []
     for table in tables:
-        found.append(checks.samples(table, joints, motor))
+        found.append(numeric.samples(table, joints, motor))
         counts = [samples.signals["q"].shape[1] for samples in found]
         if counts[-1] != counts[0]:
             got = f"{counts[0]} in {tables[0].name} and {counts[-1]} in {table.name}"
@@ -227,6 +227,4 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     if log.qd is not None:
         check_speeds(log.q, log.qd, dt, log.segments())
     checks.long_enough(log.time, dt)
-    return replace(
-        log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, dt, log.segments()))
-    )
+    return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, log.segments())))

@@ -98,7 +98,7 @@ def motor_side(
         key: value[0] if key in numbers and isinstance(value, list) and len(value) == 1 else value
         for key, value in said.items()
     }
-    said = _by_joint(said, names, where)
+    said = _by_joint(said, where)
     constant = _per_joint(said, "torque_constant", names, where)
     ratio = _per_joint(said, "gear_ratio", names, where)
     offset = _per_joint(said, "offset", names, where)
@@ -172,7 +172,7 @@ def _read(path: Path) -> dict[str, Any]:
     return content
 
 
-def _by_joint(said: dict[str, Any], names: Sequence[str], where: str) -> dict[str, Any]:
+def _by_joint(said: dict[str, Any], where: str) -> dict[str, Any]:
     """Turn ``joints: {elbow: {gear_ratio: 100}}`` into ``gear_ratio: {elbow: 100}``."""
     joints = said.get("joints")
     if joints is None:

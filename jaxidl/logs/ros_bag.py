@@ -5,7 +5,6 @@ understood: ``JointState``, and the ``DynamicJointState`` of ros2_control, which
 named values for each joint: what a controller computes, too.
 """
 
-import warnings
 from collections import Counter
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,7 +14,7 @@ import numpy as np
 from jaxidl.errors import LogError
 from jaxidl.logs.columns import choose
 from jaxidl.logs.families import Wanted, shortened
-from jaxidl.logs.table import Table, listed, name_of, reason
+from jaxidl.logs.table import Table, listed, name_of, reading
 
 ENDINGS = (".mcap", ".db3", ".bag")
 STATE, DYNAMIC = "sensor_msgs/msg/JointState", "control_msgs/msg/DynamicJointState"
@@ -61,23 +60,13 @@ def load_bag(path: Path, wanted: Wanted, topic: str | None = None) -> Table:
         ) from None
     if not path.exists():
         raise LogError(f"a bag at {name}", "no such file", "correct the path")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            store = get_typestore(
-                Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.ROS2_HUMBLE
-            )
-            with AnyReader([_bag_of(path)], default_typestore=store) as reader:
-                return _table(name, reader, wanted, topic)
-    except LogError:
-        raise
-    except PermissionError:
-        raise LogError(
-            f"to read {name}", "no permission", "change its permissions or owner, or copy it"
-        ) from None
-    except Exception as error:  # parsers raise nearly anything on a damaged file
-        remedy = "give the folder that ros2 bag wrote, with its metadata.yaml, or record it again"
-        raise LogError(f"a readable ROS bag at {name}", reason(error), remedy) from None
+    remedy = "give the folder that ros2 bag wrote, with its metadata.yaml, or record it again"
+    with reading(name, "ROS bag", remedy):
+        store = get_typestore(
+            Stores.ROS1_NOETIC if path.suffix.lower() == ".bag" else Stores.ROS2_HUMBLE
+        )
+        with AnyReader([_bag_of(path)], default_typestore=store) as reader:
+            return _table(name, reader, wanted, topic)
 
 
 def _bag_of(path: Path) -> Path:

@@ -1,10 +1,14 @@
 """A table that was read from a file, and how a person is told of a part of it."""
 
-from collections.abc import Mapping, Sequence
+import contextlib
+import warnings
+from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+
+from jaxidl.errors import LogError
 
 
 @dataclass(frozen=True)
@@ -57,3 +61,26 @@ def reason(error: Exception) -> str:
     """Return a parser's message, short enough for a line."""
     text = getattr(error, "strerror", None) or str(error)[:1000] or type(error).__name__
     return shown(" ".join(text.split()), 160)[1:-1].rstrip(".")
+
+
+@contextlib.contextmanager
+def reading(name: str, kind: str, remedy: str) -> Generator[None]:
+    """Turn whatever a parser raises on a damaged file into a LogError, and hide its guesses.
+
+    Args:
+        name: the file's name, as a person is told it.
+        kind: what the file should be, such as ``CSV file``.
+        remedy: what to do if it cannot be read.
+    """
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    except LogError:
+        raise
+    except PermissionError:
+        raise LogError(
+            f"to read {name}", "no permission", "change its permissions or owner, or copy it"
+        ) from None
+    except Exception as error:  # parsers raise nearly anything
+        raise LogError(f"a readable {kind} at {name}", reason(error), remedy) from None

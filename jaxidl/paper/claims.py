@@ -7,6 +7,7 @@ judges.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -35,7 +36,7 @@ def _of(
     statement: str,
     measure: str,
     source: str,
-    statistic: Callable[[View, str], xr.DataArray],
+    statistic: Callable[..., xr.DataArray],
     *,
     but: str = "",
     **within: float,
@@ -45,7 +46,7 @@ def _of(
 
     ``but``: the source that it is compared with, of which it would say nothing.
     """
-    by = {other: lambda v, other=other: statistic(v, other) for other in SOURCES}
+    by = {other: partial(statistic, source=other) for other in SOURCES}
     beside = tuple((other, by[other]) for other in SOURCES if other not in (source, but))
     return Claim(name, statement, measure, by[source], beside=beside, **within)
 
@@ -66,30 +67,39 @@ def _both(
     found = []
     for who in ("pid", "doomed"):
         words = f"{name}/{who}", f"{who.upper()}: {statement}", measure
+        own = partial(statistic, who=who)
         if source:
-            found.append(
-                _of(
-                    *words,
-                    source,
-                    lambda v, of, who=who: statistic(v, who, of),
-                    but=but,
-                    low=low,
-                    high=high,
-                )
-            )
+            found.append(_of(*words, source, own, but=but, low=low, high=high))
         else:
-            found.append(Claim(*words, lambda v, who=who: statistic(v, who), low, high))
+            found.append(Claim(*words, own, low, high))
     return found
 
 
-def _low(who: str, source: str, **where: Any) -> dict[str, Any]:
-    return {"controller": who, "gain": "low", "source": source, **where}
+def _low(who: str, **where: Any) -> dict[str, Any]:
+    return {"controller": who, "gain": "low", **where}
 
 
-def _best_other(statistic: Callable[..., xr.DataArray], source: str, **where: Any) -> xr.DataArray:
-    """The value of another source, whichever is smallest over all seeds together."""
+def _ratio(
+    statistic: Callable[..., xr.DataArray], over: str, under: str, **where: Any
+) -> xr.DataArray:
+    """A statistic of one source relative to that of another."""
+    return statistic(source=over, **where) / statistic(source=under, **where)
+
+
+def _to_best_other(
+    statistic: Callable[..., xr.DataArray], source: str, **where: Any
+) -> xr.DataArray:
+    """A statistic of one source relative to the other whose value over all seeds is smallest."""
+    own = statistic(source=source, **where)
     values = [statistic(source=other, **where) for other in SOURCES if other != source]
-    return min(values, key=lambda value: float(np.nanmean(np.log(value))))
+    return own / min(values, key=lambda value: float(np.nanmean(np.log(value))))
+
+
+def _by_noise(
+    statistic: Callable[..., xr.DataArray], noises: tuple[float, float], **where: Any
+) -> xr.DataArray:
+    """A statistic at the highest noise relative to that at the lowest."""
+    return statistic(noise=noises[1], **where) / statistic(noise=noises[0], **where)
 
 
 IMPROVES = 0.9  # final / first error below it is an improvement, above it is none
@@ -100,7 +110,7 @@ CLAIMS: list[Claim] = [
         "on average over all settings, joint data is faster",
         "mean error over iterations, source / best of the others, all settings",
         "joint",
-        lambda v, source: v.area(source=source) / _best_other(v.area, source),
+        lambda v, source: _to_best_other(v.area, source),
         high=1.0,
     ),
     _of(
@@ -109,7 +119,7 @@ CLAIMS: list[Claim] = [
         "final / first error that one run in ten exceeds, source / best of the others, all"
         " settings",
         "joint",
-        lambda v, source: v.unreliable(source=source) / _best_other(v.unreliable, source),
+        lambda v, source: _to_best_other(v.unreliable, source),
         high=1.0,
     ),
     _of(
@@ -117,7 +127,7 @@ CLAIMS: list[Claim] = [
         "PID: with indirect data and low gain, tracking does not improve",
         "final / first error",
         "indirect",
-        lambda v, source: v.improvement(**_low("pid", source)),
+        lambda v, source: v.improvement(**_low("pid", source=source)),
         low=IMPROVES,
     ),
     _of(
@@ -125,14 +135,14 @@ CLAIMS: list[Claim] = [
         "PID: with joint data and low gain, tracking improves",
         "final / first error",
         "joint",
-        lambda v, source: v.improvement(**_low("pid", source)),
+        lambda v, source: v.improvement(**_low("pid", source=source)),
         high=IMPROVES,
     ),
     *_both(
         "direct-low-noise",
         "with direct data, low gain and low noise, tracking improves",
         "final / first error at the lowest noise",
-        lambda v, who, source: v.improvement(**_low(who, source, noise=v.noises[0])),
+        lambda v, who, source: v.improvement(**_low(who, source=source, noise=v.noises[0])),
         high=IMPROVES,
         source="direct",
     ),
@@ -140,7 +150,7 @@ CLAIMS: list[Claim] = [
         "direct-high-noise",
         "with direct data, low gain and very high noise, tracking does not improve",
         "final / first error at the highest noise",
-        lambda v, who, source: v.improvement(**_low(who, source, noise=v.noises[1])),
+        lambda v, who, source: v.improvement(**_low(who, source=source, noise=v.noises[1])),
         low=IMPROVES,
         source="direct",
     ),
@@ -149,7 +159,7 @@ CLAIMS: list[Claim] = [
         "DOOMED: with indirect data and low gain, tracking improves",
         "final / first error",
         "indirect",
-        lambda v, source: v.improvement(**_low("doomed", source)),
+        lambda v, source: v.improvement(**_low("doomed", source=source)),
         high=IMPROVES,
     ),
     Claim(
@@ -157,30 +167,21 @@ CLAIMS: list[Claim] = [
         "DOOMED: indirect data improves tracking more slowly than direct data (low gain, low"
         " noise)",
         "mean error over iterations, indirect / direct at the lowest noise",
-        lambda v: (
-            v.area(**_low("doomed", "indirect", noise=v.noises[0]))
-            / v.area(**_low("doomed", "direct", noise=v.noises[0]))
-        ),
+        lambda v: _ratio(v.area, "indirect", "direct", **_low("doomed", noise=v.noises[0])),
         low=1.0,
     ),
     *_both(
         "direct-erratic",
         "with direct data alone, convergence is erratic in very high noise",
         "rises of the log error between late iterations, direct / joint at the highest noise",
-        lambda v, who: (
-            v.rises(**_low(who, "direct", noise=v.noises[1]))
-            / v.rises(**_low(who, "joint", noise=v.noises[1]))
-        ),
+        lambda v, who: _ratio(v.rises, "direct", "joint", **_low(who, noise=v.noises[1])),
         low=1.0,
     ),
     *_both(
         "indirect-noise",
         "noise does not affect learning from indirect data much",
         "mean error over iterations, highest / lowest noise",
-        lambda v, who, source: (
-            v.area(**_low(who, source, noise=v.noises[1]))
-            / v.area(**_low(who, source, noise=v.noises[0]))
-        ),
+        lambda v, who, source: _by_noise(v.area, v.noises, **_low(who, source=source)),
         low=0.8,
         high=1.25,
         source="indirect",
@@ -190,12 +191,8 @@ CLAIMS: list[Claim] = [
         "direct data is affected more by noise than indirect data",
         "(final error, highest / lowest noise) direct / indirect",
         lambda v, who: (
-            v.end(**_low(who, "direct", noise=v.noises[1]))
-            / v.end(**_low(who, "direct", noise=v.noises[0]))
-            / (
-                v.end(**_low(who, "indirect", noise=v.noises[1]))
-                / v.end(**_low(who, "indirect", noise=v.noises[0]))
-            )
+            _by_noise(v.end, v.noises, **_low(who, source="direct"))
+            / _by_noise(v.end, v.noises, **_low(who, source="indirect"))
         ),
         low=1.0,
     ),
@@ -203,10 +200,7 @@ CLAIMS: list[Claim] = [
         "joint-consistent",
         "joint data converges most consistently (low gain)",
         "final / first error that one run in ten exceeds, source / best of the others",
-        lambda v, who, source: (
-            v.unreliable(**_low(who, source))
-            / _best_other(v.unreliable, source, controller=who, gain="low")
-        ),
+        lambda v, who, source: _to_best_other(v.unreliable, source, **_low(who)),
         high=1.0,
         source="joint",
     ),
@@ -214,16 +208,14 @@ CLAIMS: list[Claim] = [
         "direct-variance",
         "results of direct data have a higher variance than those of joint data (low gain)",
         "spread of the log final error over settings, direct / joint",
-        lambda v, who: v.spread(**_low(who, "direct")) / v.spread(**_low(who, "joint")),
+        lambda v, who: _ratio(v.spread, "direct", "joint", **_low(who)),
         low=1.0,
     ),
     *_both(
         "joint-ordering",
         "on average joint data ends with the lowest error (low gain)",
         "final error, source / best of the others",
-        lambda v, who, source: (
-            v.end(**_low(who, source)) / _best_other(v.end, source, controller=who, gain="low")
-        ),
+        lambda v, who, source: _to_best_other(v.end, source, **_low(who)),
         high=1.0,
         source="joint",
     ),
@@ -231,7 +223,7 @@ CLAIMS: list[Claim] = [
         "joint-faster",
         "joint data converges faster than indirect data (low gain)",
         "mean error over iterations, source / indirect",
-        lambda v, who, source: v.area(**_low(who, source)) / v.area(**_low(who, "indirect")),
+        lambda v, who, source: _ratio(v.area, source, "indirect", **_low(who)),
         high=1.0,
         source="joint",
         but="indirect",
@@ -241,27 +233,23 @@ CLAIMS: list[Claim] = [
         "PID: with direct data and low gain, mean tracking degrades again after a few iterations",
         "final error / lowest before",
         "direct",
-        lambda v, source: v.end(**_low("pid", source)) / v.lowest_before(**_low("pid", source)),
+        lambda v, source: (
+            v.end(**_low("pid", source=source)) / v.lowest_before(**_low("pid", source=source))
+        ),
         low=1.0,
     ),
     *_both(
         "indirect-feedback",
         "with low gain, indirect data needs more feedback torque than joint data",
         "final applied feedback, indirect / joint",
-        lambda v, who: (
-            v.end("feedback_applied", **_low(who, "indirect"))
-            / v.end("feedback_applied", **_low(who, "joint"))
-        ),
+        lambda v, who: _ratio(v.end, "indirect", "joint", variable="feedback_applied", **_low(who)),
         low=1.0,
     ),
     Claim(
         "joint-torque",
         "joint data leads to lower exerted torques than indirect data (low gain, both controllers)",
         "final commanded torque, joint / indirect",
-        lambda v: (
-            v.end("torque", gain="low", source="joint")
-            / v.end("torque", gain="low", source="indirect")
-        ),
+        lambda v: _ratio(v.end, "joint", "indirect", variable="torque", gain="low"),
         high=1.0,
     ),
     *_both(
@@ -278,9 +266,8 @@ CLAIMS: list[Claim] = [
         "with high gain, the advantage of joint over indirect data is less pronounced",
         "(final error, indirect / joint) low gain / high gain",
         lambda v: (
-            v.end(gain="low", source="indirect")
-            / v.end(gain="low", source="joint")
-            / (v.end(gain="high", source="indirect") / v.end(gain="high", source="joint"))
+            _ratio(v.end, "indirect", "joint", gain="low")
+            / _ratio(v.end, "indirect", "joint", gain="high")
         ),
         low=1.0,
     ),

@@ -13,7 +13,7 @@ from jaxidl.report.words import cut
 
 WIDTH = 7.2  # width of every figure [in]
 DPI = 180
-BEFORE, AFTER, NOISE, COMMAND, ADDED = "#D55E00", "#0072B2", "#009E73", "0.55", "#0072B2"
+BEFORE, AFTER, NOISE, COMMAND = "#D55E00", "#0072B2", "#009E73", "0.55"
 JOINTS = 7  # most joints in figures with a row for each
 POINTS = 6000  # most points of a curve or cloud; more are thinned out
 

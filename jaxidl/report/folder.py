@@ -9,6 +9,7 @@ from pathlib import Path
 import jax
 
 from jaxidl.errors import StoreError
+from jaxidl.files import check_writable, why
 from jaxidl.gap.diagnosis import Diagnosis
 from jaxidl.report.document import page
 from jaxidl.report.figures import FIGURES, draw
@@ -49,10 +50,8 @@ def save(d: Diagnosis, folder: str | Path) -> Path:
                 names = _compose(d, folder, Path(aside))
             _move(Path(aside), folder, names)
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise StoreError(
-            f"to write a report into {folder}", reason, "free some space or choose another folder"
-        ) from None
+        remedy = "free some space or choose another folder"
+        raise StoreError(f"to write a report into {folder}", why(error), remedy) from None
     finally:
         for path in made:  # only those that are still empty
             with contextlib.suppress(OSError):
@@ -93,10 +92,7 @@ def check_folder(folder: Path, model: Path) -> None:
         raise StoreError(
             "an empty folder or one with a report of jaxidl gap", got, "choose another folder"
         )
-    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
-        got = "no permission" if there.is_dir() else "a file"
-        raise StoreError(f"to write into {there}", got, "choose another folder")
+    check_writable(folder)
 
 
 def _ours(path: Path) -> bool:

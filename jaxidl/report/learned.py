@@ -10,9 +10,9 @@ from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, BEFORE, JOINTS, NOISE, POINTS, limits, png
 from jaxidl.report.words import cut, oneline
 from jaxidl.robot.execution import Execution
-from jaxidl.robot.folder import Learned
 from jaxidl.robot.held_out import BLOCKS, HELD, left_by
 from jaxidl.robot.learn import data_of
+from jaxidl.robot.learned import Learned
 from jaxidl.types import Dataset
 
 TORQUE, PROGRESS, TEXT = "figures/torque.png", "figures/progress.png", "report.md"

@@ -2,9 +2,10 @@
 
 from .execution import Execution, read_execution
 from .export import write_c
-from .folder import Learned, load, save
+from .folder import load, save
 from .gains import read_gains
 from .learn import learn_from, program
+from .learned import Learned
 from .settings import Wish
 
 __all__ = [

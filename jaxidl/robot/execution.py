@@ -18,11 +18,11 @@ import numpy as np
 from jaxidl.control import FeedbackLaw, Pid
 from jaxidl.errors import LogError
 from jaxidl.logs import checks
-from jaxidl.logs.checks import samples
 from jaxidl.logs.families import Wanted
 from jaxidl.logs.formats import load
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.missing import near
+from jaxidl.logs.numeric import samples
 from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.speeds import check_speeds
 from jaxidl.logs.table import listed
@@ -160,7 +160,7 @@ def _complete(found: Samples, law: FeedbackLaw | None) -> None:
 def _odd(found: Samples, dt: float) -> list[str]:
     """Return notes on what is odd; raise LogError if nothing moved or no torque acted."""
     signals, time = found.signals, found.time
-    notes = checks.motion(signals["q"], signals["tau"], time, dt, [slice(0, len(time))])
+    notes = checks.motion(signals["q"], signals["tau"], time, [slice(0, len(time))])
     off = float(np.abs(np.diff(time) - dt).max() / dt)
     if off > 0.02:
         notes.append(f"time stamps are up to {off:.0%} of a step off: taken as one row a step")

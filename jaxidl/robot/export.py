@@ -12,7 +12,8 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.files import write_bytes
 from jaxidl.jobs.provenance import revision
 from jaxidl.robot.c import Code, Controller, generate
-from jaxidl.robot.folder import RECORD, Learned, load
+from jaxidl.robot.folder import RECORD, load
+from jaxidl.robot.learned import Learned
 
 
 def write_c(

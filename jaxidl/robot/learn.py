@@ -23,8 +23,8 @@ from jaxidl.learning.iterate import recall
 from jaxidl.learning.sources import UNWEIGHTED, weighted
 from jaxidl.models import ErrorModel, Learner, Training, draw_batches, fit, start
 from jaxidl.robot.execution import Execution
-from jaxidl.robot.folder import Learned
 from jaxidl.robot.held_out import held_out_rows, left_by, rms
+from jaxidl.robot.learned import Learned
 from jaxidl.robot.settings import Wish, check_fitting, settled
 from jaxidl.systems.mjcf import Model
 from jaxidl.types import Dataset, Key, State

@@ -10,7 +10,7 @@ from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.learning.guard import Guard
 from jaxidl.learning.sources import SOURCES
 from jaxidl.robot.execution import Execution
-from jaxidl.robot.folder import Learned
+from jaxidl.robot.learned import Learned
 from jaxidl.systems.mjcf import Model
 
 FILTER = (

@@ -1,37 +1,19 @@
-"""A plant with additional effects, as MJCF where MuJoCo has them, else as ``effects.json``.
-
-MuJoCo rewrites the user's file, with six digits and, where frames are nested, in another order;
-the values that the dynamics depend on are then rewritten at full precision and put back into their
-order.
-"""
-
-# MuJoCo's names are made when it is imported, where a type checker does not see them
-# pyright: reportAttributeAccessIssue=false
+"""A plant with additional effects, as MJCF where MuJoCo has them, else as ``effects.json``."""
 
 import json
-import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import mujoco
-import numpy as np
-
 from jaxidl.effects import Effect, added_to
-from jaxidl.effects.spec import Motor
-from jaxidl.errors import EffectError, ModelError
+from jaxidl.errors import EffectError
 from jaxidl.files import write_bytes
-from jaxidl.systems.attributes import Numbers, Principal, drives, kind, motors
-from jaxidl.systems.mjcf import Model, as_read, compile_spec, load_part, quietly
-from jaxidl.systems.mujoco_body import joint_names, last_moving
+from jaxidl.systems.attributes import Numbers, drives, kind, motors
+from jaxidl.systems.mjcf import Model, as_read, load_part, quietly
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
+from jaxidl.systems.rewriting import prepared, rewritten
 
 MODEL = "model.xml"
-MOTOR = "jaxidl_motor_"  # followed by the joint's number
-_NAMELESS = "jaxidl_body_"  # temporary name of a nameless body, to find its element
-_FILES = ("file", *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")))
-# settings of the compiler that concern masses
-_OF_MASSES = ("inertiafromgeom", "settotalmass", "boundmass", "boundinertia", "balanceinertia")
 
 
 def write_patched(model: Model, added: Sequence[Effect], folder: Path) -> tuple[Path, Path]:
@@ -69,21 +51,14 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
     with quietly(), as_read(model) as path:
         entries = read_record(path, joints)
         spec, _ = load_part(path, model.part, model.locked)
-        compiled = _prepare(spec, model)
+        compiled = prepared(spec, model)
         numbers = Numbers(compiled)
         numbers.expect(added)
         for effect in added:
             place = effect.write_mjcf(numbers)
             entries = _with(entries, Entry(effect, place is not None, place))
         made = [] if compiled.nu else motors([entry.effect for entry in entries], joints)
-        root = ET.fromstring(spec.to_xml())
-        _point_to_assets(root, spec, model.path.parent)
-        _write_gravity(root, numbers)
-        _write_bodies(root, compiled, numbers)
-        _write_motors(root, compiled, made)
-        ET.indent(root)
-        text = ET.tostring(root, encoding="unicode") + "\n"
-        _check(text, compiled, numbers, model.path)
+        text = rewritten(spec, compiled, numbers, made, model.path)
     return text, {
         "model": MODEL,
         "effects": [
@@ -115,194 +90,6 @@ def _with(entries: list[Entry], new: Entry) -> list[Entry]:
     return [*(e for e in entries if e not in same), new._replace(effect=whole)]
 
 
-def _prepare(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
-    """Compile, with a name for every body and joint and without the motors of an earlier patch.
-
-    Those are created again.
-    """
-    for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
-        spec.delete(actuator)
-    names = joint_names(compile_spec(spec, model.path))
-    if names != model.names:
-        raise ModelError(
-            f"{model.path} to have joints {', '.join(model.names)}",
-            ", ".join(names),
-            "read the model again",
-        )
-    taken = {joint.name for joint in spec.joints}
-    for joint in spec.joints:
-        joint.name = joint.name or _free(names[joint.id], taken)
-    for body in spec.bodies:
-        body.name = body.name or f"{_NAMELESS}{body.id}"
-    return compile_spec(spec, model.path)
-
-
-def _free(name: str, taken: set[str]) -> str:
-    while name in taken:
-        name += "_"
-    taken.add(name)
-    return name
-
-
-def _point_to_assets(root: ET.Element, spec: mujoco.MjSpec, folder: Path) -> None:
-    """Name files by absolute paths, and drop settings that no longer apply.
-
-    These would be applied to what is written out in full.
-    """
-    for element in root.iterfind("asset/*"):
-        place = spec.compiler.texturedir if element.tag == "texture" else spec.compiler.meshdir
-        for key in _FILES:
-            if file := element.get(key):
-                element.set(
-                    key,
-                    str((folder / place / (Path(file).name if spec.strippath else file)).resolve()),
-                )
-    for compiler in root.iterfind("compiler"):
-        for key in (*_OF_MASSES, "meshdir", "texturedir", "strippath"):
-            compiler.attrib.pop(key, None)
-
-
-def _write_gravity(root: ET.Element, numbers: Numbers) -> None:
-    option = root.find("option")
-    if option is None:
-        root.insert(0, option := ET.Element("option"))
-    option.set("gravity", _text(numbers.rigid.gravity))
-
-
-def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> None:
-    """Write bodies in the model's order, outside their frames, with full precision.
-
-    Payloads go to the last body that moves.
-    """
-    world = root.find("worldbody")
-    assert world is not None  # the model has joints
-    parents = {child: parent for parent in root.iter() for child in parent}
-    changed = numbers.rigid.bodies()
-    elements = {element.get("name"): element for element in world.iter("body")}
-    bodies = [world, *(elements[model.body(b).name] for b in range(1, model.nbody))]
-    joints = {element.get("name"): element for element in world.iter("joint")}
-    for b in range(1, model.nbody):
-        body = bodies[b]
-        _take_out(body, parents, "childclass")
-        bodies[model.body_parentid[b]].append(body)
-        _write_pose(body, model.body_pos[b], model.body_quat[b])
-        place = _write_inertial(body, model, changed.get(b), b)
-        for j in np.flatnonzero(model.jnt_bodyid == b):
-            joint = joints[model.joint(j).name]
-            _take_out(joint, parents, "class")
-            body.insert(place, joint)
-            _write_joint(joint, model, numbers, int(j))
-            place += 1
-        if str(body.get("name")).startswith(_NAMELESS):
-            del body.attrib["name"]
-    taken = {model.body(b).name for b in range(model.nbody)}
-    for load in numbers.rigid.carried():
-        carried = ET.SubElement(bodies[last_moving(model)], "body", name=_free("payload", taken))
-        carried.append(_inertial(load))
-
-
-def _take_out(element: ET.Element, parents: dict[ET.Element, ET.Element], inherits: str) -> None:
-    """Remove an element from its parent, keeping the class that the frames around it gave it."""
-    parent = above = parents[element]
-    while above.tag == "frame":
-        if (
-            inherits not in element.attrib
-            and "class" not in element.attrib
-            and "childclass" in above.attrib
-        ):
-            element.set(inherits, above.attrib["childclass"])
-        above = parents[above]
-    parent.remove(element)
-    while parent.tag == "frame" and len(parent) == 0:
-        parent, emptied = parents[parent], parent
-        parent.remove(emptied)
-
-
-def _write_pose(element: ET.Element, pos: np.ndarray, quat: np.ndarray) -> None:
-    for key, value, neutral in (
-        ("pos", pos, np.zeros(3)),
-        ("quat", quat, np.array([1.0, 0.0, 0.0, 0.0])),
-    ):
-        if key in element.attrib or np.any(value != neutral):
-            element.set(key, _text(value))
-
-
-def _write_inertial(
-    body: ET.Element, model: mujoco.MjModel, changed: Principal | None, b: int
-) -> int:
-    """Write a body's mass if it has any; return the index behind it."""
-    now = changed or Principal(
-        model.body_mass[b], model.body_ipos[b], model.body_iquat[b], model.body_inertia[b]
-    )
-    before = body.find("inertial")
-    if before is not None:
-        body.remove(before)
-    elif now.mass == 0.0:
-        return 0
-    body.insert(0, _inertial(now))
-    return 1
-
-
-def _inertial(of: Principal) -> ET.Element:
-    inertial = ET.Element("inertial", pos=_text(of.pos))
-    _write_pose(inertial, of.pos, of.quat)
-    inertial.attrib |= {"mass": _text(of.mass), "diaginertia": _text(of.diag)}
-    return inertial
-
-
-HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps
-
-
-def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: int) -> None:
-    """Write a joint's numbers.
-
-    Zeros are written too where the default or the previous value is not zero.
-    """
-    was = Numbers(model)
-    for key in ("damping", "frictionloss", "stiffness", "springref", "armature"):
-        value = getattr(numbers, key)[j]
-        if key in joint.attrib or value != 0.0 or getattr(was, key)[j] != 0.0:
-            joint.set(key, _text(value))
-    if numbers.frictionloss[j] > was.frictionloss[j] and "solreffriction" not in joint.attrib:
-        # the stiffest that MuJoCo accepts
-        joint.set("solreffriction", _text([2.0 * model.opt.timestep, 1.0]))
-        joint.set("solimpfriction", HARD)
-    for key, value, neutral in (
-        ("pos", model.jnt_pos[j], 0.0),
-        ("axis", model.jnt_axis[j], None),
-        ("ref", model.qpos0[j], 0.0),
-    ):
-        if key in joint.attrib or np.any(value != neutral):
-            joint.set(key, _text(value))
-
-
-def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Motor]) -> None:
-    """Write a motor for each joint; its lag is exact for a command held over a step."""
-    if not drives:
-        return
-    section = root.find("actuator")
-    section = ET.SubElement(root, "actuator") if section is None else section
-    for j, motor in enumerate(drives):
-        general = {
-            "name": f"{MOTOR}{j}",
-            "joint": model.joint(j).name,
-            "gear": _text(motor.gear),
-            "ctrllimited": "false",
-        }
-        general |= {
-            "gaintype": "fixed",
-            "gainprm": "1",
-            "biastype": "none",
-            "forcelimited": "false",
-            "dyntype": "none",
-        }
-        if np.isfinite(motor.force):
-            general |= {"forcelimited": "true", "forcerange": _text([-motor.force, motor.force])}
-        if motor.lag:
-            general |= {"dyntype": "filterexact", "dynprm": _text(motor.lag), "actearly": "true"}
-        ET.SubElement(section, "general", general)
-
-
 def _with_drive(entry: Entry, joints: int, written: bool) -> Entry:
     """Return the entry of a drive's effect with the attributes that its motors have.
 
@@ -311,23 +98,3 @@ def _with_drive(entry: Entry, joints: int, written: bool) -> Entry:
     if not drives(entry.effect, joints):
         return entry
     return entry._replace(mjcf=", ".join(kind(entry.effect).mjcf.values()) if written else None)
-
-
-def _text(values: Any) -> str:
-    """Return numbers as text that reads back exactly."""
-    return " ".join(repr(float(x)).removesuffix(".0") for x in np.ravel(values))
-
-
-def _check(text: str, model: mujoco.MjModel, numbers: Numbers, path: Path) -> None:
-    """Read the text back: it must compile, with the same joints and the same mass."""
-    spec = mujoco.MjSpec.from_string(text)
-    again = compile_spec(spec, path)
-    mass = numbers.rigid.links[:, 0].sum() + sum(load[0] for load in numbers.rigid.loads)
-    if joint_names(again) != joint_names(model) or not np.isclose(
-        again.body_mass.sum(), mass, rtol=1e-9
-    ):
-        raise ModelError(
-            f"{path} to keep its joints and masses when MuJoCo writes it",
-            "different joints or masses",
-            "write the model without frames",
-        )

@@ -15,6 +15,7 @@ from jaxidl.effects import (
     DirectionalLoadFriction,
     StribeckFriction,
 )
+from jaxidl.gap import estimates
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
@@ -398,8 +399,8 @@ def test_one_takes_the_place_of_all_that_it_can_imitate():
         np.stack([columns[..., 0].sum(0), np.zeros(N)], 1) + 0.05 * rng.normal(size=(N, JOINTS))
     )
     score = score_of(rows, [*parts, whole])
-    assert score.imitated(parts, whole) == parts
-    assert score.imitated([*parts[:2], whole], parts[2]) == []
+    assert estimates.imitated(score, parts, whole) == parts
+    assert estimates.imitated(score, [*parts[:2], whole], parts[2]) == []
     assert search(score, parts).members == (whole,)
     dear = replace(whole, odds=-10.0)
     assert set(search(score_of(rows, [*parts, dear]), [dear]).members) in ({dear}, set(parts))
@@ -531,7 +532,7 @@ def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
 def test_a_promise_is_what_an_item_is_worth_on_the_blocks_themselves(planted):
     rows, pool, truth, score = planted
     now = score.solve(truth[:2])
-    promise = score.promise(now.members)
+    promise = estimates.promise(score, now.members)
     assert not {id(m) for m in now.members} & promise.keys()
     held_out = now.error.sum(0)
     for i in (truth[2], pool[3], pool[9]):
@@ -559,7 +560,7 @@ def _left(rows, members, joint):
 def test_what_a_member_is_worth_is_estimated_without_a_fit(planted):
     _, pool, truth, score = planted
     now = score.solve([*truth, pool[3]])
-    lost = score.lost(now)
+    lost = estimates.lost(score, now)
     for m in now.members:
         exact = now.value - score.solve([o for o in now.members if o is not m]).value
         assert lost[id(m)] == pytest.approx(exact, abs=max(0.1 * abs(exact), 1.5))
@@ -633,7 +634,7 @@ def test_the_nearest_other_effect_is_solved_for_and_one_that_contains_it_is_no_r
     gap[:, 0] += own
     score = score_of(rows_with(gap), [truth, near, bounded, whole])
     bare = score.solve([])
-    promise = score.promise([])
+    promise = estimates.promise(score, [])
     assert promise[id(bounded)] > promise[id(near)]
     best, nearest = best_instead(score, [truth], [], bare, 0)
     assert nearest == near.key

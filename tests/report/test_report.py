@@ -507,7 +507,7 @@ def test_with_a_reference_findings_are_changes(tmp_path):
     common = (OnJoint(CoulombFriction(jnp.array([0.5])), 1, 2),)
     d = made_up(tmp_path, findings=(load(),), options=options, common=common)
     same = replace(d, findings=(), verdict="nothing_missing")
-    args = d.ambiguous, d.gap, (), (), d.model, True
+    args = d.ambiguous, d.gap, (), d.model, True
     summaries = summarise("named", d.findings, *args), summarise("nothing_missing", (), *args)
     for diagnosis, summary in zip((d, same), summaries, strict=True):
         for text in (table(diagnosis), Elements(page(diagnosis, {}, (), tmp_path)).text, summary):

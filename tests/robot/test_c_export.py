@@ -10,7 +10,8 @@ import pytest
 from jaxidl.cli import main
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
 from jaxidl.models import ErrorModel, Training, start
-from jaxidl.robot.folder import Learned, save
+from jaxidl.robot.folder import save
+from jaxidl.robot.learned import Learned
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.commands import refusal
 from tests.helpers.compiled import STRICT, build, compiler

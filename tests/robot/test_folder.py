@@ -9,7 +9,8 @@ import pytest
 
 from jaxidl.errors import ModelError, StoreError
 from jaxidl.models import start
-from jaxidl.robot.folder import Learned, check_folder, load, save
+from jaxidl.robot.folder import check_folder, load, save
+from jaxidl.robot.learned import Learned
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.executions import NETWORKS, TRAINING
 
