@@ -253,8 +253,8 @@ def _take(
         chosen.places[key], chosen.titles[key] = member.place, member.title.strip()
         if scale != 1.0:
             chosen.factors[key] = scale
-    scales = {chosen.factors.get(key, 1.0) for key in entries} - {1.0}
-    converted = f", converted from {family.members[0].read.unit}" if scales else ""
+    units = dict.fromkeys(str(m.read.unit) for key, m in entries.items() if key in chosen.factors)
+    converted = f", converted from {' and '.join(units)}" if units else ""
     literal = all(m.title.strip().lower() == key for key, m in entries.items())
     if not literal or converted:
         order = sorted((key for key in entries if "@" not in key), key=lambda key: (len(key), key))

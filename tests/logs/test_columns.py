@@ -185,6 +185,12 @@ def test_units_in_titles_are_converted(tmp_path):
     np.testing.assert_allclose(log.qd, log.q, rtol=1e-12)
     assert log.dt == pytest.approx(DT)
     assert sum("converted from" in note for note in log.notes) == 4
+    mixed = {("q2 [mm]" if key == "q2 [deg]" else key): x for key, x in columns.items()}
+    mixed["q2 [mm]"] = 1e3 * THREE["q2"]
+    mixed = {key: x for key, x in mixed.items() if not key.startswith("qd")}
+    log = read(write(tmp_path / "mixed.csv", mixed))
+    same(log)
+    assert any(note.endswith("converted from deg and mm") for note in log.notes)
     strange = {
         f"tau{j} [%]" if key == f"tau{j}" else key: THREE[key]
         for j in range(3)
