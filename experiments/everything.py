@@ -100,6 +100,11 @@ EVERYTHING = {
         (f"{EXPERIMENTS}/weighted.py figures --sweeps {WORK}/guard",),
         50,
     ),
+    "ingredients": Made(
+        ("ingredients.*",),
+        (f"{EXPERIMENTS}/ingredients.py figures --sweeps {WORK}/ingredients",),
+        70,
+    ),
     "scheduled": Made(
         ("scheduled.*",),
         (f"{EXPERIMENTS}/scheduled.py figures --sweeps {WORK}/guard",),
@@ -112,7 +117,7 @@ EVERYTHING = {
     ),
     "load": Made(("load.*",), (f"{EXPERIMENTS}/load.py figures",), 10),
     "pushes": Made(
-        ("pushes.*",),
+        ("pushes.*", "push.*"),
         (f"{EXPERIMENTS}/pushes.py figures --sweeps {WORK}/pushes",),
         30,
     ),
@@ -147,8 +152,11 @@ EVERYTHING = {
     ),
     "peers": Made(("peers.json",), (f"{EXPERIMENTS}/peers/run.py",), 15),
     "report": Made(
-        ("gap_report.png (a picture of the page's first screen)",),
-        (f"{JAXIDL} gap {UR10E}/without_load.csv --model {UR10E}/ur10e.xml --out {WORK}/ur10e",),
+        ("gap_report.png",),
+        (
+            f"{JAXIDL} gap {UR10E}/without_load.csv --model {UR10E}/ur10e.xml --out {WORK}/ur10e",
+            f"{EXPERIMENTS}/report_picture.py {WORK}/ur10e/report.html figures/gap_report.png",
+        ),
         1,
     ),
 }
