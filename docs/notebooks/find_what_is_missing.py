@@ -2,8 +2,8 @@
 # # Find what a simulation is missing
 #
 # You have a model of a robot and a log of its motion, and the two disagree. Which physical effect
-# is missing? We hide two effects in a pendulum and let `jaxidl.gap` look for them. The same diagnosis
-# on the command line is `jaxidl gap LOG --model MODEL`.
+# is missing? We hide two effects in a pendulum and let `jaxidl.gap` look for them. On the command
+# line the same diagnosis is `jaxidl gap LOG --model MODEL`.
 
 # %%
 from pathlib import Path

@@ -24,8 +24,8 @@ written = model.write_text(TWO_LINK)
 # %% [markdown]
 # ## Two logs of one robot
 #
-# The robot is a two-link arm in gravity. Both joints have friction that the model does not have, and
-# the model's upper arm is 10 % too light. Between the two logs the arm picks up a tool of 0.4 kg,
+# The robot is a two-link arm in gravity. Both joints have friction that the model lacks, and the
+# model's upper arm is 10 % too light. Between the two logs the arm picks up a tool of 0.4 kg,
 # 30 cm below its elbow. The motions differ, too.
 
 # %%

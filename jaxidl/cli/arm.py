@@ -30,7 +30,7 @@ def arm(
         out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for
             a robot, and the figures.
         quick: two seeds, one noise level, four executions and less training: takes minutes.
-        overwrite: begin anew; existing results at --out are kept as DIR.old.
+        overwrite: start again; existing results at --out are kept as DIR.old.
         seeds: run seeds of the study.
         noise: encoder noise scales of the study [rad].
         executions: number of executions of each learning run of the study.

@@ -78,5 +78,5 @@ def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
             raise BenchmarkError(
                 f"benchmark {name} to succeed",
                 got,
-                f"see what it said, or run {FOLDER.name}/{name}.py alone",
+                f"see its output, or run {FOLDER.name}/{name}.py alone",
             )

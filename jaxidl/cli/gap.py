@@ -57,8 +57,8 @@ def gap(
         effects: look for these effects only.
         exclude: do not look for these effects.
         plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
-        refine: also fit the parameters to trajectories, and keep them if the simulation then follows
-            motion kept aside more closely.
+        refine: also fit the parameters to trajectories, and keep them if the simulation then
+            follows motion kept aside more closely.
         joints: diagnose only these joints of the model; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is
             time, run, q, qd, qdd, tau or i.
@@ -147,7 +147,7 @@ def gap_benchmark(
         root: number from which all cases follow. The workflow is developed with 2026 and with some
             others that the documentation names.
         processes: number of cases that are computed at a time.
-        overwrite: begin anew; existing results at --out are kept as DIR.old.
+        overwrite: start again; existing results at --out are kept as DIR.old.
     """
     if importlib.util.find_spec("jaxidl.gap.benchmark") is None:
         raise needs_checkout("the benchmark's engine")

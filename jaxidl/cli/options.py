@@ -21,7 +21,7 @@ class Options:
     that all machines share.
     """
     overwrite: bool = False
-    """Begin anew; existing results at --out are kept as FILE.nc.old."""
+    """Start again; existing results at --out are kept as FILE.nc.old."""
 
     def keywords(self) -> dict[str, Any]:
         """Return the arguments by name."""

@@ -70,7 +70,7 @@ def reproduce(
         quick: one seed of the lowest and the highest noise: takes minutes instead of hours.
         out: folder; results, figures and claims go into its subfolder "study", or "quick".
         devices: number of CPU cores or accelerators to use.
-        overwrite: begin anew; existing results at --out are kept as FILE.nc.old.
+        overwrite: start again; existing results at --out are kept as FILE.nc.old.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep

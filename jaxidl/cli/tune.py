@@ -42,7 +42,7 @@ def tune(
         root: number from which all seeds follow.
         executions: number of executions of each learning run.
         epochs: number of epochs of each training.
-        overwrite: begin anew; existing results at --out are kept as DIR.old.
+        overwrite: start again; existing results at --out are kept as DIR.old.
     """
     from jaxidl.backend import choose_devices
     from jaxidl.files import write_bytes

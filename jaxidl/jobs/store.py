@@ -34,7 +34,7 @@ class Store:
         path: where the results go.
         identity: everything besides the axes that determines a result, ready for JSON.
         variables: what each run holds.
-        overwrite: begin anew; what lies there is moved to ``RESULTS.nc.old``.
+        overwrite: start again; existing results are moved to ``RESULTS.nc.old``.
         alike: the point whose run stands for another one's, which is not kept.
 
     Raises:
@@ -171,7 +171,7 @@ class Store:
         """
         if not self._load_part(part):
             remedy = "give --out a folder that all machines share, then run it again"
-            raise StoreError(f"a sound part at {part}", "none", remedy)
+            raise StoreError(f"an undamaged part at {part}", "none", remedy)
 
     def holds(self, wanted: Iterable[Point]) -> bool:
         """Return whether the runs in the results file are just the ``wanted`` ones.

@@ -42,5 +42,5 @@ class Request:
     """Limit learned torques to the range of their data, and fade them out where the robot strays
     from the desired trajectory."""
     schedule: bool = False
-    """Let the applied gains fall while tracking stays close to that of the best execution, and raise
-    them again where the robot strays."""
+    """Let the applied gains fall while tracking stays close to that of the best execution, and
+    raise them again where the robot strays."""
