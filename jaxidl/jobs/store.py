@@ -1,9 +1,9 @@
-"""Results on disk: every finished chunk is safe at once, and what is finished is never mixed with
-anything else.
+"""Results on disk: every finished chunk is saved at once, and results of different settings are
+never mixed.
 
 Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per
-finished chunk. Runs are known by their points, not by their place in a grid, so a sweep continues
-whatever its chunk size, device count or order, and a finished file can be extended by more values
+finished chunk. Runs are identified by their points, not by their place in a grid, so a sweep
+continues whatever its chunk size, device count or order, and a finished file can be extended by more values
 on an axis. Files are written under another name and then renamed.
 """
 

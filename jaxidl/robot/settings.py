@@ -1,4 +1,4 @@
-"""What a user may choose of an iteration, and what follows from the last one."""
+"""Settings of an iteration: the user's choices, and those that follow from the last iteration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
