@@ -3,7 +3,8 @@
 Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one
 execution, **K** executions of a learning run, **N** rows of a data set, **F** network inputs,
 **B** rows of a batch, **S** training steps of one iteration, **C** circumstances. No signature
-below the sweep has an axis for configurations: that axis comes from ``vmap`` or ``lax.map`` outside.
+below the sweep has an axis for configurations: that axis comes from ``vmap`` or ``lax.map``
+outside.
 """
 
 from typing import NamedTuple

@@ -3,8 +3,8 @@ never mixed.
 
 Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per
 finished chunk. Runs are identified by their points, not by their place in a grid, so a sweep
-continues whatever its chunk size, device count or order, and a finished file can be extended by more values
-on an axis. Files are written under another name and then renamed.
+continues whatever its chunk size, device count or order, and a finished file can be extended by
+more values on an axis. Files are written under another name and then renamed.
 """
 
 import contextlib
