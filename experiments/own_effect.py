@@ -41,9 +41,9 @@ folder.mkdir(parents=True, exist_ok=True)
 # %% [markdown]
 # ## Define it
 #
-# The fields are what is swept, differentiated and fitted. `torque` is for one instant and all
-# joints. `guesses` says where a search may begin: here several speeds, each with the strength that
-# would explain the size of what the model lacks.
+# The fields are the parameters that are swept, differentiated and fitted. `torque` is computed for
+# one instant and all joints. `guesses` gives starting values for a search: here several speeds,
+# each with the strength that would explain the size of the torque that the model lacks.
 
 
 # %%
@@ -75,8 +75,8 @@ class EddyBrake(Effect):
 # %% [markdown]
 # ## Add it to a plant
 #
-# The paper's point mass on two axes, whose model is right but for the brake, moves by 1 m within a
-# second at up to 5 m/s.
+# The plant is the paper's point mass on two axes. Its model is right except for the brake. The mass
+# moves by 1 m within a second at up to 5 m/s.
 
 # %%
 study = PaperStudy(
@@ -111,9 +111,9 @@ print(
 # %% [markdown]
 # ## Sweep over it
 #
-# Whole learning runs (eight executions with small networks trained between them) for every strength
-# and seed, as one program. Where no brake is, there is nothing to learn but noise, and the error
-# grows a little.
+# Whole learning runs (eight executions with small networks trained between them) are computed for
+# every strength and seed, as one program. Without a brake there is nothing to learn but noise, and
+# the error grows a little.
 
 # %%
 strengths, seeds, executions = jnp.linspace(0.0, 200.0, 5), (1, 2, 3), 8
@@ -139,7 +139,8 @@ for k, row in zip(strengths, jnp.median(errors, axis=1), strict=True):
 # %% [markdown]
 # ## Differentiate through it
 #
-# The derivative of the execution's tracking error by both parameters, through all thousand steps.
+# This is the derivative of the execution's tracking error with respect to both parameters, through
+# all thousand steps.
 
 
 # %%
@@ -169,7 +170,7 @@ for name, f, r, n in zip(("k", "v"), forward, reverse, numeric, strict=True):
 #
 # The "real machine" is the benchmark's engine: plain MuJoCo at a step ten times finer than the
 # log's, noisy and quantised encoders, and the brake written down a second time, in plain floats.
-# Its bearing rubs, too. The model knows of neither.
+# Its bearing has dry friction, too. The model has neither.
 
 
 # %%

@@ -1,9 +1,10 @@
-"""Array aliases and the records that travel between floors.
+"""Array aliases and the records that packages share.
 
 Axis letters, used in every docstring of the package: **J** joints, **T** control steps of one
-execution, **K** learning iterations, **N** rows of a data set, **F** network inputs, **B** rows of
-a batch, **S** training steps of one iteration, **C** circumstances. No signature below the sweep
-has an axis for configurations: that one comes from ``vmap`` or ``lax.map`` outside.
+execution, **K** executions of a learning run, **N** rows of a data set, **F** network inputs,
+**B** rows of a batch, **S** training steps of one iteration, **C** circumstances. No signature
+below the sweep has an axis for configurations: that axis comes from ``vmap`` or ``lax.map``
+outside.
 """
 
 from typing import NamedTuple

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Derivatives from end to end
 #
-# Executions, data and whole learning runs are differentiable, forward and in reverse, by whatever
-# is continuous: parameters of every effect, gains, filters, policies, masses, weights, and through
-# the unrolled training steps the learning rate.
+# Executions, data and whole learning runs are differentiable, forward and in reverse, with respect
+# to everything that is continuous: parameters of every effect, gains, filters, policies, masses,
+# weights, and through the unrolled training steps the learning rate.
 
 # %%
 import jax
@@ -18,11 +18,11 @@ jax.config.update("jax_enable_x64", True)
 # %% [markdown]
 # ## A plant without jumps
 #
-# The paper's friction and stiction switch by comparisons, and its networks' slopes jump at every
-# kink of PReLU. A derivative is right for the branch taken and blind to the jump. So the effects
-# have a smooth form whose width is yours, and so have the networks; each converges to the sharp
-# form as the width goes to zero. For what that means see [what derivatives mean where things
-# jump](../explanation/derivatives.md).
+# The paper's friction and stiction switch by comparisons, and the slopes of its networks jump at
+# every kink of PReLU. A derivative is right for the branch that was taken, and does not see the
+# jump. The effects and the networks therefore have a smooth form whose width you choose. Values
+# converge to those of the sharp form as the width goes to zero; see [what derivatives mean where
+# things jump](../explanation/derivatives.md).
 
 # %%
 smooth = PaperStudy(
@@ -47,8 +47,8 @@ def final_error(numbers):
 # %% [markdown]
 # ## Four derivatives through three executions and two trainings
 #
-# `derivative="reverse"` is the same for `jax.grad`, with checkpoints that save memory. Neither
-# changes a value but for rounding.
+# Here `derivative="forward"` prepares the run for `jax.jacfwd`. `derivative="reverse"` does so for
+# `jax.grad`, with checkpoints that save memory. Neither changes a value beyond rounding.
 
 # %%
 here = jnp.array([500.0, 0.1, 0.5, 1e-3])
@@ -58,10 +58,10 @@ for name, x, d in zip(NAMES, here, slope, strict=True):
     print(f"{name:>13} = {x:<6g} a change by 1 % changes the error by {d * x:+.3f} %")
 
 # %% [markdown]
-# ## Is it true, and how far does it reach?
+# ## Is it right, and how far does it reach?
 #
-# Compare the tangent with the learning runs themselves, for learning rates around 0.001: very near,
-# and less near. One compiled program serves all of them.
+# Compare the tangent with the learning runs themselves, for learning rates in a narrow and in a
+# wider range around 0.001. One compiled program serves all of them.
 
 # %%
 many = jax.jit(jax.vmap(lambda rate: final_error(here.at[3].set(rate))))
@@ -79,8 +79,8 @@ plt.show()
 
 # %% [markdown]
 # The derivative is right, but the error bends within a fraction of a per cent: learning is a long
-# chain of steps. What is to be descended must be short and smooth; the wider the rounding of kinks
-# and the fewer the executions, the further a tangent reaches.
+# chain of steps. Gradient descent needs a short and smooth run: the wider the rounding of kinks and
+# the fewer the executions, the further a tangent reaches.
 
 # %% [markdown]
 # Where to go on: [what derivatives mean where things jump](../explanation/derivatives.md), and

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Find what a simulation is missing
 #
-# You have a model of a robot and a log of what it did, and the two disagree. Which physical effect
+# You have a model of a robot and a log of its motion, and the two disagree. Which physical effect
 # is missing? We hide two effects in a pendulum and let `jaxidl.gap` look for them. On the command
-# line the same is `jaxidl gap LOG --model MODEL`.
+# line the same diagnosis is `jaxidl gap LOG --model MODEL`.
 
 # %%
 from pathlib import Path
@@ -22,8 +22,8 @@ folder.mkdir(parents=True, exist_ok=True)
 # ## A log with something hidden in it
 #
 # The log comes from an engine that shares nothing with the code that looks for effects: MuJoCo in
-# C, ten steps per sample, with a noisy and quantised encoder. In its bearing there is dry friction
-# of 0.3 Nm, and its motor is 16 ms late.
+# C, ten steps per sample, with a noisy and quantised encoder. The pendulum's bearing has dry
+# friction of 0.3 Nm, and its motor is 16 ms late.
 
 # %%
 hidden = [
@@ -48,18 +48,18 @@ found = gap.diagnose(log, folder / "model.xml")
 print(report.table(found))
 
 # %% [markdown]
-# The dry friction is found with its size. That the motor is late is found, too. Whether it is a
-# dead time or a lag, a log of these frequencies does not say: so it is in parentheses, and the last
-# line says so. A tool that always names something would be worse than none.
+# The dry friction is found with its size. The delay of the motor is found, too. This log does not
+# contain the frequencies at which a dead time and a lag differ. So the delay is in parentheses, and
+# the last line explains why. A tool that always names something would be worse than none.
 #
-# Of the log's end 30 % took no part in fitting or searching. All errors "after" are computed there.
-# *Conventional* is what an ordinary identification reaches that fits friction, inertia and offset
-# on every joint.
+# The last 30 % of the log took no part in fitting or searching. All errors "after" are computed
+# there. *Conventional* is the error of an ordinary identification that fits friction, inertia and
+# offset on every joint.
 #
 # ## See where model and log disagree
 #
-# Orange: what the model lacks. Blue: what is left with the effects that were found. The step at
-# zero velocity is the dry friction.
+# Orange: the torque that the model lacks. Blue: the torque that is still missing with the effects
+# that were found. The step at zero velocity is the dry friction.
 
 # %%
 report.plot_where(found)
@@ -67,7 +67,7 @@ report.plot_where(found)
 # %% [markdown]
 # ## Use what was found
 #
-# `found.plant` is the corrected plant: it simulates, controls and learns like any other.
+# `found.plant` is the corrected plant. Use it like any other for simulation, control and learning.
 # `report.save` writes a page, the figures, `report.json`, and the corrected model as MJCF.
 
 # %%
@@ -80,7 +80,7 @@ page = report.save(found, folder / "report")
 print(sorted(path.name for path in page.parent.iterdir()))
 
 # %% [markdown]
-# A second look with the corrected model finds nothing more:
+# A second diagnosis with the corrected model finds nothing more:
 
 # %%
 again = gap.diagnose(log, folder / "report" / "model.xml", rollouts=False)

@@ -34,10 +34,10 @@ from jaxidl.effects import CoulombFriction, SensingNoise, ViscousFriction
 from jaxidl.plot.style import SOURCE_STYLE
 
 # %% [markdown]
-# ## The robot, and what we believe of it
+# ## The robot and its model
 #
-# A plant is a rigid body plus a list of named effects. Ours is a mass of 5 kg on two axes. It rubs,
-# and its encoders are noisy. We believe in a mass of 0.5 kg and know nothing of friction.
+# A plant is a rigid body plus a list of named effects. Ours is a mass of 5 kg on two axes, with
+# friction and noisy encoders. The model is a mass of 0.5 kg without friction.
 
 # %%
 true = Plant(
@@ -53,9 +53,9 @@ model = point_mass(0.5)
 # %% [markdown]
 # ## The task
 #
-# A policy says at each instant which acceleration we want: here that of a spring and a damper that
-# pull the mass to (1, 1) m. The command is the model's torque for that acceleration plus weak
-# feedback. The feedback law has gains of its own for learning (`learner`): the data should say what
+# At each instant a policy gives the desired acceleration: here that of a spring and a damper that
+# pull the mass to (1, 1) m. The command is the model's torque for this acceleration plus weak
+# feedback. The feedback law has separate gains for learning (`learner`): the data should show what
 # a stiff controller would have done, while the robot stays compliant.
 
 # %%
@@ -132,7 +132,7 @@ plt.show()
 # Where to go on:
 #
 # - [The method](../explanation/method.md): the three sources in equations.
-# - [What the paper claims, and what comes out](../explanation/claims.md): the same with 1280
+# - [What the paper claims, and what comes out](../explanation/claims.md): the same for 1280
 #   configurations.
 # - [Run part of the study](../howto/study.md), or [a sweep of your own](own_sweep.py).
 # - [Derivatives from end to end](derivatives.py): this learning run is differentiable.

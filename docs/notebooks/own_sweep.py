@@ -3,8 +3,8 @@
 #
 # `jaxidl.jobs.sweep` runs any pure JAX function at every point of labelled axes, side by side on
 # all cores, accelerators or a cluster. It continues where it was stopped, and takes more values
-# later. The function below says how far a point mass is off its path, by feedback gain, friction
-# and seed. It is the script `experiments/own_sweep.py`:
+# later. The function below computes how far a point mass is off its path, for a feedback gain, a
+# friction and a seed. It is in the script `experiments/own_sweep.py`:
 #
 # ```{literalinclude} ../../experiments/own_sweep.py
 # :language: python
@@ -25,7 +25,7 @@ from jaxidl.jobs import Variable, sweep
 # %% [markdown]
 # ## Run it
 #
-# Sixty executions. What comes back is an `xarray.Dataset` with the axes' names.
+# These are sixty executions. The result is an `xarray.Dataset` with the names of the axes.
 
 # %%
 out = Path("out/own_sweep.nc")
@@ -45,7 +45,7 @@ data["error"].mean("seed").to_pandas()
 # ## More values later
 #
 # The same call with more values on an axis computes only the new ones; the others are read from the
-# file. Other `settings` are refused instead of mixed.
+# file. A file with other `settings` is refused.
 
 # %%
 more = {**AXES, "gain": (*AXES["gain"], 1600.0)}
@@ -62,7 +62,7 @@ plt.ylabel("mean position error [mm]")
 plt.legend(title="friction [N s/m]")
 plt.show()
 # %% [markdown]
-# The file says where its numbers come from:
+# The file records where its numbers come from:
 
 # %%
 for key, value in data.attrs.items():
@@ -70,5 +70,5 @@ for key, value in data.attrs.items():
         print(f"{key}: {value}")
 
 # %% [markdown]
-# Where to go on: [sweeps of your own](../howto/sweep.md) in more words, [several GPUs and
+# Where to go on: [sweeps of your own](../howto/sweep.md) in more detail, [several GPUs and
 # clusters](../howto/machines.md).

@@ -3,14 +3,13 @@
 #
 # EMPS is a public benchmark: an electro-mechanical positioning system, one axis moved by a ball
 # screw, measured at 1 kHz for 25 s (A. Janot, M. Gautier and M. Brunot, *Data Set and Reference
-# Models of EMPS*, 2019). We believe in a mass of 95.1 kg, which is the published one, and in
-# nothing else. What is missing?
+# Models of EMPS*, 2019). The model is a mass of 95.1 kg, which is the published one, and nothing
+# else. What is missing?
 #
-# The record is not part of this package: it has no data licence of its own. It can be had from the
-# benchmark's authors (on [nonlinearbenchmark.org](https://www.nonlinearbenchmark.org)). Write it as
+# The record is not part of this package, since it has no data licence of its own. The benchmark's
+# authors provide it (on [nonlinearbenchmark.org](https://www.nonlinearbenchmark.org)). Write it as
 # CSV with the columns `time` [s], `q0` [m] and `tau0` [N], the drive's command times 35.15065 N/V,
-# and set `JAXIDL_EMPS` to the file. Where the record is not there, this page shows what came out
-# when it was.
+# and set `JAXIDL_EMPS` to the file. Without the record this page shows an earlier result.
 
 # %%
 import os
@@ -26,7 +25,7 @@ print("measured here and now" if LOG.is_file() else "no record here: what came o
 # %% [markdown]
 # ## The model
 #
-# A slider of one mass as MJCF. A URDF would do as well.
+# The model is a slider with one mass, as MJCF. A URDF would do as well.
 
 # %%
 MODEL = """<mujoco model="emps">
@@ -42,7 +41,7 @@ MODEL = """<mujoco model="emps">
 # %% [markdown]
 # ## The diagnosis
 #
-# The last 30 % of the record take no part in fitting and searching; the errors are those there.
+# The last 30 % of the record take no part in fitting and searching. The errors are computed there.
 
 # %%
 shown = Path("real_drive")
@@ -58,12 +57,13 @@ print((shown / "table.txt").read_text())
 # %% [markdown]
 # The published identification of this drive has viscous friction of 203.5 Ns/m, dry friction of
 # 20.4 N and a constant offset of -3.2 N, with a force error of about 4 %. Here the difference
-# between the two directions comes out as viscous friction that is larger one way, which explains
-# the part kept aside better than an offset does. What has less than 80 % is suspected, not named.
+# between the two directions comes out as viscous friction that is larger in one direction. This
+# explains the part kept aside better than an offset does. Effects with less than 80 % are
+# suspected, not named.
 #
 # ## Where model and log disagree
 #
-# What the model lacks, before and after, over velocity, position and acceleration:
+# The force that the model lacks, before and after, over velocity, position and acceleration:
 
 # %%
 Image(shown / "report" / "figures" / "where.png")
@@ -77,8 +77,8 @@ Image(shown / "report" / "figures" / "gap.png")
 # %% [markdown]
 # ## The corrected model
 #
-# What MuJoCo has words for stands in the MJCF; the rest is in `effects.json` beside it. Both load
-# back with `gap.read_model`, and as `--model DIR/model.xml`.
+# Effects for which MuJoCo has an attribute are in the MJCF; the rest is in `effects.json` beside
+# it. `gap.read_model` and `--model DIR/model.xml` read both.
 
 # %%
 print((shown / "report" / "model.xml").read_text())

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # What changed between two logs
 #
-# A robot that ran well yesterday runs differently today. Its model never was exact, so a diagnosis
+# A robot that ran well yesterday moves differently today. Its model was never exact, so a diagnosis
 # of today's log alone would list everything that the model lacks. With yesterday's log as a
-# reference only what has changed is named: a load, a new tool, wear. On the command line: `jaxidl
+# reference, only changes are named: a load, a new tool, wear. On the command line: `jaxidl
 # gap NEW.csv --model robot.urdf --reference OLD.csv`.
 
 # %%
@@ -24,9 +24,9 @@ written = model.write_text(TWO_LINK)
 # %% [markdown]
 # ## Two logs of one robot
 #
-# A two-link arm in gravity. Both joints have friction that the model does not know, and the model's
-# upper arm is 10 % too light. Between the two logs the arm picks up a tool of 0.4 kg, 30 cm below
-# its elbow. The motions differ, too.
+# The robot is a two-link arm in gravity. Both joints have friction that the model lacks, and the
+# model's upper arm is 10 % too light. Between the two logs the arm picks up a tool of 0.4 kg,
+# 30 cm below its elbow. The motions differ, too.
 
 # %%
 always = [
@@ -56,16 +56,16 @@ found = gap.diagnose(new, model, reference=old, rollouts=False)
 print(report.table(found))
 
 # %% [markdown]
-# The tool, with its mass and its place in the frame of the last link, and nothing else: friction
-# and the wrong mass of the upper arm are in both logs, so they are no finding. They are part of the
-# corrected model all the same (`found.plant`).
+# The diagnosis names the tool, with its mass and its place in the frame of the last link, and
+# nothing else: friction and the wrong mass of the upper arm are in both logs, so they are not
+# findings. They are part of the corrected model all the same (`found.plant`).
 #
-# On six more pairs of such logs (other seeds) the tool was found each time, with 97 % and within
-# 0.4 % of its mass, and nothing else.
+# On six more pairs of such logs (other seeds) the tool was found each time, with a confidence of
+# 97 % and within 0.4 % of its mass, and nothing else was found.
 #
 # ## The other way round
 #
-# With the logs exchanged the tool is gone: the same mass with a minus sign.
+# With the logs exchanged, the tool has been removed: the same mass with a minus sign.
 
 # %%
 gone = gap.diagnose(old, model, reference=new, rollouts=False)
@@ -73,5 +73,5 @@ print(report.table(gone))
 
 # %% [markdown]
 # On a measured UR10e with 2.8 kg at its flange the load comes out as 2.74 ± 0.04 kg, with its
-# centre within a centimetre and nothing else from a confidence of 0.8 on: see [real
+# centre within a centimetre, and nothing else has a confidence of at least 0.8: see [real
 # machines](../explanation/real_machines.md).

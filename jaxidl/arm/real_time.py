@@ -58,7 +58,7 @@ def latency(file: Path, rounds: int) -> list[dict[str, Any]]:
             check=False,
         )
         if said.returncode:
-            got = (said.stderr.strip().splitlines() or ["nothing said"])[-1]
+            got = (said.stderr.strip().splitlines() or ["no message"])[-1]
             raise RealTimeError("a loop at 1 kHz", got[:300], "run it again")
         return json.loads(to.read_text())
 

@@ -138,8 +138,8 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
                 {name: later(command) for name, command in COMMANDS.items()},
                 prog="jaxidl",
                 description=(
-                    "Learn inverse dynamics; reproduce the study of the two data sources; "
-                    "find what a simulation is missing."
+                    "Learn inverse dynamics, reproduce a published study of it, and find what a"
+                    " simulation is missing."
                 ),
                 args=arguments,
             )

@@ -27,21 +27,22 @@ def ablate(
     out: Annotated[Path, arg(metavar="FILE.nc")] = Path("out/ablation.nc"),
 ) -> None:
     """Vary any number of the study: each --vary is one more axis of a sweep, and the figure shows
-    what it does.
+    its influence.
 
-    Numbers that set no size (gains, masses, filter constants, rates) are axes within one compiled
-    program; sizes and whole numbers (layers, batch, kept, steps) take a program for each value. The
-    study's own axes, like noise, may be named, too.
+    Numbers that do not set an array's size (gains, masses, filter constants, rates) share one
+    compiled program; sizes and whole numbers (layers, batch, kept, steps) need a program for each
+    value. The study's own axes, such as noise, can also be varied.
 
     Args:
-        axes: the grid.
-        running: how it is run.
-        vary: a number's name and its values; give it again for another. Any name of the study's
+        axes: values of the grid.
+        running: how the sweep is run.
+        vary: a number's name and its values; repeat it for another number. Any name of the study's
             settings, for instance learner_gain, applied_gain (kp [N/m], their other gains in
             proportion), alpha (filter of the learning feedback), prior_mass [kg], learning_rate,
-            layers (as 200,100,50,20,1), batch, kept (earlier executions whose data are learned
-            from, too), train_on, policy_gains.0, pid_gains.0.1. A wrong name lists them all.
-        out: where the results go; figure and table (FILE.png, FILE.pdf, FILE.md) beside it.
+            layers (as 200,100,50,20,1), batch, kept (number of earlier executions to learn
+            from as well), train_on, policy_gains.0, pid_gains.0.1. A wrong name lists them all.
+        out: file of the results; figure and table (FILE.png, FILE.pdf, FILE.md) are written beside
+            it.
     """
     from jaxidl.backend import choose_devices  # JAX and matplotlib: not for a help text
     from jaxidl.files import write_bytes
@@ -97,7 +98,7 @@ def varying(grid: Grid, study: "PaperStudy", vary: tuple[Names, ...]) -> Grid:
         len(values) > 1 for dim, values in grid.dims().items() if dim not in ("seed", "source")
     ):
         raise ConfigurationError(
-            "something that varies, beside seed and source",
+            "something that varies, apart from seed and source",
             "one setting only",
             "--vary NAME VALUE VALUE …",
         )

@@ -29,12 +29,12 @@ def arm(
     Args:
         out: folder for arm.nc, arm_conditions.nc, arm.json, ranking.md, gap.md, the feedforward for
             a robot, and the figures.
-        quick: two seeds, one noise level, four executions, less training: minutes.
-        overwrite: begin anew; what lies at --out is kept as DIR.old.
+        quick: two seeds, one noise level, four executions and less training: takes minutes.
+        overwrite: start again; existing results at --out are kept as DIR.old.
         seeds: run seeds of the study.
         noise: encoder noise scales of the study [rad].
         executions: number of executions of each learning run of the study.
-        experiments: those to run; the same folder takes the others later.
+        experiments: experiments to run; the others can be added to the same folder later.
     """
     from jaxidl.arm import run as arms  # mujoco: slow to import, and only needed here
     from jaxidl.arm.table import as_text

@@ -42,13 +42,13 @@ def bench(
     *,
     out: Annotated[Path, arg(metavar="DIR")] = Path("out/bench"),
 ) -> None:
-    """Measure this machine: training step, control step, cores, growth, compilation, gradients, gap
-    finding, reliability.
+    """Measure speed and reliability on this machine: training step, control step, cores, growth,
+    compilation, gradients, gap finding, …
 
     Args:
-        names: which benchmarks: training_step, control_step, configuration, cores,
+        names: benchmarks to run: training_step, control_step, configuration, cores,
             growth, compilation, gradients, gap, excite, arm, real_time, c_step, reliability.
-        out: folder for one JSON file of each.
+        out: folder for one JSON file for each benchmark.
     """
     run_benchmarks(names, out)
 
@@ -78,5 +78,5 @@ def run_benchmarks(names: tuple[str, ...], out: Path) -> None:
             raise BenchmarkError(
                 f"benchmark {name} to succeed",
                 got,
-                f"see what it said, or run {FOLDER.name}/{name}.py alone",
+                f"see its output, or run {FOLDER.name}/{name}.py alone",
             )

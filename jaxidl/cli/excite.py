@@ -31,28 +31,28 @@ def excite(
     steps: int = 150,
     seed: int = 0,
 ) -> None:
-    """Design a motion that tells most: small standard errors of all effects, or, after a diagnosis
-    in doubt, the motion that settles it.
+    """Design the most informative motion: one that gives small standard errors of all effects, or,
+    with --for, one that settles an ambiguous diagnosis.
 
     Args:
         model: MJCF or URDF file.
-        out: the motion: time, q0..., qd0..., qdd0..., tau0...; beside it a picture (.png) and what
-            it is predicted to tell (.json).
-        for_: folder of a diagnosis (--out of jaxidl gap): tell its explanations apart, with the
-            noise of its log, and no further than its log went where no limits are given.
+        out: file of the motion: time, q0..., qd0..., qdd0..., tau0.... A picture (.png) and the
+            predicted standard errors or separations (.json) are written beside it.
+        for_: folder of a diagnosis (--out of jaxidl gap) whose explanations the motion should tell
+            apart. The noise is that of its log; without limits the motion stays in the log's range.
         plugin: Python files or modules with effects of your own that the diagnosis names.
-        joints: those that move; the others are locked.
+        joints: joints that move; the others are locked.
         limits: YAML file with position, speed, acceleration, torque, margins, clearance and start.
-        start: posture at both ends [m or rad].
+        start: posture at the beginning and the end [m or rad].
         seconds: length of the motion.
         criterion: D-optimal (product of the standard errors) or A-optimal (sum of their relative
-            squares); with --for it is T-optimal.
+            squares). With --for it is always T-optimal.
         kind: Fourier series or B-spline.
         top: highest frequency of the motion [Hz].
         rate: samples of the file per second.
         starts: number of random motions that are improved side by side.
         steps: number of steps of gradient descent.
-        seed: root of the random motions.
+        seed: seed of the random motions.
     """
     from jaxidl.backend import choose_devices
     from jaxidl.excite.run import Request

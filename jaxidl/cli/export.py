@@ -14,7 +14,7 @@ def export(
     /,
     *,
     c: Annotated[bool, arg(help_behavior_hint="")] = False,
-    out: Annotated[Path, optional("DIR", "the present one")] = Path("."),
+    out: Annotated[Path, optional("DIR", "the current one")] = Path("."),
     name: Annotated[str | None, optional("NAME", "the folder's name")] = None,
     gains: Annotated[
         Path | None, optional("FILE.yaml", "no feedback; the robot has its own")
@@ -31,8 +31,8 @@ def export(
 
     Args:
         folder: the feedforward, as `jaxidl learn` wrote it.
-        c: write one C99 file and its header, which need only libm: rigid body with the effects of
-            the corrected model, networks, limits, guard and feedback law.
+        c: write one C99 file and its header, which need only libm. It has the rigid body with the
+            effects of the corrected model, networks, limits, guard and feedback law.
         out: folder for NAME.c and NAME.h.
         name: name of the files, and prefix of all that they declare.
         gains: file of the feedback law, pid or doomed.

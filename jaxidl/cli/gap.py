@@ -39,35 +39,35 @@ def gap(
     gear_ratio: Annotated[tuple[float, ...], optional("RATIO ...")] = (),
     topic: Annotated[str | None, optional("NAME")] = None,
 ) -> None:
-    """Find what a simulation is missing: say where a log and a model disagree, name the effect,
-    show the gap shrink.
+    """Find what a simulation is missing: compare a log with a model, name the missing effects, and
+    show how much they improve the model.
 
     Args:
         logs: CSV, NPZ or Parquet with columns time, q0..., tau0...; optional qd*, qdd*, run. Other
-            titles are understood where they can mean one thing only. ROS bags with joint states if
+            titles are understood if they can mean one thing only. ROS bags with joint states if
             rosbags is installed. Several files are several runs.
-        model: MJCF or URDF, joints in the order of the log's columns, unless these have the joints'
-            names; its folder's effects.json counts if it was written for it.
-        out: folder for report.html, report.json, figures, and the patched model.xml and
+        model: MJCF or URDF, with its joints in the order of the log's columns, unless these have
+            the joints' names. The effects.json beside it is read, too, if it belongs to this model.
+        out: folder for report.html, report.json, figures, and the corrected model.xml with its
             effects.json.
-        held_out: share of the log that takes no part in fitting and ranking.
-        min_gain: share of the remaining held-out error that an effect must remove to be named.
-        reference: an earlier log of the same robot: what both logs have in common is no finding,
-            only what changed since.
+        held_out: share of each run, at its end, that takes no part in fitting and searching.
+        min_gain: share of the remaining error that an effect must remove to be reported.
+        reference: an earlier log of the same robot. Only what has changed since is reported, not
+            what both logs have in common.
         effects: look for these effects only.
         exclude: do not look for these effects.
         plugin: Python files or modules with effects of your own, under @jaxidl.effects.register.
-        refine: fit the parameters found to trajectories, too, and keep them if motion kept aside is
-            so followed more closely.
-        joints: look at these joints of the model only; the others are locked.
+        refine: also fit the parameters to trajectories, and keep them if the simulation then
+            follows motion kept aside more closely.
+        joints: diagnose only these joints of the model; the others are locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints; KEY is
             time, run, q, qd, qdd, tau or i.
-        motor: YAML file that says how joints follow from motors: torque_constant, gear_ratio,
+        motor: YAML file that describes how joints follow from motors: torque_constant, gear_ratio,
             coupling, offset, motor_positions.
-        torque_constant: torque per current of motors whose currents (columns i0...) the log has
-            instead of torques; one for all or one a joint.
-        gear_ratio: ratio of the gears where the log has currents or torques of motors; one for all
-            or one a joint.
+        torque_constant: torque per current of the motors, if the log has their currents (columns
+            i0...) instead of torques; one for all or one per joint.
+        gear_ratio: ratio of the gears, if the log has currents or torques of motors; one for all or
+            one per joint.
         topic: topic to read, if a ROS bag has several with joint states.
     """
     from jaxidl.gap.experiments import designed
@@ -80,7 +80,7 @@ def gap(
         raise ConfigurationError(
             "--refine or --reference",
             "both",
-            "find what changed first, then refine the patched model",
+            "find what changed first, then refine the corrected model",
         )
     for name in plugin:
         load(name)
@@ -130,23 +130,24 @@ def gap_benchmark(
     every: int = 1,
     every_robot: Annotated[int | None, optional("N", "as --every")] = None,
     root: int = 2026,
-    processes: Annotated[int | None, optional("N", "one a core")] = None,
+    processes: Annotated[int | None, optional("N", "one per core")] = None,
     overwrite: bool = False,
 ) -> None:
-    """Hide effects in simulated mechanisms and robots, look for them, score the answers; continue
-    an interrupted run.
+    """Hide effects in simulated mechanisms and robots, diagnose them, and score the answers. The
+    same command continues an interrupted run.
 
     Args:
-        out: folder for the cases, their reports, benchmark.json, the confusion matrix and how often
-            names are right.
-        families: which cases.
+        out: folder for the cases, their reports, benchmark.json, the confusion matrix and the
+            reliability diagram.
+        families: kinds of cases: one hidden effect, none, two, one that the catalogue lacks, whole
+            robots.
         severities: how strong single effects are.
         every: take only each n-th case of each kind.
         every_robot: the same for whole robots, which take much longer.
-        root: number from which all cases follow; 2026 is the one that the workflow is developed
-            with, any other is new to it.
-        processes: how many cases at a time.
-        overwrite: begin anew; what lies at --out is kept as DIR.old.
+        root: number from which all cases follow. The workflow is developed with 2026 and with some
+            others that the documentation names.
+        processes: number of cases that are computed at a time.
+        overwrite: start again; existing results at --out are kept as DIR.old.
     """
     if importlib.util.find_spec("jaxidl.gap.benchmark") is None:
         raise needs_checkout("the benchmark's engine")

@@ -46,35 +46,36 @@ def learn(
     topic: Annotated[str | None, optional("NAME")] = None,
     tolerance: float = 0.05,
 ) -> None:
-    """Learn from executions that were recorded on a robot: write the feedforward for the next one.
+    """Learn from executions that were recorded on a robot; write the feedforward for the next one.
 
     Args:
-        logs: CSV, NPZ, Parquet or ROS bags, one execution each, in the order of their recording: a
-            row for each control step with columns time, q0..., qdd_desired0..., tau0...,
+        logs: CSV, NPZ, Parquet or ROS bags, one execution each, in the order of recording. One row
+            for each control step with columns time, q0..., qdd_desired0..., tau0...,
             tau_feedback0..., tau_feedback_applied0..., tau_feedforward0...; optional: qd*, qdd*,
-            q_desired*, qd_desired*. A bag has them as interfaces of a DynamicJointState.
+            q_desired*, qd_desired*. In a bag, interfaces of a DynamicJointState.
         out: folder for feedforward.json, weights.npz, feedforward.jaxexport, the model and
-            report.md; one that jaxidl learn wrote is replaced, so that it has no default.
-        model: MJCF or URDF that the robot is commanded by.
-        continued: folder of the last iteration, whose weights, optimiser and settings continue.
-        source: data that are learned from.
-        guard: keep the learned torque to the range of its data, and let it fade out where the robot
-            strays; needs q_desired*. Stays on.
+            report.md. There is no default, since a folder that jaxidl learn wrote is replaced.
+        model: MJCF or URDF whose inverse dynamics the robot's controller uses.
+        continued: folder of the last iteration; its weights, optimiser and settings are continued.
+        source: data source to learn from.
+        guard: keep the learned torque in the range of its data, and fade it out where the robot
+            strays; needs q_desired*. With --continue it stays on.
         smoothing: weight of a new sample in the filter of the learning feedback, for weighted data:
-            1 if it has none, dt / (T + dt) with a time constant T.
+            1 without a filter, dt / (T + dt) with a time constant T.
         gains: feedback law and gains, for logs without feedback torques.
-        torque_limit: bound of each part of the command; one for all or one a joint.
-        feedforward_limit: bound of the learned torque; one for all or one a joint.
-        kept: earlier executions that are learned from, too.
-        motion: how velocities and accelerations are found that were not logged.
+        torque_limit: bound of each part of the command; one for all or one per joint.
+        feedforward_limit: bound of the learned torque; one for all or one per joint.
+        kept: number of earlier executions to learn from as well.
+        motion: how to compute velocities and accelerations that were not logged.
         epochs: number of epochs of a training.
-        layers: sizes of a new network's layers, the last one 1.
-        seed: root of weights and batches.
-        joints: those that are learned, an arm without its gripper; the others are locked.
+        layers: sizes of a new network's layers; the last one is 1.
+        seed: seed of initial weights and batches.
+        joints: joints to learn, for example those of an arm without its gripper; the others are
+            locked.
         columns: which column is which: q0=actual_q_0, or 'q=actual_q_*' for all joints.
         topic: topic to read, if a ROS bag has several with joint states.
-        tolerance: how far a command may be off the sum of its parts, as a share of the joint's
-            largest command.
+        tolerance: largest difference between a command and the sum of its parts, as a share of the
+            joint's largest command.
     """
     if model is None and continued is None:
         raise ConfigurationError("--model ROBOT.xml", "none", "name the MJCF or URDF of the robot")

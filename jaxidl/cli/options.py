@@ -11,17 +11,17 @@ class Options:
     """Keyword arguments of :func:`jaxidl.jobs.sweep`."""
 
     devices: Annotated[int | None, optional("N", "all")] = None
-    """CPU cores or accelerators to use."""
+    """Number of CPU cores or accelerators to use."""
     per_device: Annotated[int | None, optional("N", "4 on a CPU, 320 on a GPU")] = None
-    """Runs of one chunk on each, a chunk being what an interruption can lose."""
+    """Number of runs of a chunk on each device. An interruption can lose one chunk."""
     width: Annotated[int | None, optional("N", "1 on a CPU, a whole chunk on a GPU")] = None
-    """Runs side by side in a device's program."""
+    """Number of runs that a device computes side by side."""
     cluster: Annotated[str | None, optional("ADDRESS")] = None
-    """Ray cluster to run on, its address or "local"; needs the extra jaxidl[cluster], and an --out
+    """Address of a Ray cluster to run on, or "local". Needs the extra jaxidl[cluster], and an --out
     that all machines share.
     """
     overwrite: bool = False
-    """Begin anew; what lies at --out is kept as FILE.nc.old."""
+    """Start again; existing results at --out are kept as FILE.nc.old."""
 
     def keywords(self) -> dict[str, Any]:
         """Return the arguments by name."""

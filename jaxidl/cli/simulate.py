@@ -16,11 +16,11 @@ def simulate(
     """Simulate one execution of the paper's point mass, or with --source a whole learning run.
 
     Args:
-        request: the run.
-        out: where the trace goes: arrays (1000, 2) named q, qd, q_sensing, qd_sensing, qdd_desired,
-            qdd_actual, tau, tau_inverse_desired, tau_inverse_actual, tau_feedback,
-            tau_feedback_applied, tau_feedforward; of a learning run as (executions, 1000, 2), and
-            q_error, feedback_applied, qdd_error, torque, finite as (executions,).
+        request: settings of the run.
+        out: file of the trace, with arrays (1000, 2) named q, qd, q_sensing, qd_sensing,
+            qdd_desired, qdd_actual, tau, tau_inverse_desired, tau_inverse_actual, tau_feedback,
+            tau_feedback_applied, tau_feedforward. For a learning run they are (executions, 1000,
+            2), and q_error, feedback_applied, qdd_error, torque, finite are (executions,).
     """
     from jaxidl.paper.simulate import simulate as run
 

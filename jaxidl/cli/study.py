@@ -67,10 +67,10 @@ def reproduce(
     """Reproduce the paper's simulation study: sweep, then figures and claims.
 
     Args:
-        quick: one seed of the lowest and highest noise: minutes instead of hours.
+        quick: one seed of the lowest and the highest noise: takes minutes instead of hours.
         out: folder; results, figures and claims go into its subfolder "study", or "quick".
-        devices: how many CPU cores or accelerators to use.
-        overwrite: begin anew; what lies at --out is kept as FILE.nc.old.
+        devices: number of CPU cores or accelerators to use.
+        overwrite: start again; existing results at --out are kept as FILE.nc.old.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep

@@ -25,16 +25,16 @@ def sweep(
     """Run a grid of learning runs; continue where an interrupted one stopped.
 
     Args:
-        axes: the grid.
-        running: how it is run.
-        out: where the results go; unfinished ones wait in RESULTS.nc.parts beside it.
-        noise_levels: the four noise scales of the reference program, or those printed in the paper,
-            instead of --noise.
+        axes: values of the grid.
+        running: how the sweep is run.
+        out: file of the results; unfinished ones are kept in RESULTS.nc.parts beside it.
+        noise_levels: use the four noise scales of the reference program, or those that the paper
+            prints, instead of --noise.
         train_on: the state that the networks are trained on.
         guard: limit learned torques to the range of their data, and fade them out where the robot
             strays from the desired trajectory.
-        schedule: let the applied gains fall while tracking stays close to the best execution's,
-            down to a quarter, and return where the robot strays.
+        schedule: let the applied gains fall, down to a quarter, while tracking stays close to that
+            of the best execution, and raise them again where the robot strays.
     """
     from jaxidl.backend import choose_devices  # JAX: not for a help text
     from jaxidl.paper.runs import run_sweep

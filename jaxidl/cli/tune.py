@@ -36,13 +36,13 @@ def tune(
         plant: the paper's point mass with its low gains, or the seven-joint arm (under DOOMED).
         controller: feedback law: pid or doomed on the point mass; the arm has doomed.
         bound: largest mean applied feedback [N or Nm].
-        steps: number of steps of gradient descent; random search may cost as much.
-        runs: learning runs that judge a point.
-        test_runs: fresh learning runs that compare the gains found.
-        root: number from which the seeds of all of them follow.
+        steps: number of steps of gradient descent; random search may take as long.
+        runs: number of learning runs that a point is judged by.
+        test_runs: number of fresh learning runs that compare the tuned gains with others.
+        root: number from which all seeds follow.
         executions: number of executions of each learning run.
         epochs: number of epochs of each training.
-        overwrite: begin anew; what lies at --out is kept as DIR.old.
+        overwrite: start again; existing results at --out are kept as DIR.old.
     """
     from jaxidl.backend import choose_devices
     from jaxidl.files import write_bytes

@@ -1,4 +1,4 @@
-"""What makes a motion good: functions of the Gram matrix of its columns, weighed with the noise.
+"""Criteria for motions: functions of the Gram matrix of its columns, weighted by the noise.
 
 The matrix is Fisher's information of the columns' coefficients. D: the mean logarithm of the
 standard errors. A: their mean square, each relative to a size. T: how well the best of several

@@ -1,4 +1,4 @@
-"""A diagnosis in doubt: the explanations between which its log does not decide.
+"""An ambiguous diagnosis: the explanations between which its log does not decide.
 
 Each is a list of effects with values, fitted to the log that the diagnosis names.
 """

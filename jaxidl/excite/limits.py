@@ -1,4 +1,4 @@
-"""Limits of a motion: the model's, a file's, or what an earlier log reached; and their margins.
+"""Limits of a motion, with margins: from the model, a file, or the range of an earlier log.
 
 The margins are for execution: a controller deviates from the motion, and a real joint needs more
 torque than its model.

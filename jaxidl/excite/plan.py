@@ -1,4 +1,4 @@
-"""What is to be designed: a motion's length and limits, the columns it is judged by, the noise."""
+"""The plan of a motion: its length and limits, the columns that judge it, the noise."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

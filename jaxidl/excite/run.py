@@ -1,4 +1,4 @@
-"""From a model to a motion file, and what it is predicted to tell."""
+"""Design a motion for a model, and write it to a file with its predicted standard errors."""
 
 import io
 import shlex

@@ -1,23 +1,25 @@
 """The search for missing effects: one model, one score, one neighbourhood.
 
-1. Every effect offers columns of the command that it would add along this log
-   (:mod:`jaxidl.gap.library`).
-2. Gram matrices of blocks give the left-out error of any set of effects in one small solve
-   (:mod:`jaxidl.gap.score`); each effect costs its prior, and each of its parameters a factor of
-   ten.
-3. Begin with the envelope: all common effects, on every joint. It is what conventional
-   identification reaches.
-4. Improve the set while the score rises: drop one, add one, another shape of one, one for another,
-   for all that it can imitate or for a part that it contains, two for one or two.
-5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), let effects that read the torque read
-   the command as now predicted, and go to 4 until the set no longer changes.
+1. Compute for every effect the torques that it would add to the command along this log, as columns
+   of a regression (:mod:`jaxidl.gap.library`).
+2. Score any set of effects by its error on left-out blocks. Gram matrices of the blocks give it in
+   one small solve (:mod:`jaxidl.gap.score`). Each effect costs its prior, and each of its
+   parameters a factor of ten in probability.
+3. Begin with the envelope: all common effects, on every joint. This is the model of conventional
+   identification.
+4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
+   one by another, by all that it can imitate or by a part that it contains, or replace two by one
+   or two.
+5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), give effects that read the torque the
+   command as it is now predicted, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
    not distinguish from zero, that are not physical, that only make the encoder's noise smaller
-   (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, and go to 4;
-   those that improve by less than the least improvement go last, and nothing takes their place.
-7. Repeat 4 on resampled blocks. How often an effect is still found, times the probability that such
-   a finding is right (:mod:`jaxidl.gap.calibration`), is its confidence. Effects that explain the
-   log as well in its place are reported with it.
+   (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, and go to 4.
+   Members that remove less than the required share of the error are removed last, and nothing
+   takes their place.
+7. Repeat 4 on resampled blocks. The confidence of an effect is how often it is found again, times
+   the probability that such a finding is right (:mod:`jaxidl.gap.calibration`). Effects that
+   explain the log equally well in its place are reported with it.
 """
 
 from collections.abc import Callable, Iterable

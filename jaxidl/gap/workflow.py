@@ -169,7 +169,7 @@ def _names(
         )
     if not 0.0 < min_gain < 1.0:
         raise ConfigurationError(
-            "a least improvement between 0 and 1", f"{min_gain}", "choose 0.05"
+            "a least improvement (min_gain) between 0 and 1", f"{min_gain}", "choose 0.05"
         )
     return names
 

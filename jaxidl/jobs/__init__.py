@@ -1,9 +1,9 @@
-"""Many runs of anything: a sweep over labelled axes that continues where it stopped, and what long
-work needs besides.
+"""Many runs of any function: a sweep over labelled axes that continues where it stopped, and other
+tools for long work.
 
-Knows no study: a run is a function of its point on the axes, and everything else (programs,
-devices, clusters, files that are whole or not there, resumption, provenance, progress, intervals
-over seeds) is here once.
+Independent of any study: a run is a function of its point on the axes, and everything else
+(programs, devices, clusters, files that are complete or absent, resumption, provenance, progress,
+intervals over seeds) is implemented here once.
 """
 
 import lazy_loader as _lazy

@@ -37,7 +37,9 @@ def alone(folder: Path, where: Path | None = None) -> Generator[None]:
         lock.acquire()
     except Timeout:
         raise StoreError(
-            f"to be alone on {where}", "another process at work", "wait or take another --out"
+            f"no other process to write {where}",
+            "another process at work",
+            "wait or take another --out",
         ) from None
     except OSError as error:
         raise StoreError(

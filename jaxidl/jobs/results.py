@@ -135,7 +135,7 @@ def read(
         raise StoreError(
             f"{path} as `jaxidl sweep` wrote it",
             got,
-            "take a sound copy, or run the sweep again with --overwrite",
+            "use an undamaged copy, or run the sweep again with --overwrite",
         )
     return data
 

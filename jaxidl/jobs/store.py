@@ -1,10 +1,10 @@
-"""Results on disk: every finished chunk is safe at once, and what is finished is never mixed with
-anything else.
+"""Results on disk: every finished chunk is saved at once, and results of different settings are
+never mixed.
 
 Beside ``RESULTS.nc`` lies the folder ``RESULTS.nc.parts`` while a sweep is under way, one file per
-finished chunk. Runs are known by their points, not by their place in a grid, so a sweep continues
-whatever its chunk size, device count or order, and a finished file can be extended by more values
-on an axis. Files are written under another name and then renamed.
+finished chunk. Runs are identified by their points, not by their place in a grid, so a sweep
+continues whatever its chunk size, device count or order, and a finished file can be extended by
+more values on an axis. Files are written under another name and then renamed.
 """
 
 import contextlib
@@ -34,7 +34,7 @@ class Store:
         path: where the results go.
         identity: everything besides the axes that determines a result, ready for JSON.
         variables: what each run holds.
-        overwrite: begin anew; what lies there is moved to ``RESULTS.nc.old``.
+        overwrite: start again; existing results are moved to ``RESULTS.nc.old``.
         alike: the point whose run stands for another one's, which is not kept.
 
     Raises:
@@ -171,7 +171,7 @@ class Store:
         """
         if not self._load_part(part):
             remedy = "give --out a folder that all machines share, then run it again"
-            raise StoreError(f"a sound part at {part}", "none", remedy)
+            raise StoreError(f"an undamaged part at {part}", "none", remedy)
 
     def holds(self, wanted: Iterable[Point]) -> bool:
         """Return whether the runs in the results file are just the ``wanted`` ones.

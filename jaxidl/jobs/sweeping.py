@@ -97,7 +97,7 @@ def sweep(
         width: of these, how many side by side (default: 1 on a CPU, all on a GPU).
         cluster: address of a Ray cluster, or "local": each of its cores or GPUs works on chunks of
             its own, and ``out`` must lie in a folder that all its machines share.
-        overwrite: begin anew; what lies at ``out`` is kept as ``out.old``.
+        overwrite: start again; existing results at ``out`` are kept as ``out.old``.
         quiet: show no progress.
 
     Returns:
@@ -112,7 +112,7 @@ def sweep(
     axes, out = axes_of(axes), Path(out)
     if cluster is not None and devices is not None:
         raise ConfigurationError(
-            "--devices or --cluster", "both", "leave --devices out: the cluster says what it has"
+            "--devices or --cluster", "both", "leave --devices out: the cluster's devices are used"
         )
     texts = {
         name for name, values in axes.items() if any(isinstance(value, str) for value in values)
@@ -126,7 +126,7 @@ def sweep(
         variables = variables or _shapes(job, first)
         for name in {*variables, *axes}.intersection(RESERVED):
             raise ConfigurationError(
-                "names for axes and variables", name, "take another name, this one is the file's"
+                "names for axes and variables", name, "choose another name; the file needs this one"
             )
         stands = (
             (lambda at: at) if alike is None else functools.cache(lambda at: point(alike(dict(at))))

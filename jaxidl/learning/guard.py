@@ -1,4 +1,4 @@
-"""A guard for learned torques: a model drives only where it is known to hold.
+"""A guard for learned torques: they act only where they are known to be right.
 
 It uses what a robot has: the rows that the model was trained on, and how far earlier executions
 strayed from the desired trajectory.
@@ -10,8 +10,8 @@ strayed from the desired trajectory.
    largest distances of the first execution, before any learning, and of the best so far, the one
    that strayed least on average.
 
-So a bad model costs part of one execution: where it leads the robot astray, feedback alone goes on.
-What it is worth, and what did not help: :doc:`/explanation/trust`.
+So a bad model spoils only part of one execution: where the robot strays, feedback and rigid body
+continue alone. What was measured, and what did not help: :doc:`/explanation/trust`.
 """
 
 from collections.abc import Callable

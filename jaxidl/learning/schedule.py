@@ -1,12 +1,12 @@
 """Gains that fall as the error model earns trust, and return at once when it fails.
 
-1. After an execution that strayed from the desired trajectory by at most ``slack`` times as much as
-   the best one so far, on average, the applied gains of the next one are multiplied by ``down``;
-   after any other by ``up``. They stay between ``least`` and 1 times what they were.
+1. If the mean distance of an execution from the desired trajectory is at most ``slack`` times that
+   of the best one so far, the applied gains of the next execution are multiplied by ``down``,
+   otherwise by ``up``. They stay between ``least`` and 1 times their original values.
 2. Within an execution they rise to 1 as the sensed position leaves the desired trajectory, from
    ``near`` to ``far`` times the largest distance of the best execution.
 
-So gains fall as far as tracking allows. What it is worth: :doc:`/explanation/trust`.
+So gains fall as far as tracking allows. What was measured: :doc:`/explanation/trust`.
 """
 
 from dataclasses import dataclass

@@ -70,9 +70,9 @@ def read_parquet(path: Path, wanted: Wanted) -> Table:
 def _fits(name: str, size: int) -> None:
     if size > LARGEST_FILE:
         raise LogError(
-            f"a log of a size that fits memory in {name}",
+            f"a log that fits into memory in {name}",
             f"{size / 2**20:.0f} MiB unpacked",
-            "cut it",
+            "shorten it",
         )
 
 

@@ -53,7 +53,7 @@ def load(path: Path, wanted: Wanted) -> Table:
         if size > (LARGEST_TEXT if reader is read_text else LARGEST_FILE):
             got = f"{size / 2**20:.0f} MiB"
             raise LogError(
-                f"a log of a size that fits memory in {name}",
+                f"a log that fits into memory in {name}",
                 got,
                 "shorten it, or save it as Parquet",
             )

@@ -117,7 +117,7 @@ def read(
             raise LogError(
                 "each log once",
                 f"{name_of(path)} twice",
-                "leave one of them out, otherwise held-out data would be known",
+                "leave one of them out, otherwise held-out data would also be fitted",
             )
     return replace(_assemble(tables, count, motor), files=tuple(map(str, files)))
 

@@ -1,8 +1,8 @@
-"""Rows that a recorder spoilt are left out, and said so, as long as they are few; angles unwrapped.
+"""Repair small recording faults: leave out a few damaged rows, with a note, and unwrap angles.
 
-Spoilt is a row without a number in a column that is used, a row that repeats the one before, and a
-row that has to go for time to increase. More than one row in a hundred is no accident: the checks
-then refuse the file. Whoever needs every row, as learning from executions does, mends nothing.
+A row is damaged if it has no number in a column that is used, if it repeats the one before, or if
+it has to be left out for time to increase. If more than one row in a hundred is damaged, the checks
+refuse the file. Learning from executions needs every row, so it repairs nothing.
 """
 
 from bisect import bisect_left

@@ -1,4 +1,4 @@
-"""What resists motion on the paper's plant: its friction, and the numbers of its stiction."""
+"""Resistance to motion on the paper's plant: its friction, and the numbers of its stiction."""
 
 from functools import partial
 from typing import ClassVar

@@ -47,7 +47,7 @@ class Axes:
     sources: tuple[str, ...] = SOURCES
     """Data sources: indirect, direct, joint, weighted."""
     executions: int = 20
-    """Executions of each learning run; not an axis of configurations but of the results."""
+    """Number of executions of each learning run. It is an axis of the results, not of the grid."""
 
 
 @dataclass(frozen=True)

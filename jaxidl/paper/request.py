@@ -18,17 +18,17 @@ class Request:
     gain: str
     """Gain setting, low or high."""
     friction: float = 5.0
-    """Friction level f; the paper has 5 and 8."""
+    """Friction level f; the paper uses 5 and 8."""
     stiction: float = 5.0
-    """Stiction level s; the paper has 5 and 8."""
+    """Stiction level s; the paper uses 5 and 8."""
     noise: float = 5e-4
     """Sensing noise scale [m]."""
     seed: int = 1
-    """Run seed; its noise is the reference program's own stream."""
+    """Run seed; its noise is that of the reference program."""
     standard_normal: Annotated[
         Path | None, arg(metavar="FILE.npy", help_behavior_hint="(optional)")
     ] = None
-    """File of (1000, 2) or (executions, 1000, 2) draws to use instead of the seed's."""
+    """File of (1000, 2) or (executions, 1000, 2) noise draws to use instead of the seed's."""
     source: Annotated[
         str | None,
         arg(metavar="indirect|direct|joint|weighted", help_behavior_hint="(optional)"),
@@ -42,5 +42,5 @@ class Request:
     """Limit learned torques to the range of their data, and fade them out where the robot strays
     from the desired trajectory."""
     schedule: bool = False
-    """Let the applied gains fall while tracking stays close to the best execution's, and return
-    where the robot strays."""
+    """Let the applied gains fall while tracking stays close to that of the best execution, and
+    raise them again where the robot strays."""

@@ -1,5 +1,5 @@
-"""The study's learning runs as a sweep: one run at a point of the grid, its results file, and what
-it means.
+"""The study's learning runs as a sweep: one run at a point of the grid, and the results file with
+its meaning.
 """
 
 import json

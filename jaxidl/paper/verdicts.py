@@ -2,8 +2,8 @@
 
 Every statistic is a positive ratio, computed for each seed over all settings the statement speaks
 of; seeds then give a geometric mean and a 95 % Student interval of its logarithm. It is computed
-twice, because a few runs run away (the mass is thrown metres, in an unstable region kilometres) and
-such a run alone decides an average: *on average*, with means over settings as in the paper's
+twice, because a few runs diverge (the mass is thrown metres, in an unstable region kilometres) and
+a single one of them can decide an average: *on average*, with means over settings as in the paper's
 figures, and *typically*, with medians. Each interval is compared with the range in which the
 statement is true: inside it holds, outside it does not, across the border it is undecided. The
 verdict is *holds* or *does not hold* where both agree, *only partly* otherwise, with what each

@@ -44,7 +44,7 @@ CAPTIONS = {
     ),
     "improvement": (
         "How much larger the held-out error is without the effect, all others being fitted"
-        " anew. Hollow bars: suspected only. Lines: two standard errors."
+        " again. Hollow bars: suspected only. Lines: two standard errors."
     ),
     "parameters": (
         "Bars and bands: two standard errors. Where an interval contains zero, this log does not"

@@ -150,7 +150,7 @@ def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     rows = [list(_worth(d, d.findings[k], entries[k])) for k in order]
     about = (
         "The error is that on held-out data without and with the effect, all others being fitted"
-        " anew."
+        " again."
     )
     return join([tag("p", about), table(head, rows, (2, 3, 4, 5), class_="worth")])
 

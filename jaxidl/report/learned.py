@@ -39,12 +39,12 @@ def report_text(learned: Learned, execution: Execution, pictures: list[str]) -> 
         f"Iteration {learned.iteration}, source {learned.source}, learned from {last['rows']} rows"
         f" ({Path(execution.name).name} the last log), model {learned.model.path.name}. The guard"
         f" is {'off' if learned.guard is None else 'on'}.",
-        "**Lacking** is the root mean square torque that the model lacks in the last execution, by"
-        f" the rows of the source. **Left** is what the new networks leave of it; in brackets the"
-        " last iteration's networks, which did not know this execution. **Kept aside**: networks"
-        f" that begin anew are trained without stretches {', '.join(str(b + 1) for b in HELD)} of"
-        f" {BLOCKS} of that execution, and judged there: lacking → left. Noise of the rows'"
-        " torques is part of every number.",
+        "**Lacking** is the root mean square torque that the model lacks in the last execution,"
+        " according to the rows of the source. **Left** is the part that the new networks do not"
+        " explain; in brackets the part that the last iteration's networks do not explain, which"
+        " were not trained on this execution. **Kept aside**: fresh networks are trained without"
+        f" stretches {', '.join(str(b + 1) for b in HELD)} of {BLOCKS} of that execution, and"
+        " judged there: lacking → left. Noise of the rows' torques is part of every number.",
     ]
     before = last["left_by_previous"]
     rows = [

@@ -1,7 +1,7 @@
 """The log of one execution, as a controller recorded it, read as a ``Trajectory``.
 
-One row a control step: time, sensed positions, desired accelerations, commanded torque and what it
-was made of. Titles, units and formats are those of :mod:`jaxidl.logs`; the names beyond that are
+One row for each control step: time, sensed positions, desired accelerations, commanded torque and
+its parts. Titles, units and formats are those of :mod:`jaxidl.logs`; the names beyond that are
 ``CONTROL`` in :mod:`jaxidl.logs.words`, and the how-to page "Learn from recorded executions".
 """
 

@@ -1,7 +1,7 @@
-"""How good a learned torque is on data that it was not trained on.
+"""The error of a learned torque on data that it was not trained on.
 
 Rows a few milliseconds apart are nearly equal, and targets are filtered: every fifth row held out,
-as the training's own validation does, sees no overfitting. So whole stretches of the execution are
+as the training's own validation does, show no overfitting. So whole stretches of the execution are
 held out.
 """
 

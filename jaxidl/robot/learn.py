@@ -184,7 +184,7 @@ def _trained(
         )
     if not np.isfinite(progress.validation):
         raise ConfigurationError(
-            "a training that stays finite", "NaN or infinity", "begin anew, without --continue"
+            "a training that stays finite", "NaN or infinity", "start again, without --continue"
         )
     return learner
 

@@ -1,4 +1,4 @@
-"""What a user may choose of an iteration, and what follows from the last one."""
+"""Settings of an iteration: the user's choices, and those that follow from the last iteration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -81,7 +81,7 @@ def settled(wish: Wish, previous: Learned | None, joints: int) -> Settings:
         raise ConfigurationError(
             "--layers of a new learner that end in 1",
             f"{wish.layers}" + " with --continue" * (previous is not None),
-            "leave it out, or begin anew",
+            "leave it out, or start a new learner",
         )
     return settings
 
@@ -128,5 +128,5 @@ def check_fitting(executions: Sequence[Execution], model: Model, previous: Learn
         raise ConfigurationError(
             "the model of the last iteration",
             f"another one in {model.path}",
-            "leave out --model and --joints, or begin anew without --continue",
+            "leave out --model and --joints, or start again without --continue",
         )

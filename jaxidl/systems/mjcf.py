@@ -267,7 +267,7 @@ def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:
             found.append(OnJoint(effect, joint, model.njnt).check())
         except EffectError as error:
             raise ModelError(
-                f"{path} to have possible friction and springs",
+                f"{path} to have physically possible friction and springs",
                 str(error),
                 f"correct the joint {joint_names(model)[joint]}",
             ) from None

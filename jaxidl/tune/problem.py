@@ -1,4 +1,4 @@
-"""What is tuned: the positive numbers of a feedback law, judged by learning runs on a plant."""
+"""The numbers to tune: positive numbers of a feedback law, judged by learning runs on a plant."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,5 +1,5 @@
-"""The whole comparison: the law as it is, what descent finds, what random search of equal cost
-finds, on fresh seeds.
+"""The whole comparison on fresh seeds: the original law, the result of gradient descent, and the
+result of random search of about equal cost.
 """
 
 from collections.abc import Callable

@@ -1,9 +1,9 @@
 """Gradient descent on learning runs, and random search that may cost as much.
 
 Both look for the numbers of a law with the lowest tracking error after learning whose feedback
-effort stays within a bound: the compliance that one is not willing to give up. Both are judged by
+effort stays within a bound: the compliance that should not be given up. Both are judged by
 the same runs on the true plant with the paper's networks; gradients are taken on its smooth form
-(:data:`jaxidl.tune.problem.SMOOTH`) and a shorter run, where they say what a change does: a
+(:data:`jaxidl.tune.problem.SMOOTH`) and a shorter run, where they predict the effect of a change: a
 learning run of four executions with ten epochs between them is chaotic, and its derivatives are of
 size 1e4 to 1e10.
 """

@@ -10,7 +10,7 @@ from jaxidl.jobs import Pieces
 def test_pieces_of_other_settings_are_not_loaded_and_a_folder_is_for_one_process(tmp_path):
     with Pieces(tmp_path, {"a": 1}) as parts:
         parts.save("x", {"value": np.arange(3)})
-        with pytest.raises(StoreError, match="alone"), Pieces(tmp_path, {"a": 1}):
+        with pytest.raises(StoreError, match="no other process"), Pieces(tmp_path, {"a": 1}):
             pass
     with Pieces(tmp_path, {"a": 2}) as parts:
         assert parts.load("x") is None
