@@ -55,9 +55,7 @@ def summarise(
         out.append(f"{what}{first if len(sure) > 1 else ''}: {listed}.")
     if rest:
         more = f", and {len(rest) - FEW} more" if len(rest) > FEW else ""
-        out.append(
-            "Possible, but not certain: " + "; ".join(f.sentence for f in rest[:FEW]) + f"{more}."
-        )
+        out.append("Suspected: " + "; ".join(f.sentence for f in rest[:FEW]) + f"{more}.")
     known = [j for j, relative in enumerate(gap.before.torque_relative) if judged(relative)]
     if findings and known:
         changes = [
@@ -110,13 +108,13 @@ def headline(
 
     Args:
         verdict: named, nothing_missing, ambiguous or unexplained.
-        sure: number of effects that are certain.
-        suspected: number of those that are not.
+        sure: number of effects that are named.
+        suspected: number of those that are only suspected.
         unexplained: names of the joints with a large residual.
         remaining: large errors that remain, the largest first.
         reference: the log was compared with an earlier one.
-        less: number of certain effects of which the model has too much.
-        likely: largest confidence of an effect that is not certain.
+        less: number of named effects of which the model has too much.
+        likely: largest confidence of an effect that is only suspected.
     """
     several = sure != 1
     effects = lambda number: f"{number} effect{'s' * (number != 1)}"
@@ -134,7 +132,7 @@ def headline(
             f"Part of the residual on {listed(unexplained)} is not explained by any effect of the"
             " catalogue."
         )
-        return f"{left} {lacks} for certain." if sure else left
+        return f"{left} {lacks}, named below." if sure else left
     if verdict == "nothing_missing":
         nothing = (
             "Nothing has changed since the reference log" if reference else "Nothing is missing"
@@ -152,13 +150,13 @@ def headline(
         more = f"{suspected} {'more ' if sure else ''}effect{'s are' if suspected != 1 else ' is'}"
         other = f"{more} suspected, which this log cannot distinguish from others"
         if sure:
-            return f"{lacks} for certain; {other}."
+            return f"{lacks}; {other}."
         if likely < 0.5:  # each is more likely wrong than right
             most = f"a confidence of {'at most ' * (suspected > 1)}{percent(likely)}"
             other = other.replace("suspected", f"suspected, with {most}")
             return f"Something may {'have changed' if reference else 'be missing'}: {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
-    possible = f" {suspected} more {'are' if suspected != 1 else 'is'} possible, but not certain."
+    possible = f" {suspected} more {'are' if suspected != 1 else 'is'} suspected."
     most = f"{'up to ' * (len(remaining) > 1)}{remaining[0]}" if remaining else ""
     left = f" The error that remains, {most}, can hardly be predicted from the state."
     return f"{lacks}." + possible * bool(suspected) + left * bool(remaining)

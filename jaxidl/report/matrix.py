@@ -43,7 +43,7 @@ class Matrix(NamedTuple):
 
 
 def matrix(d: Diagnosis) -> Matrix:
-    """Return the findings on joints, sorted into cells, certain ones first within a cell."""
+    """Return the findings on joints, sorted into cells, named ones first within a cell."""
     found = [f for f in d.findings if f.joint is not None]
     units = []
     for kind in range(len(KINDS)):

@@ -93,7 +93,7 @@ def errors(d: Diagnosis) -> Html:
 
 
 def left(d: Diagnosis) -> Html:
-    """Return joints with a large residual, and what is certain nevertheless."""
+    """Return joints with a large residual, and what is named nevertheless."""
     names = [oneline(d.model.names[j]) for j in d.unexplained]
     about = (
         f"On {listed(names)} the residual is larger than with conventional identification, or can"
@@ -101,9 +101,9 @@ def left(d: Diagnosis) -> Html:
     )
     sure = [f for f in d.findings if f.sure]
     held = (
-        f"Certain nevertheless: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}."
+        f"Named nevertheless: {'; '.join(on_joint(d, (f.name, f.joint)) for f in sure)}."
         if sure
-        else "Nothing is certain."
+        else "Nothing is named."
     )
     return join(
         [

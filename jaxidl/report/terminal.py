@@ -178,9 +178,9 @@ def _unexplained(d: Diagnosis) -> list[str]:
         lines += _wrapped(f"{place}.", "  ") if place else []
     sure = sum(f.sure for f in d.findings)
     held = (
-        f"The {sure} certain effects above still hold"
+        f"The {sure} effects named above still hold"
         if sure > 1
-        else "The certain effect above still holds"
+        else "The effect named above still holds"
     )
     return [*lines, *(_wrapped(f"{held}.") if sure else ())]
 

@@ -372,14 +372,14 @@ def test_every_verdict_has_its_page(tmp_path, number):
         assert (
             "Part of the residual on slide is not explained by any effect of the catalogue." in text
         )
-        assert "Nothing is certain." in text
+        assert "Nothing is named." in text
     if d.verdict == "unexplained" and d.findings:
         assert (
             "Part of the residual on hinge is not explained by any effect of the catalogue. The"
-            " simulation lacks 1 effect for certain" in text
+            " simulation lacks 1 effect, named below." in text
         )
-        assert "Certain nevertheless: Coulomb friction (slide)." in text
-        assert "The certain effect above still holds." in table(d)
+        assert "Named nevertheless: Coulomb friction (slide)." in text
+        assert "The effect named above still holds." in table(d)
     if not d.findings:
         assert "lacks" not in text
         assert read_model(tmp_path / "out" / "model.xml").plant.effects == ()
@@ -466,9 +466,7 @@ def test_thirty_findings_on_seven_joints_fit_table_page_and_figures(tmp_path):
     d = made_up(tmp_path, names=names, findings=found)
     text = table(d)
     assert max(len(line) for line in text.splitlines()) <= COLUMNS
-    assert text.startswith(
-        "Found. The simulation lacks 16 effects. 14 more are possible, but not certain."
-    )
+    assert text.startswith("Found. The simulation lacks 16 effects. 14 more are suspected.")
     squeezed = re.sub(r"\s", "", text)
     words = Elements(page(d, draw(d), (), tmp_path)).text
     for name in names:
