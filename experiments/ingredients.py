@@ -225,7 +225,8 @@ def draw(found: list[dict[str, Any]], folder: Path) -> None:
                         0.97, y, "x", color="k", markersize=4, transform=panel.get_yaxis_transform()
                     )
             panel.axvline(1.0, color="0.5", linewidth=0.8, zorder=0)
-            panel.set(xscale="log", title=f"{CONTROLLER_NAME[controller]}, {gain} gain")
+            panel.set(xscale="log")
+            panel.set_title(f"{CONTROLLER_NAME[controller]}, {gain} gain", fontsize=8.5)
         axes[0].set_yticks(list(at.values()), list(at))
         figure.supxlabel(
             "final error over that of weighted data with the guard (cross: some execution"
