@@ -1,6 +1,8 @@
 """Estimates of motion from readings of a known motion."""
 
+import jax
 import numpy as np
+import pytest
 
 from jaxidl.control import Filtered, FiniteDifference
 from tests.helpers.estimates import DT, estimated
@@ -33,3 +35,10 @@ def test_finite_differences_are_those_of_readings_and_of_velocities():
         motion.qdd, np.diff(qd, axis=0, prepend=qd[:1]) / DT, rtol=1e-9, atol=1e-9
     )
     np.testing.assert_array_equal(motion.qdd_desired, wanted[1:])
+
+
+def test_the_lag_is_a_number_inside_of_jit_too():
+    filtered = Filtered(80.0)
+    inside = jax.jit(lambda x: x * filtered.lag(1e-3))(2.0)
+    assert inside == pytest.approx(2.0 * filtered.lag(1e-3))
+    assert filtered.lag(1e-3) == pytest.approx(1e-3 / (1.0 - np.exp(-0.16 * np.pi)) - 5e-4)
