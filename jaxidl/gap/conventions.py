@@ -133,11 +133,12 @@ def _left(
     for j, use in enumerate(rows.used[some].T):
         if use.sum() > 8 and rows.spread[j] > 0.0:
             slow = max(float(abs(reading.position[j]) * signals.rest_speed[j]), 1e-12)
-            columns = [qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j], np.ones(len(some))]
-            x = np.stack([*columns, -columns[-1]], 1)[use]
+            x = np.stack([qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j]], 1)[use]
             size = np.maximum(np.abs(x).max(0), 1e-300)
+            # an offset of either sign takes the means
+            x, y = (part - part.mean(0) for part in (x / size, target[use, j]))
             out[j] = (
-                nnls(x / size, target[use, j], maxiter=1000)[1]
+                nnls(x, y, maxiter=1000)[1]
                 / np.sqrt(use.sum())
                 / rows.spread[j]
                 / abs(reading.torque[j])

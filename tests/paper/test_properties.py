@@ -119,7 +119,8 @@ MEASURES = (
 def test_a_study_is_refused_or_its_settings_survive_json(numbers, usual, steps, train_on):
     numbers = {name: value for name, value in numbers.items() if name not in usual}
     right = (
-        all(math.isfinite(value) and value > 0 for value in numbers.values())
+        all(math.isfinite(value) and value >= 0 for value in numbers.values())
+        and all(value > 0 for name, value in numbers.items() if name != "modelled_mass")
         and steps >= 2
         and train_on in TRAIN_ON
     )
