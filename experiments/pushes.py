@@ -196,8 +196,8 @@ def draw_figure(found: dict[str, Any], folder: Path) -> None:
                     markersize=5,
                 )
             axes.axvline(ASKED, color="black", linewidth=0.6)
-            axes.set(title=title, xscale="log", xlabel="false alarms an hour", ylim=(0.0, 103.0))
-        panels[0].set_ylabel("felt [%]")
+            axes.set(title=title, xscale="log", xlabel="false alarms per hour", ylim=(0.0, 103.0))
+        panels[0].set_ylabel("detected [%]")
         panels[1].legend(loc="lower left")
         save(figure, folder, "pushes")
 
@@ -221,11 +221,11 @@ def draw_push(
             figure.subplots(1, 4, sharex=True, sharey=True), MODELS.items(), strict=True
         ):
             limit = float(calibrate(found["earlier"][model], study.dt, ASKED).threshold[joint])
-            # what acts from outside brings the joint there with less torque of the motor's own
-            felt = -found["pushed"][model][k, near, joint]
+            felt = found["pushed"][model][k, near, joint]
+            felt = -felt if model == "feedback" else felt  # it acts against the push
             axes.axhspan(-limit, limit, color="0.88", linewidth=0.0)
             axes.plot(ms, acted, color="black", linewidth=0.8)
-            axes.plot(ms, felt, **STYLE[model])
+            axes.plot(ms, felt, linewidth=0.9, **STYLE[model])
             over = np.flatnonzero((np.abs(felt) > limit) & (ms >= 0.0))
             if len(over):
                 axes.plot(
@@ -241,11 +241,11 @@ def table(found: dict[str, dict[str, Any]]) -> str:
     """Return the rows as Markdown."""
     heads = [
         "what is watched",
-        f"false alarms an hour (asked: {ASKED:g})",
-        "felt",
-        *(f"felt, {name}" for name in next(iter(found["pushes"].values()))["share_of"]),
+        f"false alarms per hour (asked: {ASKED:g})",
+        "detected",
+        *(f"detected, {name}" for name in next(iter(found["pushes"].values()))["share_of"]),
         "delay, median and 90 %",
-        "collisions felt",
+        "collisions detected",
         "delay",
     ]
     rows = []
@@ -278,6 +278,7 @@ def main() -> None:
         "pushes": scored(runs),
         "collisions": scored([collided(work, seed) for seed in SEEDS]),
     }
+    found = {kind: {model: rows[model] for model in MODELS} for kind, rows in found.items()}
     about = {"git_revision": began, "asked": ASKED, "seeds": SEEDS, **found}
     guard.keep(given.folder, "pushes", about, table(found))
     draw_figure(found, given.folder)
