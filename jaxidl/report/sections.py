@@ -270,7 +270,7 @@ def method(d: Diagnosis) -> Html:
             if compared(d)
             else []
         ),
-        *(f"{note[:1].upper()}{note[1:]}." for note in d.notes),
+        *(f"{note}." for note in d.notes),
         *([f"Made by jaxidl {d.options['version']}."] if "version" in d.options else []),
     ]
     return tag("ul", (tag("li", fact) for fact in facts))

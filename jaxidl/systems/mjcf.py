@@ -150,11 +150,15 @@ def names_of(path: str | Path) -> tuple[str, ...]:
     Joints that mimic others are left out.
 
     Raises:
-        ModelError: if the file cannot be read.
+        ModelError: if the file cannot be read, or has no joint.
     """
     with quietly():
         spec, _ = load_part(Path(path), None, None)
-        return joint_names(compile_spec(spec, Path(path)))
+        names = joint_names(compile_spec(spec, Path(path)))
+    if not names:
+        expected, remedy = f"a slide or a hinge in {Path(path).name}", "name the robot's model"
+        raise ModelError(expected, "no joint", remedy)
+    return names
 
 
 @contextlib.contextmanager

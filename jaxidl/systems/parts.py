@@ -84,7 +84,7 @@ def take_part(
     for name in where:
         spec.delete(joints[name])
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
-        notes.append(f"locked, because they are not among the chosen joints: {few(free)}")
+        notes.append(f"locked, because they were not chosen or not logged: {few(free)}")
     for name, (master, _, _) in ties.items():
         notes.append(
             f"joint {name} mimics {master}: it is locked at {where[name]:.4g} and its own motion is"
@@ -123,7 +123,7 @@ def fixed_in_urdf(path: Path, wanted: Sequence[str] | None) -> tuple[str | None,
         joint.set("type", "fixed")
     notes = (
         [
-            "fixed, because they are not among the chosen joints:"
+            "fixed, because they were not chosen or not logged:"
             f" {few([j.get('name', '') for j in loose])}"
         ]
         if loose

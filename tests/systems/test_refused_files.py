@@ -11,7 +11,7 @@ import pytest
 from jaxidl.effects import CATALOGUE, from_dict
 from jaxidl.errors import ModelError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, TWO_LINK
-from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.mjcf import names_of, read_model
 from tests.helpers.effects import EXAMPLES
 from tests.helpers.model_files import (
     CHAIN,
@@ -229,3 +229,11 @@ def test_effects_of_the_whole_robot_are_not_those_of_a_part(tmp_path):
     assert len(read_model(tmp_path / "robot.urdf").plant.effects) == 1
     with pytest.raises(ModelError, match=r"move effects\.json away"):
         read_model(tmp_path / "robot.urdf", joints=["j1", "j2"])
+
+
+def test_a_model_without_joints_is_refused_in_one_line(tmp_path):
+    links = '<robot name="r"><link name="base"/></robot>', "<mujoco><worldbody/></mujoco>"
+    for text, name in zip(links, ("robot.urdf", "robot.xml"), strict=True):
+        with pytest.raises(ModelError, match="a slide or a hinge in robot") as refused:
+            names_of(stored(tmp_path, text, name))
+        assert "\n" not in str(refused.value)

@@ -186,7 +186,7 @@ def test_joints_that_are_not_asked_for_are_locked(tmp_path, name):
         model = read_model(path, joints=rest, locked={} if at is None else {name: at})
         assert model.names == tuple(reversed(rest))  # in the file's order
         assert (
-            f"locked, because they are not among the chosen joints: {name} at {at or 0:.4g}"
+            f"locked, because they were not chosen or not logged: {name} at {at or 0:.4g}"
             in model.notes
         )
         motion = states(2, 3)
