@@ -87,6 +87,8 @@ def mapped(name: str, headers: Sequence[str], wanted: Wanted, bare: bool = False
                 f"give {family.kind}0, {family.kind}1, ... without gaps, or a pattern such as"
                 f" '{family.kind}=title_*'"
             )
+            if wanted.joints is not None and len(family.members) < wanted.joints:
+                remedy += "; or name the joints that are in the log (--joints)"
             raise LogError(f"--columns for {family.kind} of {count} joints in {name}", got, remedy)
     return families
 

@@ -42,7 +42,8 @@ def count_joints(table: Table, joints: int | None, current: bool = False) -> int
     }
     count = max([0, *has["q"], *has[drive]]) + 1 if joints is None else joints
     if "time" not in table.columns:
-        got = f"columns {listed([*table.columns, *table.ignored])}"
+        titles = [table.titles.get(key, key) for key in table.columns]
+        got = f"columns {listed([*titles, *table.ignored])}"
         raise LogError(
             f"a column time in {table.name}",
             got,

@@ -223,7 +223,13 @@ def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
             if sdf
             else "correct the file; MuJoCo must load it"
         )
-        raise ModelError(f"{path} to be MJCF or URDF", f"'{_one_line(error)}'", remedy) from None
+        got = f"'{_one_line(error)}'"
+        if "could not find decoder" in got:  # MuJoCo goes by the ending
+            got, remedy = (
+                f"a file that ends in '{path.suffix}'",
+                "name the robot's .xml or .urdf file",
+            )
+        raise ModelError(f"{path} to be MJCF or URDF", got, remedy) from None
     if text is not None:
         spec.modelfiledir = str(path.parent)
     spec.compiler.fusestatic = False

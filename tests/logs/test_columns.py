@@ -490,3 +490,15 @@ def test_fewer_numbered_columns_than_the_model_has_joints_name_the_way_out(tmp_p
     path, names = write(tmp_path / "a.csv", columns), ("j1", "j2", "j3", "finger")
     refuse(lambda: read(path, names), "3 columns of positions", "--joints j1 j2 j3")
     same(read(path, names[:3], robot=names))
+
+
+def test_what_is_missing_is_said_in_the_file_s_own_titles(tmp_path):
+    columns = {"Zeit [s]": THREE["time"]}
+    for name, joint in zip(ARM, range(3), strict=True):
+        columns |= {f"{name} position [rad]": THREE[f"q{joint}"]}
+        columns |= {f"{name} torque [Nm]": THREE[f"tau{joint}"]}
+    log = write(tmp_path / "a.csv", columns)
+    refuse(lambda: read(log, ARM), f"{ARM[1]} position [rad]", "Zeit [s]", "--columns time=")
+    one_more = (*ARM, "finger")
+    given = ["time=Zeit [s]", "q=* position [rad]", "tau=* torque [Nm]"]
+    refuse(lambda: read(log, one_more, columns=given), "for q of 4 joints", "--joints")

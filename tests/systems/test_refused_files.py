@@ -237,3 +237,8 @@ def test_a_model_without_joints_is_refused_in_one_line(tmp_path):
         with pytest.raises(ModelError, match="a slide or a hinge in robot") as refused:
             names_of(stored(tmp_path, text, name))
         assert "\n" not in str(refused.value)
+
+
+def test_a_log_in_the_model_s_place_is_recognised_by_its_ending(tmp_path):
+    with pytest.raises(ModelError, match=r"got a file that ends in '\.csv'; name the robot's"):
+        names_of(stored(tmp_path, "time,q0,tau0\n0,0,0\n", "log.csv"))
