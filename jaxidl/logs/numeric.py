@@ -90,7 +90,7 @@ def samples(
         table: the file's columns.
         joints: number of the model's joints; None takes that of the log.
         motor: how joints follow from motors, if the log has motors' data.
-        exact: refuse what would be mended otherwise: a few spoilt rows, angles that wrap.
+        exact: refuse faults that are repaired otherwise: a few damaged rows, angles that wrap.
 
     Raises:
         LogError: naming column and row.

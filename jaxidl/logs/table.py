@@ -68,7 +68,7 @@ def reading(name: str, kind: str, remedy: str) -> Generator[None]:
     """Turn whatever a parser raises on a damaged file into a LogError, and hide its guesses.
 
     Args:
-        name: the file's name, as a person is told it.
+        name: the file's name, as messages give it.
         kind: what the file should be, such as ``CSV file``.
         remedy: what to do if it cannot be read.
     """
