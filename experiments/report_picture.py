@@ -10,14 +10,14 @@ import os
 import shutil
 from pathlib import Path
 
-from playwright.sync_api import sync_playwright
-
 WIDTH, MARGIN, SCALE = 1100, 12, 1.5  # pixels of the page, and of the picture for each of them
 FLAGS = ["--no-sandbox", "--disable-gpu"]
 
 
 def picture(page_file: Path, out: Path) -> None:
     """Write the picture of a page to a file."""
+    from playwright.sync_api import sync_playwright
+
     path = os.environ.get("JAXIDL_BROWSER") or shutil.which("chromium")
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=path, args=FLAGS)
