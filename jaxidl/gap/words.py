@@ -148,12 +148,12 @@ def headline(
         if not suspected:
             return f"{lacks}, but this log does not fully determine which."
         more = f"{suspected} {'more ' if sure else ''}effect{'s are' if suspected != 1 else ' is'}"
-        other = f"{more} suspected, which this log cannot distinguish from others"
+        hardly = likely < 0.5 and not sure  # each is more likely wrong than right
+        most = f", with a confidence of {'at most ' * (suspected > 1)}{percent(likely)}" * hardly
+        other = f"{more} suspected{most}, which this log cannot distinguish from others"
         if sure:
             return f"{lacks}; {other}."
-        if likely < 0.5:  # each is more likely wrong than right
-            most = f"a confidence of {'at most ' * (suspected > 1)}{percent(likely)}"
-            other = other.replace("suspected", f"suspected, with {most}")
+        if hardly:
             return f"Something may {'have changed' if reference else 'be missing'}: {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
     possible = f" {suspected} more {'are' if suspected != 1 else 'is'} suspected."
