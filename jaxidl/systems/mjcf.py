@@ -217,18 +217,12 @@ def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
             mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
         )
     except (ValueError, mujoco.FatalError, UnicodeError) as error:
-        sdf = b"<sdf" in path.read_bytes()[:10_000]
-        remedy = (
-            "convert it to URDF or MJCF; SDF is not supported"
-            if sdf
-            else "correct the file; MuJoCo must load it"
-        )
-        got = f"'{_one_line(error)}'"
-        if "could not find decoder" in got:  # MuJoCo goes by the ending
-            got, remedy = (
-                f"a file that ends in '{path.suffix}'",
-                "name the robot's .xml or .urdf file",
-            )
+        got, remedy = f"'{_one_line(error)}'", "correct the file; MuJoCo must load it"
+        if b"<sdf" in path.read_bytes()[:10_000]:
+            remedy = "convert it to URDF or MJCF; SDF is not supported"
+        elif "could not find decoder" in got:  # MuJoCo goes by the ending
+            got = f"a file that ends in '{path.suffix}'"
+            remedy = "name the robot's .xml or .urdf file"
         raise ModelError(f"{path} to be MJCF or URDF", got, remedy) from None
     if text is not None:
         spec.modelfiledir = str(path.parent)
