@@ -15,6 +15,7 @@ from jaxidl.systems.mjcf import Model
 
 Key = tuple[str, int | None]  # an effect's name and its joint
 SURE = 0.8  # confidence from which an effect is named
+LIKELY = 0.5  # confidence from which it is more likely right than wrong
 MUCH = 0.04  # share of the command, or of its spread, from which an error is spoken of
 
 

@@ -15,6 +15,7 @@ from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.library import Library, pushed, residual, upsampled
 from jaxidl.gap.objections import nameable
+from jaxidl.gap.prior import compact
 from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
@@ -102,7 +103,7 @@ def settled(
     for _ in range(ROUNDS):
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted)
-        fresh = refitted(now, library, predicted)
+        fresh = refitted(score, now, library, predicted)
         score, after = renewed(score, now, fresh, rows)
         same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
@@ -151,10 +152,10 @@ def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple
     return score, search(score, members)
 
 
-def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
+def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
     """Return the members whose columns change.
 
-    They are those with a shape, fitted, and those that read the torque.
+    They are those with a shape, fitted, those that read the torque, and a load.
     """
     fresh = []
     for m in now.members:
@@ -164,4 +165,6 @@ def refitted(now: Solution, library: Library, predicted: np.ndarray) -> list[Ite
             fresh.append(fitted(m, now, library.rows, predicted, library.score))
         elif m.shape.effect().reads_torque(len(library.score.noise)):
             fresh += items_of([m.shape], library.rows, predicted, library.score.items)
+        elif (load := compact(m, now, library.rows, score, predicted)) is not None:
+            fresh.append(load)
     return fresh

@@ -60,6 +60,14 @@ class Anchor(NamedTuple):
     pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
 
 
+def samples_alike(count: np.ndarray, effective: np.ndarray) -> float:
+    """Return how many of ``count`` (J,) samples count as one if ``effective`` (J,) are independent.
+
+    It is the median over the joints.
+    """
+    return float(np.median(count / np.maximum(effective, 1.0)))
+
+
 class Gram:
     """Gram matrices of a library of items on the rows of a log."""
 
@@ -143,6 +151,7 @@ class Gram:
             for side in ("lower", "upper")
         ]
         self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
+        self.alike = samples_alike(self.count[self.training].sum(0), effective)
         self.anchor = anchor
         self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:

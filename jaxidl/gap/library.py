@@ -13,10 +13,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
-from jaxidl.effects import CATALOGUE, Effect, Scale
-from jaxidl.gap.gram import Anchor, Item
+from jaxidl.effects import CATALOGUE, Scale
+from jaxidl.gap.gram import Anchor, Item, samples_alike
 from jaxidl.gap.items import columns_of, items_of
-from jaxidl.gap.links import Links, change_of, links_of
+from jaxidl.gap.links import links_of
+from jaxidl.gap.prior import plausible
 from jaxidl.gap.projection import Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
@@ -27,18 +28,6 @@ ALIKE = 20.0  # correlated samples that count as one, before their number is kno
 PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
 HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
 DEAF = 0.8
-
-
-def plausible(i: Item, links: Links | None, alike: float) -> Item:
-    """Return an item with the prior on its coefficients.
-
-    For changes of links it is given by how large a change is plausible. Neighbouring samples are
-    correlated, ``alike`` of them count as one, and the prior is weighted like the data.
-    """
-    if links is None or i.shape is None or i.shape.cls.alter is Effect.alter or not i.shape.free:
-        return i
-    changes = np.stack([change_of(i.shape.at(row), links) for row in np.eye(len(i.lower))])
-    return replace(i, precision=alike * np.sum((changes / links.plausible) ** 2, (1, 2)))
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
@@ -167,9 +156,7 @@ def library(
     rows = rows.evened(left)
     noise, effective = noise_of(rows, left)
     predicted = upsampled(rows, rows.command - left)
-    alike = float(
-        np.median((rows.used & rows.training[:, None]).sum(0) / np.maximum(effective, 1.0))
-    )
+    alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
     common = [plausible(i, links, alike) for i in common]
     shared = (
         tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()

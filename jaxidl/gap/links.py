@@ -16,6 +16,7 @@ from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
 PLAUSIBLE = 0.5
+COMPACT = 0.1  # radius of gyration of a load about its own centre, relative to the robot's reach
 
 
 class Links(NamedTuple):
@@ -25,6 +26,13 @@ class Links(NamedTuple):
     unit: np.ndarray  # (J, 10) of one additional kilogram, with inertia in proportion
     plausible: np.ndarray  # (J + 1, 10) standard deviations of changes, the last that of a load
     same: bool  # true if the last joint's body is the last that moves, not one welded to it
+    reach: float  # sum of the links' lengths [m]
+
+    def loaded(self, mass: float) -> "Links":
+        """Return the links with a plausible load of ``mass`` [kg]: a compact body."""
+        width = self.plausible.copy()
+        width[-1, 4:] = mass * (COMPACT * self.reach) ** 2
+        return self._replace(plausible=width)
 
 
 def links_of(body: Any) -> Links | None:
@@ -61,6 +69,7 @@ def links_of(body: Any) -> Links | None:
         each[list(body.bodies)],
         np.concatenate([PLAUSIBLE * spread[:-1], load[None]]),
         last == body.bodies[-1],
+        float(far),
     )
 
 

@@ -1,6 +1,7 @@
 """The score of a set of effects: its prediction of left-out blocks, and its prior.
 
-score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p)):
+score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p))
+           - sum over coefficients of (x / s)^2 / 2:
 
 * e is the mean squared error of the command on blocks left out, in units of the envelope's
   residual. Where effects change what the motor delivers it is taken relative to the share of the
@@ -9,6 +10,8 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
   residual (Bartlett 1946).
 * p is the effect's prior.
+* s is how large a coefficient x may plausibly be, if something is known about it: changes of links
+  (:mod:`jaxidl.gap.prior`).
 
 A set costs one small solve for each block (:mod:`jaxidl.gap.gram`).
 """
@@ -81,10 +84,17 @@ class Score(Gram):
             )
         error, (passed, heard) = np.maximum(error, 0.0), self._passed(members, at, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
-        value = self.value_of(mean / passed, heard, members)
+        value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
+
+    def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
+        """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
+
+        The prior is weighted like the data: ``alike`` samples count as one.
+        """
+        return float(0.5 * self.prior[at] @ x**2 / self.alike)
 
     def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
         """Return the score of a mean squared error (J,).
@@ -179,11 +189,8 @@ class Score(Gram):
             part = scaled[here]
             error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
         passed, heard = self._passed(members, at, scaled)
-        return self.value_of(
-            np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0) / passed,
-            heard,
-            members,
-        )
+        mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
+        return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
@@ -196,7 +203,7 @@ class Score(Gram):
         gram, _, own = self._normal(at)
         known = self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
         count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
-        middle = known * float(np.median(count / effective))
+        middle = known * self.alike
         for j, (here, g, _) in enumerate(own):
             middle[np.ix_(here, here)] += g.sum(0) * (
                 found.error[:, j].sum() / effective[j] + self.floor[j] * count[j] / blocks

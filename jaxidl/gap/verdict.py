@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxidl.gap import estimates
-from jaxidl.gap.diagnosis import MUCH, Ambiguity, Finding, Row
+from jaxidl.gap.diagnosis import LIKELY, MUCH, Ambiguity, Finding, Row
 from jaxidl.gap.find import Found
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.words import experiment
@@ -16,16 +16,19 @@ SHOWN = 12  # most rivals reported
 def verdict_of(
     findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]
 ) -> str:
+    """Return the verdict.
+
+    A suspicion that is more likely wrong than right does not make a named effect ambiguous.
+    """
     if unexplained:
         return "unexplained"
     sure = {(f.name, f.joint) for f in findings if f.sure}
-    if (
-        any(f for f in findings if not f.sure)
-        and doubts
-        and any(not set(d.candidates) & sure for d in doubts)
+    likely = {(f.name, f.joint) for f in findings if f.confidence >= LIKELY} - sure
+    if sure and not any(
+        set(d.candidates) & likely and not set(d.candidates) & sure for d in doubts
     ):
-        return "ambiguous"
-    return "named" if sure else "ambiguous" if findings else "nothing_missing"
+        return "named"
+    return "ambiguous" if findings else "nothing_missing"
 
 
 def doubts_of(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:

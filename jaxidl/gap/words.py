@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from jaxidl.gap.diagnosis import MUCH, Ambiguity, Estimate, Finding, Gap
+from jaxidl.gap.diagnosis import LIKELY, MUCH, Ambiguity, Estimate, Finding, Gap
 from jaxidl.gap.experiments import experiment
 from jaxidl.systems.mjcf import Model
 
@@ -35,13 +35,10 @@ def summarise(
     out = [
         headline(
             verdict,
-            len(sure),
-            len(rest),
+            findings,
             [model.names[j] for j in unexplained],
             large(gap, model.names),
             reference,
-            sum(f.less for f in sure),
-            max((f.confidence for f in rest), default=1.0),
         )
     ]
     if sure:
@@ -96,26 +93,23 @@ def large(gap: Gap, names: Sequence[str]) -> list[str]:
 
 def headline(
     verdict: str,
-    sure: int,
-    suspected: int,
+    findings: Sequence[Finding],
     unexplained: Sequence[str],
     remaining: Sequence[str],
     reference: bool = False,
-    less: int = 0,
-    likely: float = 1.0,
 ) -> str:
     """Return the verdict in one or two sentences.
 
     Args:
         verdict: named, nothing_missing, ambiguous or unexplained.
-        sure: number of effects that are named.
-        suspected: number of those that are only suspected.
+        findings: effects that are named, and those that are only suspected.
         unexplained: names of the joints with a large residual.
         remaining: large errors that remain, the largest first.
         reference: the log was compared with an earlier one.
-        less: number of named effects of which the model has too much.
-        likely: largest confidence of an effect that is only suspected.
     """
+    named, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
+    sure, suspected, less = len(named), len(rest), sum(f.less for f in named)
+    likely = max((f.confidence for f in rest), default=0.0)
     several = sure != 1
     effects = lambda number: f"{number} effect{'s' * (number != 1)}"
     lacks = " and ".join(
@@ -148,7 +142,7 @@ def headline(
         if not suspected:
             return f"{lacks}, but this log does not fully determine which."
         more = f"{suspected} {'more ' if sure else ''}effect{'s are' if suspected != 1 else ' is'}"
-        hardly = likely < 0.5 and not sure  # each is more likely wrong than right
+        hardly = likely < LIKELY and not sure
         most = f", with a confidence of {'at most ' * (suspected > 1)}{percent(likely)}" * hardly
         other = f"{more} suspected{most}, which this log cannot distinguish from others"
         if sure:

@@ -49,12 +49,8 @@ def excess(d: Diagnosis) -> str:
 
 def verdict(d: Diagnosis) -> str:
     """Return the verdict in one or two sentences, after a doubt about the log as a whole."""
-    sure = sum(f.sure for f in d.findings)
     names = [d.model.names[j] for j in d.unexplained]
-    left = large(d.gap, d.model.names)
-    less = sum(f.less for f in d.findings if f.sure)
-    likely = max((f.confidence for f in d.findings if not f.sure), default=1.0)
-    said = headline(d.verdict, sure, len(d.findings) - sure, names, left, compared(d), less, likely)
+    said = headline(d.verdict, d.findings, names, large(d.gap, d.model.names), compared(d))
     return DOUBTFUL * bool(d.conventions) + said
 
 

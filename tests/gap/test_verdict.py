@@ -2,7 +2,8 @@
 
 import pytest
 
-from jaxidl.gap.verdict import unexplained_joints
+from jaxidl.gap.diagnosis import Ambiguity
+from jaxidl.gap.verdict import unexplained_joints, verdict_of
 from jaxidl.gap.words import headline, undecided
 
 
@@ -24,15 +25,25 @@ def test_what_a_network_still_predicts_is_unexplained_if_it_is_large(
     assert joints == ((0,) if said else ())
 
 
+def found(confidence: float, name: str = "viscous_friction") -> Finding:
+    cls = CATALOGUE[name]
+    effect = build(cls, None, 1, dict.fromkeys(cls.parameters, 0.1), {})
+    numbers = {"evidence": 9.0, "share": 0.5, "held_out_before": 1.0, "held_out_after": 0.5}
+    return Finding(
+        name, None, effect, "", {}, confidence, where=0, gain=0.5, gain_stderr=0.01, **numbers
+    )
+
+
 def test_an_error_that_remains_is_not_passed_over():
-    nothing = headline("nothing_missing", 0, 0, [], [])
+    nothing = headline("nothing_missing", [], [], [])
     assert nothing.startswith("Nothing is missing")
     assert "remains" not in nothing
     assert "remains, 32 % of the command on slide, can hardly be predicted" in headline(
-        "nothing_missing", 0, 0, [], ["32 % of the command on slide"]
+        "nothing_missing", [], [], ["32 % of the command on slide"]
     )
-    assert "remains" not in headline("named", 1, 0, [], [])
-    named = headline("named", 1, 0, [], ["9 % of the command on a", "8 % of the command on b"])
+    sure = [found(0.9)]
+    assert "remains" not in headline("named", sure, [], [])
+    named = headline("named", sure, [], ["9 % of the command on a", "8 % of the command on b"])
     assert "remains, up to 9 % of the command on a, can hardly be predicted" in named
 
 
@@ -43,8 +54,19 @@ def test_why_one_of_two_equal_explanations_is_named_is_said():
 
 
 def test_the_headline_does_not_claim_what_is_hardly_likely():
-    of = lambda likely: headline("ambiguous", 0, 3, [], [], likely=likely)
+    of = lambda likely: headline("ambiguous", [found(likely), found(0.1), found(0.0)], [], [])
     assert of(0.7).startswith("Something is missing: 3 effects are suspected, which")
     assert of(0.13).startswith("Something may be missing: 3 effects are suspected")
     assert "with a confidence of at most 13 %, which" in of(0.13)
-    assert "changed" in headline("ambiguous", 0, 1, [], [], True, likely=0.2)
+    assert "changed" in headline("ambiguous", [found(0.2)], [], [], True)
+
+
+@pytest.mark.parametrize(
+    ("likely", "verdict"), [(0.04, "named"), (0.6, "ambiguous"), (None, "named")]
+)
+def test_what_is_more_likely_wrong_makes_no_named_effect_ambiguous(likely, verdict):
+    payload = found(0.99, "payload")
+    doubt = Ambiguity((("viscous_friction", None), ("quadratic_drag", None)), "move slowly")
+    rest = [] if likely is None else [found(likely)]
+    assert verdict_of([payload, *rest], [doubt], ()) == verdict
+    assert verdict_of(rest, [doubt], ()) == ("ambiguous" if rest else "nothing_missing")
