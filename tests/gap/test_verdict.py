@@ -2,7 +2,9 @@
 
 import pytest
 
-from jaxidl.gap.diagnosis import Ambiguity
+from jaxidl.effects import CATALOGUE
+from jaxidl.gap.diagnosis import Ambiguity, Finding
+from jaxidl.gap.shape import build
 from jaxidl.gap.verdict import unexplained_joints, verdict_of
 from jaxidl.gap.words import headline, undecided
 
@@ -65,8 +67,8 @@ def test_the_headline_does_not_claim_what_is_hardly_likely():
     ("likely", "verdict"), [(0.04, "named"), (0.6, "ambiguous"), (None, "named")]
 )
 def test_what_is_more_likely_wrong_makes_no_named_effect_ambiguous(likely, verdict):
-    payload = found(0.99, "payload")
+    sure = found(0.99, "coulomb_friction")
     doubt = Ambiguity((("viscous_friction", None), ("quadratic_drag", None)), "move slowly")
     rest = [] if likely is None else [found(likely)]
-    assert verdict_of([payload, *rest], [doubt], ()) == verdict
+    assert verdict_of([sure, *rest], [doubt], ()) == verdict
     assert verdict_of(rest, [doubt], ()) == ("ambiguous" if rest else "nothing_missing")
