@@ -29,10 +29,10 @@ def test_what_a_network_still_predicts_is_unexplained_if_it_is_large(
 
 def found(confidence: float, name: str = "viscous_friction") -> Finding:
     cls = CATALOGUE[name]
-    effect = build(cls, None, 1, dict.fromkeys(cls.parameters, 0.1), {})
+    effect = build(cls, 0, 1, dict.fromkeys(cls.parameters, 0.1), {})
     numbers = {"evidence": 9.0, "share": 0.5, "held_out_before": 1.0, "held_out_after": 0.5}
     return Finding(
-        name, None, effect, "", {}, confidence, where=0, gain=0.5, gain_stderr=0.01, **numbers
+        name, 0, effect, "", {}, confidence, where=0, gain=0.5, gain_stderr=0.01, **numbers
     )
 
 
@@ -68,7 +68,7 @@ def test_the_headline_does_not_claim_what_is_hardly_likely():
 )
 def test_what_is_more_likely_wrong_makes_no_named_effect_ambiguous(likely, verdict):
     sure = found(0.99, "coulomb_friction")
-    doubt = Ambiguity((("viscous_friction", None), ("quadratic_drag", None)), "move slowly")
+    doubt = Ambiguity((("viscous_friction", 0), ("quadratic_drag", 0)), "move slowly")
     rest = [] if likely is None else [found(likely)]
     assert verdict_of([sure, *rest], [doubt], ()) == verdict
     assert verdict_of(rest, [doubt], ()) == ("ambiguous" if rest else "nothing_missing")
