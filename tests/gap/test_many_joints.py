@@ -26,8 +26,18 @@ EFFECTS = (
 )
 
 
-def chain(load: float = 0.0) -> str:
-    """Four hinges, their axes by turns upright and across; ``load`` [kg] at the end."""
+UPRIGHT, ACROSS = "0 0 1", "0 1 0"
+
+
+def chain(
+    load: float = 0.0,
+    axes: tuple[str, ...] = (UPRIGHT, ACROSS, UPRIGHT, ACROSS),
+    rotor: float = 0.05,
+) -> str:
+    """Four hinges, their axes by turns upright and across; ``load`` [kg] at the end.
+
+    ``rotor`` is the first one's rotor inertia [kg m^2].
+    """
     text = (
         f'<body pos="{COM[0]} {COM[1]} {COM[2]}"><inertial pos="0 0 0" mass="{load}"'
         ' diaginertia="1e-9 1e-9 1e-9"/></body>'
@@ -39,8 +49,8 @@ def chain(load: float = 0.0) -> str:
             f'<inertial pos="0.01 0 0.12" mass="{mass}" diaginertia="{0.012 * mass} {0.012 * mass}'
             f' {0.004 * mass}"/>'
         )
-        axis = ("0 0 1", "0 1 0", "0 0 1", "0 1 0")[j]
-        hinge = f'<joint name="j{j + 1}" type="hinge" axis="{axis}" armature="0.05"/>'
+        inertia = 0.05 if j else rotor
+        hinge = f'<joint name="j{j + 1}" type="hinge" axis="{axes[j]}" armature="{inertia}"/>'
         text = f'<body name="link{j + 1}" pos="0 0 0.24">{hinge}{inertial}{text}</body>'
     return f'<mujoco model="chain"><worldbody>{text}</worldbody></mujoco>'
 
@@ -121,6 +131,21 @@ def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     load = named["payload", None].parameters
     assert load["mass"].value == pytest.approx(LOAD, rel=0.02)
     np.testing.assert_allclose(load["com"].value, COM, atol=0.005)
+
+
+def test_the_inertia_of_a_rotor_is_not_given_to_a_light_load(tmp_path):
+    """In a plane that turns with the base, no motion tells the two apart."""
+    axes = (UPRIGHT, ACROSS, ACROSS, ACROSS)
+    model = tmp_path / "model.xml"
+    model.write_text(chain(axes=axes))
+    log = saved(tmp_path, "log.npz", moved(chain(LOAD, axes, rotor=0.2), 1.0))
+    found = diagnose(log, model, effects=EFFECTS, rollouts=False)
+    named = weighty(found)
+    rotor = named["inertia_error", 0].parameters["extra"]
+    assert rotor.value == pytest.approx(0.15, abs=0.01)
+    load = named["payload", None].parameters
+    assert load["mass"].value == pytest.approx(LOAD, rel=0.03)
+    assert np.abs(load["inertia"].value).max() < 0.01
 
 
 def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_path):
