@@ -146,8 +146,8 @@ class Diagnosis:
     options: dict[str, Any] = field(default_factory=dict)
     # effects that the log shares with the reference log, which are no findings
     common: tuple[Effect, ...] = ()
-    # sentences on signs, zeros and gravity that seem not to be the model's; first of the notes
-    conventions: tuple[str, ...] = ()
+    # what puts all of it in doubt: conventions that are not the model's, or joints locked there
+    doubt: str = ""
     signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
     refinement: Refinement | None = field(default=None, repr=False)  # the result of :meth:`refined`
 

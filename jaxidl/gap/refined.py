@@ -53,6 +53,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
             d.unexplained,
             d.model,
             bool(d.options.get("reference")),
+            d.doubt,
         ),
     )
 

@@ -10,10 +10,6 @@ from jaxidl.systems.mjcf import Model
 
 FEW = 6  # most effects that a summary names
 SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
-DOUBTFUL = (
-    "First of all, the log's signs, zeros, units or gravity seem not to be the model's (see the"
-    " first notes); what follows may be wrong. "
-)
 MOST = 1e4  # times the command: no command moves such a joint
 
 
@@ -25,15 +21,18 @@ def summarise(
     unexplained: Sequence[int],
     model: Model,
     reference: bool = False,
+    doubt: str = "",
 ) -> str:
     """Return a few sentences: the verdict, the findings, the improvement, what is unexplained.
 
     Args:
         reference: the log was compared with an earlier one, so findings are changes.
+        doubt: what puts all of this in doubt; see :func:`doubt_of`.
     """
     sure, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
     out = [
-        headline(
+        doubt
+        + headline(
             verdict,
             findings,
             [model.names[j] for j in unexplained],
@@ -73,6 +72,26 @@ def summarise(
         likelier = a.candidates[0] in {(f.name, f.joint) for f in sure}
         out.append(f"{undecided(names, likelier)} To separate them, {a.experiment}.")
     return " ".join(out)
+
+
+def doubt_of(conventions: Sequence[str], stray: Sequence[str]) -> str:
+    """Return what puts a whole diagnosis in doubt, as its first words; empty if nothing does.
+
+    Args:
+        conventions: sentences on conventions that the log and the model seem not to share.
+        stray: names of joints that are locked in the model, but moved.
+    """
+    several = len(stray) != 1
+    locked = (
+        f"{listed(stray)} moved, but {'are' if several else 'is'} locked in the model (no torque"
+        " was logged or chosen there); if what moved is heavy, what follows is wrong"
+    )
+    signs = (
+        "the log's signs, zeros, units or gravity seem not to be the model's (see the first notes);"
+        " what follows may be wrong"
+    )
+    said = [signs] * bool(conventions) + [locked] * bool(stray)
+    return f"First of all, {', and '.join(said)}. " if said else ""
 
 
 def undecided(names: Sequence[str], likelier: bool) -> str:
@@ -239,7 +258,7 @@ def _numbers(finding: Finding) -> str:
 
 
 __all__ = [
-    "DOUBTFUL",
+    "doubt_of",
     "experiment",
     "headline",
     "judged",

@@ -33,7 +33,7 @@ from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
 from jaxidl.gap.values import Value
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
-from jaxidl.gap.words import DOUBTFUL, summarise
+from jaxidl.gap.words import doubt_of, summarise
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import rollout_errors
@@ -113,12 +113,14 @@ def diagnose(
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    odd = tuple(conventions(rows, known.names))
+    odd = conventions(rows, known.names)
+    doubt = doubt_of(odd, measured.stray)
     notes = (*odd, *measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
     return Diagnosis(
         verdict=verdict,
-        summary=DOUBTFUL * bool(odd)
-        + summarise(verdict, named, doubts, compared, unexplained, known, reference is not None),
+        summary=summarise(
+            verdict, named, doubts, compared, unexplained, known, reference is not None, doubt
+        ),
         findings=named,
         ambiguous=doubts,
         where=where,
@@ -144,7 +146,7 @@ def diagnose(
             "version": __version__,
         },
         common=common,
-        conventions=odd,
+        doubt=doubt,
         signals=rows.signals,
     )
 

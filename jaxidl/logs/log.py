@@ -46,6 +46,7 @@ class Log:
     notes: tuple[str, ...]  # remarks that are not errors
     # mean positions [m or rad] of the robot's joints that were not used, by name
     still: tuple[tuple[str, float], ...] = ()
+    stray: tuple[str, ...] = ()  # those of them that moved
     files: tuple[str, ...] = ()  # that it was read from
     # options other than the default ones with which the files were read, by name
     reading: Mapping[str, Any] = field(default_factory=dict)
@@ -209,7 +210,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     run = np.repeat(np.arange(len(even)), [len(part.time) for part in even])
     signals = {kind: np.concatenate([part.signals[kind] for part in even]) for kind in kinds}
     still = {
-        name: float(np.mean([s.still[name] for s in found if name in s.still]))
+        name: float(np.mean([s.still[name][0] for s in found if name in s.still]))
         for s in found
         for name in s.still
     }
@@ -223,6 +224,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         dt,
         (),
         tuple(still.items()),
+        tuple(name for name in still if any(s.still.get(name, (0.0, False))[1] for s in found)),
     )
     if log.qd is not None:
         check_speeds(log.q, log.qd, dt, log.segments())

@@ -25,8 +25,8 @@ class Samples(NamedTuple):
     time: np.ndarray  # (T,) [s], strictly increasing within a run
     signals: dict[str, np.ndarray]  # each (T, J): q and tau, and qd and qdd where the file has them
     run: np.ndarray  # (T,) 0, 1, 2, ... in order of appearance
-    # [m or rad] mean positions of the robot's joints that are not used, by name
-    still: dict[str, float]
+    # mean positions [m or rad] of the robot's joints that are not used, by name; whether they move
+    still: dict[str, tuple[float, bool]]
     notes: list[str]
 
     def without(self, rows: np.ndarray) -> "Samples":

@@ -160,25 +160,25 @@ def instants(table: Table, notes: list[str]) -> np.ndarray:
     return time
 
 
-def others(table: Table, notes: list[str]) -> dict[str, float]:
-    """Return mean positions [m or rad] of joints that are not used, by name.
+def others(table: Table, notes: list[str]) -> dict[str, tuple[float, bool]]:
+    """Return mean positions [m or rad] of joints that are not used, by name, and whether they move.
 
     Columns that cannot be read are left out.
     """
-    means = {}
+    found = {}
     for key in [key for key in table.columns if key.startswith("q@")]:
         try:
             values = numbers(table, key)
         except LogError:
             continue
-        means[key[2:]] = float(values.mean())
+        found[key[2:]] = float(values.mean()), bool(np.ptp(values) > MOVES)
         if np.ptp(values) > MOVES:
             what = (
                 f"{key[2:]} is locked in the model, but moves by {np.ptp(values):.3g} in"
                 f" {table.name}"
             )
             notes.append(f"{what}: its effect on the others looks like a missing effect")
-    return means
+    return found
 
 
 def labels(table: Table) -> np.ndarray:

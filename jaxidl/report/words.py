@@ -8,7 +8,6 @@ from jaxidl.effects import CATALOGUE
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Key
 from jaxidl.gap.refined import reported_stderr
 from jaxidl.gap.words import (
-    DOUBTFUL,
     headline,
     judged,
     large,
@@ -51,7 +50,7 @@ def verdict(d: Diagnosis) -> str:
     """Return the verdict in one or two sentences, after a doubt about the log as a whole."""
     names = [d.model.names[j] for j in d.unexplained]
     said = headline(d.verdict, d.findings, names, large(d.gap, d.model.names), compared(d))
-    return DOUBTFUL * bool(d.conventions) + said
+    return d.doubt + said
 
 
 def silent(d: Diagnosis) -> dict[int, str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jaxidl.errors import LogError
+from jaxidl.gap import diagnose
 from jaxidl.gap.inputs import read_again, read_inputs, words
 from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, robot, same, write
 
@@ -34,6 +35,7 @@ def test_joints_that_are_not_asked_for_are_locked_where_the_log_has_them(tmp_pat
         assert log.still == ()
         return
     assert log.still == (("elbow_joint", pytest.approx(0.4)),)
+    assert log.stray == ()
     assert any("elbow_joint at 0.4" in note for note in model.notes)
     moving = write(tmp_path / "b.csv", THREE)
     assert any(
@@ -59,6 +61,15 @@ def test_of_a_robot_the_joints_that_the_log_names_are_taken(tmp_path):
     numbered = {k: v for k, v in THREE.items() if k[-1] != "2"}
     with pytest.raises(LogError, match="--joints NAME"):
         read_inputs([write(tmp_path / "b.csv", numbered)], robot(tmp_path))
+
+
+def test_a_joint_that_moves_without_torque_puts_all_that_follows_in_doubt(tmp_path):
+    titles = {k: f"{ARM[int(k[-1])]}.{k[:-1]}" for k in THREE if k not in ("time", "tau1")}
+    path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items() if k != "tau1"})
+    log, model = read_inputs([path], robot(tmp_path))
+    assert log.stray == ("elbow_joint",)
+    found = diagnose(log, model, effects=["viscous_friction"], rollouts=False)
+    assert found.summary.startswith("First of all, elbow_joint moved, but is locked in the model")
 
 
 def test_a_log_is_read_again_as_it_was_read(tmp_path):
