@@ -6,6 +6,7 @@ The command line prints that line and exits with status 2. Inside jit nothing ra
 """
 
 import difflib
+from collections.abc import Iterable
 
 
 class JaxidlError(Exception):
@@ -46,12 +47,17 @@ class StoreError(JaxidlError):
     """A results file cannot be read, cannot be written, or belongs to another configuration."""
 
 
-def one_of(what: str, value: object, valid: object) -> ConfigurationError:
+def one_of(what: str, value: object, valid: Iterable[object]) -> ConfigurationError:
     """Return the error for a name that is not among the valid ones, with the one that is meant."""
-    names = [str(v) for v in valid]  # type: ignore[attr-defined]
-    meant = difflib.get_close_matches(str(value), names, n=1)
-    remedy = f"did you mean {meant[0]}?" if meant else "choose one of these"
+    names = [str(v) for v in valid]
+    remedy = did_you_mean(str(value), names) or "choose one of these"
     return ConfigurationError(f"{what} to be one of {', '.join(names)}", repr(value), remedy)
+
+
+def did_you_mean(value: str, names: Iterable[str]) -> str:
+    """Return the question whether the most similar name was meant; empty if none is similar."""
+    meant = difflib.get_close_matches(value, list(names), n=1)
+    return f"did you mean {meant[0]}?" if meant else ""
 
 
 def needs_checkout(lacking: str) -> ConfigurationError:

@@ -34,7 +34,7 @@ from jaxidl.cli import (
     sweep,
     tune,
 )
-from jaxidl.errors import ConfigurationError, JaxidlError
+from jaxidl.errors import ConfigurationError, JaxidlError, did_you_mean, one_of
 from jaxidl.stop import STOP
 
 __all__ = ["COMMANDS", "main"]
@@ -149,6 +149,14 @@ def _parse(arguments: list[str]) -> Callable[[], None] | None:
         raise _unboxed(complaint.getvalue(), arguments) from None
 
 
+def _options(command: str) -> list[str]:
+    """The names of a command's options, as its help has them."""
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text):
+        _parse([command, "--help"])
+    return re.findall(r"--[a-z][\w-]*", text.getvalue())
+
+
 def _renamed(word: str) -> str:
     name, equals, value = word.partition("=")
     return RENAMED.get(name, name) + equals + value
@@ -162,6 +170,13 @@ def _unboxed(box: str, arguments: list[str]) -> ConfigurationError:
     """
     known = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     remedy = f"see `jaxidl {known} --help`".replace("  ", " ")
+    if arguments and not known and not arguments[0].startswith("-"):
+        return one_of("the command", arguments[0], COMMANDS)
+    options = _options(known) if known else []
+    given = [word.partition("=")[0].replace("_", "-") for word in arguments]
+    for word in (w for w in given if w.startswith("--") and known and w not in options):
+        guess = did_you_mean(word, options) or remedy
+        return ConfigurationError(f"options of `jaxidl {known}`", word, guess)
     # after these words each option that is missing has its own line, and its help deeper ones
     if lacking := re.search(r"(?m)^([^\w\n]*)Missing from .*\n((?:\1 .*\n)*)", box):
         margin, below = lacking.groups()

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
-from jaxidl.errors import ConfigurationError
+from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.paper.grid import Value
 from jaxidl.paper.study import WIDTHS, PaperStudy
 from jaxidl.types import Scalar
@@ -98,11 +98,7 @@ def parsed(study: PaperStudy, name: str, given: object) -> Value:
     """
     known = leaves(study)
     if name not in known:
-        raise ConfigurationError(
-            f"a number of the study to vary, one of {', '.join(known)}",
-            repr(name),
-            "name one of these",
-        )
+        raise one_of("a number of the study", name, known)
     like = known[name]
     if isinstance(given, tuple | list):
         given = ",".join(map(str, given))

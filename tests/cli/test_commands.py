@@ -201,6 +201,24 @@ def test_simulate_stores_every_execution_of_a_learning_run(tmp_path):
         assert data["tau_feedforward"][1].any()
 
 
+@pytest.mark.parametrize(
+    ("words", "remedy"),
+    [
+        ("gp log.csv", "did you mean gap?"),
+        ("gap log.csv --modle arm.urdf", "did you mean --model?"),
+        ("gap log.csv --model arm.urdf --held-ot 0.2", "did you mean --held-out?"),
+        ("sweep --xyz 3", "see `jaxidl sweep --help`"),
+        ("ablate --vary learner_gian 1 2", "did you mean learner_gain?"),
+    ],
+)
+def test_a_word_that_is_misspelt_is_answered_with_the_one_that_is_meant(words, remedy, capsys):
+    assert main(words.split()) == 2
+    out, complaint = capsys.readouterr()
+    assert complaint.strip().endswith(remedy)
+    assert complaint.count("\n") == 1
+    assert not out
+
+
 def test_the_old_name_of_executions_is_understood():
     words = ["simulate", "--controller", "pid", "--gain", "low", "--source", "joint", "--out", "t"]
     new = _parse([*words, "--executions", "3"])
