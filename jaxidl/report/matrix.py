@@ -8,8 +8,11 @@ column.
 from collections.abc import Iterator
 from typing import NamedTuple
 
+import numpy as np
+
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding
+from jaxidl.gap.objections import EXCLUDED
 from jaxidl.gap.words import number, plus_minus, squared
 from jaxidl.report.words import readable
 
@@ -113,12 +116,17 @@ def short_name(cls: type[Effect], parameter: str) -> str:
 
 
 def spelled(p: Estimate) -> str:
-    """Return a parameter with unit and standard error; a vector by its axes."""
+    """Return a parameter with unit and standard error.
+
+    A vector is given by its axes, a tensor that may be zero only by how large it may be.
+    """
     axes = AXES.get(len(p.value)) if isinstance(p.value, list) else None
     if axes is None or not isinstance(p.value, list):
         return number(p)
     errors = p.stderr if isinstance(p.stderr, list) else [p.stderr] * len(axes)
     unit = "" if p.unit == "1" else f" {squared(p.unit)}"
+    if len(axes) > 3 and np.all(np.abs(p.value) <= EXCLUDED * np.array(errors)):
+        return f"zero within its error, at most ± {max(errors):.2g}{unit}"
     return (
         ", ".join(f"{a} {plus_minus(v, e)}" for a, v, e in zip(axes, p.value, errors, strict=True))
         + unit
