@@ -62,7 +62,7 @@ def page(
         d: the diagnosis.
         figures: PNG content by name, as :func:`jaxidl.report.draw` returns it.
         record: the effects of ``effects.json``, those found last.
-        folder: where the patched model will be, for the instructions.
+        folder: where the corrected model will be, for the instructions.
     """
     title = f"Gap report: {d.model.path.name}"
     pictures = {name: _figure(name, content) for name, content in figures.items()}

@@ -1,4 +1,4 @@
-"""The report of a diagnosis as a folder: JSON, a page, figures and the patched model."""
+"""The report of a diagnosis as a folder: JSON, a page, figures and the corrected model."""
 
 import contextlib
 import json
@@ -25,7 +25,7 @@ MODEL, EFFECTS, PAGE, REPORT, PICTURES = (
 
 
 def save(d: Diagnosis, folder: str | Path) -> Path:
-    """Write report.json, report.html, figures and the patched model into ``folder``.
+    """Write report.json, report.html, figures and the corrected model into ``folder``.
 
     The folder is created. Everything is first written to a temporary folder and then moved into
     place file by file, ``report.json`` last. An older report in the folder is replaced; other files

@@ -28,7 +28,7 @@ from jaxidl.report.words import (
 
 ADVICE = {
     "named": (
-        "Record a new log with different motion and diagnose the patched model with it: nothing"
+        "Record a new log with different motion and diagnose the corrected model with it: nothing"
         " should be missing then."
     ),
     "nothing_missing": "To look further, record faster motion, reversals, rests and a known load.",
@@ -131,7 +131,7 @@ def places(d: Diagnosis, where: Sequence[Place], folded: str = "") -> Html:
 def ambiguous(d: Diagnosis) -> Html:
     """Return sets of effects that can replace each other."""
     about = (
-        ": they explain this log almost equally well, and the first of them is in the patched"
+        ": they explain this log almost equally well, and the first of them is in the corrected"
         " model{}. To separate them: "
     )
     names = [" and ".join(on_joint(d, key) for key in a.candidates) for a in d.ambiguous]
@@ -200,7 +200,7 @@ def remains(d: Diagnosis) -> Html:
 
 
 def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) -> Html:
-    """Return advice, and how to use the patched model."""
+    """Return advice, and how to use the corrected model."""
     model = str(folder / "model.xml")
     command = (
         f"jaxidl gap LOG --model {shlex.quote(model)}{plugins(entry['effect'] for entry in record)}"
@@ -223,9 +223,9 @@ def next_steps(d: Diagnosis, record: Sequence[Mapping[str, Any]], folder: Path) 
                 ]
             )
         )
-    patched = "The patched model" if d.findings else "The model, unchanged,"
+    corrected = "The corrected model" if d.findings else "The model, unchanged,"
     use = (
-        tag("p", f"{patched} loads from the command line and in Python:"),
+        tag("p", f"{corrected} loads from the command line and in Python:"),
         tag("pre", command),
         tag("pre", python),
     )
