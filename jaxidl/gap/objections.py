@@ -120,8 +120,6 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     interval = rows.signals.dt
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return "it is hardly more than a sampling interval"
-    if score.implausible(other) > score.implausible(now) + STRONG:
-        return ""  # others could explain what it does, but only with values that are implausible
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"

@@ -84,18 +84,16 @@ class Score(Gram):
             )
         error, (passed, heard) = np.maximum(error, 0.0), self._passed(members, at, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
-        value = self.value_of(mean / passed, heard, members) - self._penalty(at, x[0])
+        value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
 
-    def implausible(self, found: Solution) -> float:
-        """Return minus the log prior density of a set's coefficients, relative to zero."""
-        at = self.indices(found.members)
-        return self._penalty(at, found.x * self.scale[at])
+    def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
+        """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
 
-    def _penalty(self, at: np.ndarray, x: np.ndarray) -> float:
-        # the prior is weighted like the data: ``alike`` samples count as one
+        The prior is weighted like the data: ``alike`` samples count as one.
+        """
         return float(0.5 * self.prior[at] @ x**2 / self.alike)
 
     def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
@@ -192,7 +190,7 @@ class Score(Gram):
             error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
         passed, heard = self._passed(members, at, scaled)
         mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
-        return self.value_of(mean / passed, heard, members) - self._penalty(at, scaled)
+        return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
