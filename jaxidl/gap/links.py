@@ -16,7 +16,7 @@ from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
 PLAUSIBLE = 0.5
-COMPACT = 0.2
+COMPACT = 0.1  # radius of gyration of a load about its own centre, relative to the robot's reach
 
 
 class Links(NamedTuple):

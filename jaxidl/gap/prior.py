@@ -1,7 +1,7 @@
 """The prior on the coefficients of changes of links: how large a change is plausible.
 
 A load may be as heavy as the robot, but it is a compact body: about its own centre its inertia is
-about that of its mass at a fifth of the robot's reach. So a light load does not stand for the
+about that of its mass at a tenth of the robot's reach. So a light load does not stand for the
 inertia of a rotor.
 """
 
