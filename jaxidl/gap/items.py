@@ -12,7 +12,6 @@ from jaxidl.gap.gram import Item
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.shape import Shape, parameters
 
-# share not delivered from which on any command explains the motion
 # log odds that each parameter costs: a log narrows its range to about a tenth
 PARAMETER = float(np.log(10.0))
 

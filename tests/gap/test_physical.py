@@ -19,8 +19,9 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, seen_anew
 from jaxidl.gap.items import beside, items_of
-from jaxidl.gap.library import library, plausible, pushed, residual, rms, scales
+from jaxidl.gap.library import library, pushed, residual, rms, scales
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
+from jaxidl.gap.prior import plausible
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import shapes_of
 from jaxidl.gap.values import values
