@@ -11,6 +11,8 @@ from pathlib import Path
 
 os.environ.setdefault("JAX_PLATFORMS", "cpu")  # two CPU devices, whatever the machine has
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # small matrices, and workers on every core
+
 # Compiled programs are kept for all workers and child processes of this session
 OWN_CACHE = "JAX_COMPILATION_CACHE_DIR" not in os.environ and tempfile.mkdtemp(
     prefix="jaxidl-tests-"

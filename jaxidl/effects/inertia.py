@@ -53,8 +53,14 @@ class InertiaError(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return a variant for the rotor and one for the body."""
-        return [Variant({}, ("extra",)), Variant({}, ("mass",), prior=LINK)]
+        """Return a variant for the rotor and one for the body.
+
+        The model may have too much of a rotor, but not more than moves: with less inertia than
+        none a joint would accelerate against its torque.
+        """
+        least = max(-scale.free, cls.parameters["extra"].lower)
+        rotor = Variant({}, ("extra",), within={"extra": (least, np.inf)})
+        return [rotor, Variant({}, ("mass",), prior=LINK)]
 
 
 class ComError(Effect):

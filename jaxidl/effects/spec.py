@@ -52,6 +52,8 @@ class Scale(NamedTuple):
     rest_speed: float = 0.0  # speed below which a joint seems to rest [m/s or rad/s]
     effort: float = 0.0  # root mean square of the command [N or Nm]; 0: unknown
     typical: float = 0.0  # median of the command's size [N or Nm]; 0: unknown
+    # least inertia felt by the joint while the others are free [kg or kg m^2]; inf: unknown
+    free: float = float("inf")
 
     @property
     def width(self) -> float:

@@ -24,6 +24,7 @@ ALIKE = 0.01  # difference of squared errors below which two readings are equall
 ENOUGH = 400  # rows
 UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
 MOUNTED = {
+    "the base stood upright, with its z axis up": (0, 0, -1),
     "the base hung upside down": (0, 0, 1),
     "the base stood on a wall with its x axis up": (-1, 0, 0),
     "the base stood on a wall with its x axis down": (1, 0, 0),
@@ -130,7 +131,8 @@ def _left(
     own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
     target = reading.torque * rows.command[some] - share * (own[some] + torque)
     out = np.zeros(len(reading.zero))
-    for j, use in enumerate(rows.used[some].T):
+    # not where a joint rests: what counts there is the torque that broke it away
+    for j, use in enumerate((rows.used[some] & signals.moving[kept]).T):
         if use.sum() > 8 and rows.spread[j] > 0.0:
             slow = max(float(abs(reading.position[j]) * signals.rest_speed[j]), 1e-12)
             x = np.stack([qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j]], 1)[use]

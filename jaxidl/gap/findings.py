@@ -6,12 +6,13 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap import estimates
+from jaxidl.gap.bent import bent
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item
 from jaxidl.gap.held_out import aside, worse_by
-from jaxidl.gap.library import rms
+from jaxidl.gap.library import residual, rms
 from jaxidl.gap.rivals import part
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value
@@ -38,6 +39,7 @@ def findings(
         tied: prior probability of others that explain the log as well as an effect, relative to it.
     """
     rows, out = found.library.rows, []
+    left_over = residual(rows, found.solution)
     command, whole = (
         rms(rows.command, rows.used),
         rms(rows.gap, rows.used & ~rows.training[:, None]),
@@ -86,6 +88,14 @@ def findings(
             float(np.max(np.abs(v) / np.maximum(e, 1e-300))) for v, e in value.parameters.values()
         )
         speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company, away)
+        here = rows.used[:, j]
+        columns = [
+            c[here]
+            for m in found.solution.members
+            if j in m.joints
+            for c in m.columns[:, :, m.joints.index(j)]
+        ]
+        other = bent(left_over[here, j], adds[here, j], np.array(columns), rows.block[here])
         out.append(
             Finding(
                 name,
@@ -102,7 +112,7 @@ def findings(
                 gain,
                 stderr,
                 bounds,
-                {"support": support, **speaks},
+                {"support": support, **speaks, "bent": other},
                 nearest,
             )
         )

@@ -189,7 +189,8 @@ class Gram:
             )],
             axis=1,
         )  # fmt: skip
-        sizes = np.maximum(np.sum(ways**2, 1), 1e-300)
+        sizes = np.sum(ways**2, 1)
+        sizes = np.where(sizes > 0.0, sizes, np.inf)
         pushes = [
             (h @ h.T / size, h @ way / size) for h, way, size in zip(held, ways, sizes, strict=True)
         ]

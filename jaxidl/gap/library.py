@@ -72,6 +72,8 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
     """
     lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
+    mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
+    free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
     size, count = np.abs(signals.tau), len(lows)
     torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
@@ -92,6 +94,7 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
             float(signals.rest_speed[j]),
             float(effort[j]),
             float(typical[j]),
+            float(free[j]),
         )
         for j in range(count)
     ]

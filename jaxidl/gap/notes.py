@@ -29,9 +29,9 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
     if absurd:
         notes.append(
             f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
-            " command; check the units of positions and torques, and the model's masses"
+            " spread of the command; check the units of positions and torques, and the model's masses"
         )
-    duration = len(rows.signals.q) * rows.signals.dt
+    duration = rows.signals.duration
     if duration < BRIEF:
         notes.append(
             f"the log has only {duration:.3g} s: values and confidences need {BRIEF:g} s or more of"

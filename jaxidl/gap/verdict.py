@@ -44,6 +44,7 @@ def doubts_of(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity,
 
 def unexplained_joints(
     remaining: Sequence[float],
+    everywhere: Sequence[float],
     network: Sequence[tuple[float, float]],
     envelope: Sequence[float],
     spread: Sequence[float],
@@ -52,11 +53,12 @@ def unexplained_joints(
     """Return joints with a large residual.
 
     Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
-    state, or all of it if it exceeds that of the envelope or the command's own spread, than which
-    no model at all would do better.
+    state, in all of the log, or all of it on held-out data if it exceeds that of the envelope or
+    the command's own spread, than which no model at all would do better.
 
     Args:
-        remaining: (J,) residual in the model returned [N or Nm].
+        remaining: (J,) residual in the model returned, on held-out data [N or Nm].
+        everywhere: (J,) the same in all of the log [N or Nm].
         network: (J,) share of it that a network removes, and its standard error.
         envelope: (J,) residual of the envelope [N or Nm].
         spread: (J,) of the command [N or Nm].
@@ -65,10 +67,11 @@ def unexplained_joints(
     out = []
     for j, (gain, stderr) in enumerate(network):
         left, much = remaining[j], MUCH * spread[j]
-        predicted = left * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
+        worst = max(left, everywhere[j])
+        predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
         beaten = left > much and left > min(1.1 * envelope[j], spread[j])
-        if left > 2.0 * floor[j] and (systematic or beaten):
+        if worst > 2.0 * floor[j] and (systematic or beaten):
             out.append(j)
     return tuple(out)
 

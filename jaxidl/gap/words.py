@@ -10,6 +10,7 @@ from jaxidl.systems.mjcf import Model
 
 FEW = 6  # most effects that a summary names
 SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
+LEAST = 3.0  # duration below which no log says much [s]
 MOST = 1e4  # times the command: no command moves such a joint
 
 
@@ -74,12 +75,13 @@ def summarise(
     return " ".join(out)
 
 
-def doubt_of(conventions: Sequence[str], stray: Sequence[str]) -> str:
+def doubt_of(conventions: Sequence[str], stray: Sequence[str], duration: float) -> str:
     """Return what puts a whole diagnosis in doubt, as its first words; empty if nothing does.
 
     Args:
         conventions: sentences on conventions that the log and the model seem not to share.
         stray: names of joints that are locked in the model, but moved.
+        duration: of the log [s].
     """
     several = len(stray) != 1
     locked = (
@@ -87,10 +89,11 @@ def doubt_of(conventions: Sequence[str], stray: Sequence[str]) -> str:
         " was logged or chosen there); if what moved is heavy, what follows is wrong"
     )
     signs = (
-        "the log's signs, zeros, units or gravity seem not to be the model's (see the first notes);"
-        " what follows may be wrong"
+        "the log's signs, zeros, units, clocks or gravity seem not to be the model's (see the first"
+        " notes); what follows may be wrong"
     )
-    said = [signs] * bool(conventions) + [locked] * bool(stray)
+    brief = f"the log has only {duration:.2g} s, too little to trust what follows"
+    said = [signs] * bool(conventions) + [locked] * bool(stray) + [brief] * (duration < LEAST)
     return f"First of all, {', and '.join(said)}. " if said else ""
 
 

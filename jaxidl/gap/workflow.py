@@ -10,6 +10,7 @@ import numpy as np
 from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.gap.clock import late_torques
 from jaxidl.gap.confidence import ambiguous
 from jaxidl.gap.confirm import fitted_to, possible
 from jaxidl.gap.conventions import conventions
@@ -109,12 +110,18 @@ def diagnose(
     handed = compared.after if named else compared.before
     envelope = _envelope(found.library, compared)
     unexplained = unexplained_joints(
-        handed.torque_rms, still, envelope.torque_rms, rows.spread.tolist(), rows.floor.tolist()
+        handed.torque_rms,
+        rms(after if named else gap, rows.used).tolist(),
+        still,
+        envelope.torque_rms,
+        rows.spread.tolist(),
+        rows.floor.tolist(),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    odd = conventions(rows, known.names)
-    doubt = doubt_of(odd, measured.stray)
+    usual = [i for i in found.library.score.items if i.common]
+    odd = [*conventions(rows, known.names), *late_torques(rows, usual, known.names)]
+    doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     notes = (*odd, *measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
     return Diagnosis(
         verdict=verdict,

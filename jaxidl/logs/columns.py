@@ -5,6 +5,7 @@ quantity's columns are a *family*: titles that differ only in the joint. A compl
 the most literal one first; between two equally literal ones the user has to choose.
 """
 
+import itertools
 import re
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,6 +13,7 @@ from dataclasses import replace
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS, Chosen, Family, Member, Wanted, shortened
 from jaxidl.logs.header import Title, control_title, read_title
+from jaxidl.logs.joint_names import misspelt
 from jaxidl.logs.mapping import mapped
 from jaxidl.logs.words import CONTROL, CURRENT, KINDS, factor
 
@@ -105,6 +107,14 @@ def _part(name: str, titles: Sequence[Title | None], chosen: Chosen, wanted: Wan
     there = sorted(named[0] & named[1])
     if there and not set(wanted.taken) <= set(there):
         names = tuple(wanted.names[j] for j in there)
+        for title, j in itertools.product(titles, sorted({*wanted.taken} - {*there})):
+            if title and title.joint is None and misspelt(title.words, wanted.names[j]):
+                raise LogError(
+                    f"columns of {wanted.names[j]} in {name}",
+                    f"columns with {' '.join(title.words)}",
+                    "correct the titles, or choose the joints that the log has: --joints "
+                    + " ".join(names),
+                )
         raise PartOfRobotError(
             f"position and torque of {', '.join(wanted.names[j] for j in wanted.taken[:8])}"
             f"{' ...' * (count > 8)} in {name}",

@@ -1,8 +1,11 @@
 """Names of joints as people write them: with and without "joint", in any case."""
 
+import difflib
 import re
 from collections.abc import Sequence
 from functools import lru_cache
+
+ALMOST = 0.85  # similarity of a misspelt name
 
 
 @lru_cache(4096)
@@ -46,3 +49,18 @@ def joints_called(texts: Sequence[str], robot: Sequence[str]) -> list[str]:
     """
     places = [joint_called(text, robot) for text in texts]
     return [text if j is None else robot[j] for text, j in zip(texts, places, strict=True)]
+
+
+def misspelt(words: Sequence[str], name: str) -> bool:
+    """Return whether some of a title's words are almost a joint's name: the same but for a letter.
+
+    Numbers have to be the same.
+    """
+    wanted = [word for word in tokens(name) if word not in ("joint", "jnt")]
+    numbers = lambda those: [word for word in those if word.isdecimal()]
+    for first in range(len(words) - len(wanted) + 1):
+        part = words[first : first + len(wanted)]
+        alike = difflib.SequenceMatcher(None, " ".join(part), " ".join(wanted)).ratio()
+        if wanted and numbers(part) == numbers(wanted) and ALMOST < alike < 1.0:
+            return True
+    return False

@@ -67,6 +67,11 @@ class Signals(NamedTuple):
     # noise (J,) of the logged velocity and acceleration where those are used
     logged_noise: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
 
+    @property
+    def duration(self) -> float:
+        """Return the length of all runs [s]."""
+        return len(self.q) * self.dt
+
     def smooth(self, x: np.ndarray) -> np.ndarray:
         """Return H applied to each run of ``x`` (T, ...)."""
         return by_run(x, self.slices, lambda part: low_pass(part, self.band, self.dt))
@@ -157,6 +162,7 @@ def prepare(
     ]
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not continue in the next run
+    heard_torque = encoder_noise(log.tau, slices)
     peaks = tuple(
         withstood(
             rests[:, j],
@@ -165,6 +171,7 @@ def prepare(
             log.q[:, j],
             5.0 * sigma[j],
             edge,
+            heard_torque[j],
         )
         for j in range(log.joints)
     )

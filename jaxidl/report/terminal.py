@@ -182,7 +182,7 @@ def _unexplained(d: Diagnosis) -> list[str]:
         if sure > 1
         else "The effect named above still holds"
     )
-    return [*lines, *(_wrapped(f"{held}.") if sure else ())]
+    return [*lines, *(_wrapped(f"{held}.") if sure and not d.doubt else ())]
 
 
 def _refined(d: Diagnosis) -> list[str]:

@@ -60,7 +60,13 @@ def silent(d: Diagnosis) -> dict[int, str]:
         if judged(d.gap.before.torque_relative[j]):
             continue
         if not np.any(d.traces.command[:, j]):
-            out[j] = f"{name}: no torque was commanded, so this log cannot show what {what} there"
+            known = any(f.joint == j for f in d.findings)
+            lacks = (
+                "no error relative to it can be given"
+                if known
+                else f"this log cannot show what {what} there"
+            )
+            out[j] = f"{name}: no torque was commanded, so {lacks}"
         elif not d.traces.counted[:, j].any():
             out[j] = f"{name}: the joint hardly moved, so this log cannot show what {what} there"
         else:

@@ -1,12 +1,15 @@
-"""Logs whose signs, zeros, units or gravity are not the model's, and logs whose are."""
+"""Logs whose signs, zeros, units, clocks or gravity are not the model's, and logs whose are."""
 
 import numpy as np
 import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.gap.clock import late_torques
 from jaxidl.gap.conventions import conventions
+from jaxidl.gap.library import library
 from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import present
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import prepare
 from jaxidl.report import table
@@ -92,6 +95,52 @@ def test_another_unit_is_found(model, motion, words, read_as):
     (said,) = read(model, *read_as(*motion[:2]))
     assert said.startswith("the log reads as if ")
     assert words in said
+
+
+def test_another_unit_is_found_where_joints_rest(model, motion):
+    q, _, *_ = motion
+    size = np.clip(np.sin(0.9 * T), -0.7, 0.7)[:, None]  # rests at both ends
+    q = size * [1.0, -0.8] + [0.2, 0.9]
+    qd, qdd = np.gradient(q, DT, axis=0), np.gradient(np.gradient(q, DT, axis=0), DT, axis=0)
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd) + DRY * np.tanh(qd / 0.01)
+    assert read(model, q, tau) == []
+    (said,) = read(model, q, 1e3 * tau)
+    assert "torques had to be multiplied by 0.001" in said
+
+
+def test_a_model_with_gravity_along_another_axis_is_found(model, motion, tmp_path):
+    q, tau, *_ = motion
+    path = tmp_path / "aside.xml"
+    option = '<option gravity="-9.81 0 0"/>'
+    path.write_text(TWO_LINK.replace("<worldbody>", option + "<worldbody>", 1))
+    aside = read_model(path)
+    assert aside.plant.body.source.opt.gravity[2] == 0.0
+    (said,) = read(aside, q, tau)
+    assert "the base stood upright, with its z axis up" in said
+
+
+def late(model, q, tau, seconds):
+    """Sentences on torques that were logged later by some seconds."""
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(q.shape)
+    then = np.stack([np.interp(T - seconds, T, column) for column in tau.T], 1)
+    rows = rows_of(prepare(from_arrays(T, q + noise, then), model.plant.body))
+    names = ["viscous_friction", "coulomb_friction", "inertia_error", "constant_offset"]
+    made = library(rows, names, present(()))
+    return late_torques(made.rows, [i for i in made.score.items if i.common], model.names)
+
+
+@pytest.mark.parametrize("milliseconds", [20.0, 60.0])
+def test_torques_that_are_logged_after_they_act_are_found(model, motion, milliseconds):
+    q, tau, *_ = motion
+    (said,) = late(model, q, tau, 1e-3 * milliseconds)
+    number = float(said.split(" ms late")[0].split()[-1])
+    assert number == pytest.approx(milliseconds, abs=1e3 * DT / 2)
+
+
+@pytest.mark.parametrize("milliseconds", [0.0, -20.0])
+def test_torques_that_act_late_are_no_matter_of_clocks(model, motion, milliseconds):
+    q, tau, *_ = motion
+    assert late(model, q, tau, 1e-3 * milliseconds) == []
 
 
 def test_an_inertia_error_of_the_model_raises_no_doubt(model, motion):

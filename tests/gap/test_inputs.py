@@ -8,6 +8,7 @@ import pytest
 from jaxidl.errors import LogError
 from jaxidl.gap import diagnose
 from jaxidl.gap.inputs import read_again, read_inputs, words
+from jaxidl.logs.joint_names import misspelt
 from tests.helpers.logs import ARM, SAMPLES, THREE, each_joint, robot, same, write
 
 
@@ -63,6 +64,32 @@ def test_of_a_robot_the_joints_that_the_log_names_are_taken(tmp_path):
         read_inputs([write(tmp_path / "b.csv", numbered)], robot(tmp_path))
 
 
+def test_a_joint_whose_titles_are_misspelt_is_not_locked(tmp_path):
+    names = ("shoulder_pan_joint", "elbw_joint", "wrist_1_joint")
+    titles = {k: f"{names[int(k[-1])]}.{k[:-1]}" for k in THREE if k != "time"}
+    path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items()})
+    with pytest.raises(LogError, match="elbow_joint.*elbw.*--joints shoulder_pan_joint wrist_1"):
+        read_inputs([path], robot(tmp_path))
+    log, _ = read_inputs([path], robot(tmp_path), joints=["shoulder_pan", "wrist_1"])
+    same(log, joints=(0, 2))
+
+
+@pytest.mark.parametrize(
+    ("words", "name", "almost"),
+    [
+        (("elbw", "position"), "elbow_joint", True),
+        (("left", "hip", "pich", "torque"), "left_hip_pitch", True),
+        (("elbow", "position"), "elbow", False),  # right
+        (("wrist", "2"), "wrist_1_joint", False),  # another joint
+        (("left", "knee"), "right_knee", False),
+        (("position",), "shoulder_pan", False),
+        (("joint", "3"), "joint", False),
+    ],
+)
+def test_what_is_almost_a_name(words, name, almost):
+    assert misspelt(words, name) is almost
+
+
 def test_a_joint_that_moves_without_torque_puts_all_that_follows_in_doubt(tmp_path):
     titles = {k: f"{ARM[int(k[-1])]}.{k[:-1]}" for k in THREE if k not in ("time", "tau1")}
     path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items() if k != "tau1"})
@@ -70,6 +97,7 @@ def test_a_joint_that_moves_without_torque_puts_all_that_follows_in_doubt(tmp_pa
     assert log.stray == ("elbow_joint",)
     found = diagnose(log, model, effects=["viscous_friction"], rollouts=False)
     assert found.summary.startswith("First of all, elbow_joint moved, but is locked in the model")
+    assert "and the log has only 1.5 s" in found.summary
 
 
 def test_a_log_is_read_again_as_it_was_read(tmp_path):

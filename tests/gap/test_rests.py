@@ -60,6 +60,18 @@ def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate):
     assert peak == pytest.approx(LEVEL, rel=0.03)
 
 
+def test_noise_of_the_torque_does_not_add_to_what_is_withstood():
+    """The largest of a thousand noisy readings is three standard deviations too large."""
+    t, draw, noise = DT * np.arange(STEPS), np.random.default_rng(2), 0.1 * LEVEL
+    torque = LEVEL * np.sin(0.7 * t) ** 3
+    still = np.abs(torque) < 0.9 * LEVEL
+    held = lambda noise: withstood(
+        still, still, torque + noise * draw.standard_normal(STEPS), 0.0 * t, 1.0, 0, noise
+    )[:, 1]
+    np.testing.assert_allclose(held(0.0), 0.9 * LEVEL, rtol=0.01)
+    np.testing.assert_allclose(held(noise), 0.9 * LEVEL, rtol=0.05)
+
+
 def test_the_torques_withstood_in_a_motion_are_the_level(rests):
     (held,) = rests.peaks
     assert len(held) >= 4

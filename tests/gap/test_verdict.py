@@ -23,8 +23,17 @@ from jaxidl.gap.words import headline, undecided
 def test_what_a_network_still_predicts_is_unexplained_if_it_is_large(
     left, gain, stderr, floor, said
 ):
-    joints = unexplained_joints([left], [(gain, stderr)], [2.0], [1.0], [floor])
+    joints = unexplained_joints([left], [left], [(gain, stderr)], [2.0], [1.0], [floor])
     assert joints == ((0,) if said else ())
+
+
+def test_what_happens_only_in_the_fitted_part_is_not_passed_over():
+    """Such as a stop that is not reached again in the held-out part."""
+    of = lambda everywhere: unexplained_joints(
+        [0.01], [everywhere], [(0.7, 0.07)], [2.0], [1.0], [0.02]
+    )
+    assert of(0.3) == (0,)
+    assert of(0.01) == ()
 
 
 def found(confidence: float, name: str = "viscous_friction") -> Finding:
