@@ -59,7 +59,8 @@ def main() -> None:
         "findings": dict(sorted(Counter(family for family, _, _ in rows).items())),
     }
     weights = fitted(rows, only=given.only, held=known.get("weights"))
-    rest = {"only": {"signs": given.only, **fresh}} if given.only else fresh
+    later = [*known.get("only", []), {"signs": given.only, **fresh}]
+    rest = {"only": later} if given.only else fresh
     result = known | {"weights": weights} | rest
     write_bytes(calibration.WEIGHTS, (json.dumps(result, indent=1) + "\n").encode())
     print(f"{len(rows)} findings: {calibration.WEIGHTS}")

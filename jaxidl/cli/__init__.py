@@ -57,6 +57,8 @@ COMMANDS = {
 }
 
 GARBAGE = 100_000  # objects between two collections
+# All matrices are small: threads that share one wait for each other longer than they compute
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 RENAMED = {"--iterations": "--executions"}  # options by their old names
 
 

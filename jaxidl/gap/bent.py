@@ -1,41 +1,62 @@
-"""How much of an effect follows another law than its own.
+"""Whether an effect follows another law than its own.
 
-What grows with the square root of the load, or with the cube of an angle, is imitated by what grows
-in proportion to it. The residual shows it: there is then something left that the effect's own
-torque a, bent to a·|a|, explains.
+Friction in proportion to the load imitates friction that grows with its square root. The residual
+shows it: the effect's own torque a, bent to a·|a|, still explains a part of it.
 """
 
 import numpy as np
 
+from jaxidl.gap.find import Found
 from jaxidl.gap.held_out import jackknife
+from jaxidl.gap.library import residual_on
+from jaxidl.gap.values import Value
 
 
-def bent(left: np.ndarray, own: np.ndarray, others: np.ndarray, block: np.ndarray) -> float:
-    """Return the size of an effect's bend relative to the effect.
+def other_law(value: Value) -> bool:
+    """Return whether an effect may stand for one with another law.
 
-    It is less by two standard errors, and at least 0.
-
-    Args:
-        left: (N,) residual [N or Nm].
-        own: (N,) the effect's torque [N or Nm].
-        others: (P, N) columns of all members of the set.
-        block: (N,) number of the block of each row.
+    Common effects are taken as what they are on any robot; a shape that was fitted bends itself.
     """
-    size = np.sqrt(np.mean(own**2))
+    cls = value.items[0].shape.cls
+    return cls.linear and not cls.common
+
+
+def adds(found: Found, value: Value) -> np.ndarray:
+    """Return what an effect adds to the command (N, J) [N or Nm]."""
+    out = np.zeros_like(found.library.rows.gap)
+    for m in value.items:
+        x = found.solution.x[found.solution.of(m)]
+        out[:, list(m.joints)] += np.tensordot(x, m.columns, 1)
+    return out
+
+
+def bend(found: Found, added: np.ndarray, joint: int) -> float:
+    """Return the size of the bend of an effect, which ``added`` (N,) [N or Nm], relative to it.
+
+    It is fitted to the residual beside all members, and less by two standard errors.
+    """
+    rows = found.library.rows
+    use = rows.used[:, joint]
+    own, block = added[use], rows.block[use]
+    left = residual_on(rows, found.solution, [joint])[use, 0]
+    size = np.sqrt(np.mean(own**2)) if use.any() else 0.0
     if not size > 0.0:
         return 0.0
-    scaled = own / size
-    bend = scaled * np.abs(scaled)
-    basis = np.stack([scaled, *others])
-    basis = basis / np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-300)
-    bend = bend - np.linalg.lstsq(basis.T, bend, rcond=1e-9)[0] @ basis
-    width = np.sqrt(np.mean(bend**2))
+    beside = [
+        c[use]
+        for m in found.solution.members
+        if joint in m.joints
+        for c in m.columns[:, :, m.joints.index(joint)]
+    ]
+    basis = np.stack([own, *beside])
+    basis = (basis / np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-300)).T
+    more = own * np.abs(own) / size**2
+    more = more - basis @ np.linalg.lstsq(basis, more, rcond=1e-9)[0]
+    width = np.sqrt(np.mean(more**2))
     if width < 1e-6:
         return 0.0
-    each = [block == b for b in np.unique(block)]
-    product = np.array([bend[b] @ left[b] for b in each])
-    square = np.array([bend[b] @ bend[b] for b in each])
-    slope = product.sum() / square.sum()
-    without = (product.sum() - product) / np.maximum(square.sum() - square, 1e-300)
-    known = max(abs(float(slope)) - 2.0 * float(jackknife(without)), 0.0)
-    return float(known * width / size)
+    parts = [block == b for b in np.unique(block)]
+    wanted, square = (np.array([more[p] @ x[p] for p in parts]) for x in (left, more))
+    without = (wanted.sum() - wanted) / np.maximum(square.sum() - square, 1e-300)
+    slope = max(abs(wanted.sum() / square.sum()) - 2.0 * float(jackknife(without)), 0.0)
+    return float(slope * width / size)

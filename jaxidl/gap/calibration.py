@@ -20,13 +20,14 @@ WEIGHTS = Path(__file__).with_suffix(".json")
 
 SIGNS: Mapping[str, int] = {
     **dict.fromkeys(("margin", "share", "odds", "rare_share", "rare_gain", "company"), 1),
-    **dict.fromkeys(("open", "systematic", "tied", "rare_left", "small", "vague"), -1),
+    **dict.fromkeys(("open", "systematic", "tied", "rare_left", "small", "vague", "bent"), -1),
     "rare": 0,
 }
 """Evidence for (1) or against (-1) a finding, as numbers of similar magnitude."""
 
 SMALL = 0.05  # share of the command below which a rare effect is more often an imitation,
 KNOWN = 10.0  # and standard errors from zero, which none of its values reaches
+STRAIGHT = 0.02  # share of an effect up to which its law hardly matters
 
 
 def signs(
@@ -41,6 +42,7 @@ def signs(
     tied: float,
     company: float,
     known: float,
+    bent: float,
 ) -> dict[str, float]:
     """Return the signs of a finding.
 
@@ -58,6 +60,8 @@ def signs(
             as well; 0 if there is none.
         company: share of the other joints on which the same was found.
         known: by how many standard errors the best known of its values differs from zero.
+        bent: share by which a rare effect on its joint follows another law than its own
+            (:mod:`jaxidl.gap.bent`); then what stands beside it is in doubt, too.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))
     rare, explained = float(not common), log(share, 1e-3, 1.0)
@@ -75,6 +79,7 @@ def signs(
         "company": (1.0 - rare) * company,
         "small": rare * (np.log10(SMALL) - log(share, 1e-3, SMALL)),
         "vague": rare * (np.log10(KNOWN) - log(known, 1.0, KNOWN)),
+        "bent": float(np.log(np.clip(bent, STRAIGHT, 1.0) / STRAIGHT)),
     }
 
 

@@ -6,13 +6,13 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap import estimates
-from jaxidl.gap.bent import bent
+from jaxidl.gap.bent import adds, bend, other_law
 from jaxidl.gap.calibration import probability, signs
 from jaxidl.gap.diagnosis import Estimate, Finding, Key
 from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item
 from jaxidl.gap.held_out import aside, worse_by
-from jaxidl.gap.library import residual, rms
+from jaxidl.gap.library import rms
 from jaxidl.gap.rivals import part
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value
@@ -39,29 +39,28 @@ def findings(
         tied: prior probability of others that explain the log as well as an effect, relative to it.
     """
     rows, out = found.library.rows, []
-    left_over = residual(rows, found.solution)
     command, whole = (
         rms(rows.command, rows.used),
         rms(rows.gap, rows.used & ~rows.training[:, None]),
     )
-    for value in fitted:
+    added = [adds(found, value) for value in fitted]
+    shares = [rms(a, rows.used) / np.maximum(command, 1e-300) for a in added]
+    aside_there = found.score.count[~found.score.training].sum(0) > 0
+    where = [int(np.argmax(np.where(aside_there, s, 0.0))) for s in shares]
+    bends = [
+        bend(found, a[:, j], j) if other_law(value) else 0.0
+        for value, a, j in zip(fitted, added, where, strict=True)
+    ]
+    for value, added_shares, j in zip(fitted, shares, where, strict=True):
         name, joint = value.key
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
-        adds = np.zeros_like(rows.gap)
-        for m in value.items:
-            adds[:, list(m.joints)] += np.tensordot(
-                found.solution.x[found.solution.of(m)], m.columns, 1
-            )
-        shares = rms(adds, rows.used) / np.maximum(command, 1e-300)
-        j = int(
-            np.argmax(np.where(found.score.count[~found.score.training].sum(0) > 0, shares, 0.0))
-        )
+        bent = max(b for b, at in zip(bends, where, strict=True) if at == j)
         a, b = (
             np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare)
         )
         support = min(found.support.share[m.group] for m in value.items)
-        evidence, share = found.solution.value - bare.value, float(shares[j])
+        evidence, share = found.solution.value - bare.value, float(added_shares[j])
         kind = known.kinds[joint if joint is not None else j]
         cls = CATALOGUE[name]
         parameters = {
@@ -87,15 +86,9 @@ def findings(
         away = max(
             float(np.max(np.abs(v) / np.maximum(e, 1e-300))) for v, e in value.parameters.values()
         )
-        speaks = signs(margin, gain, share, left, float(open_), network[j], *kind_of, company, away)
-        here = rows.used[:, j]
-        columns = [
-            c[here]
-            for m in found.solution.members
-            if j in m.joints
-            for c in m.columns[:, :, m.joints.index(j)]
-        ]
-        other = bent(left_over[here, j], adds[here, j], np.array(columns), rows.block[here])
+        speaks = signs(
+            margin, gain, share, left, float(open_), network[j], *kind_of, company, away, bent
+        )
         out.append(
             Finding(
                 name,
@@ -112,7 +105,7 @@ def findings(
                 gain,
                 stderr,
                 bounds,
-                {"support": support, **speaks, "bent": other},
+                {"support": support, **speaks},
                 nearest,
             )
         )

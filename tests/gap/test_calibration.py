@@ -23,6 +23,7 @@ GOOD = {
     "tied": 0.0,
     "company": 1.0,
     "known": 30.0,
+    "bent": 0.0,
 }
 BAD = GOOD | {
     "margin": 0.1,
@@ -43,7 +44,7 @@ def test_the_packaged_weights_tell_a_dry_friction_from_a_crumb():
     assert probability(signs(**BAD)) < 0.5
 
 
-@pytest.mark.parametrize("name", ["margin", "left", "share", "unexplained", "known"])
+@pytest.mark.parametrize("name", ["margin", "left", "share", "unexplained", "known", "bent"])
 def test_signs_are_finite_however_extreme(name):
     for value in (0.0, 1e-300, 1e300, np.inf):
         assert all(np.isfinite(v) for v in signs(**(GOOD | {name: value})).values())

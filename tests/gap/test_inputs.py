@@ -68,7 +68,7 @@ def test_a_joint_whose_titles_are_misspelt_is_not_locked(tmp_path):
     names = ("shoulder_pan_joint", "elbw_joint", "wrist_1_joint")
     titles = {k: f"{names[int(k[-1])]}.{k[:-1]}" for k in THREE if k != "time"}
     path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items()})
-    with pytest.raises(LogError, match="elbow_joint.*elbw.*--joints shoulder_pan_joint wrist_1"):
+    with pytest.raises(LogError, match=r"elbow_joint.*elbw.*--joints shoulder_pan_joint wrist_1"):
         read_inputs([path], robot(tmp_path))
     log, _ = read_inputs([path], robot(tmp_path), joints=["shoulder_pan", "wrist_1"])
     same(log, joints=(0, 2))

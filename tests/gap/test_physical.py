@@ -11,6 +11,7 @@ from jaxidl.effects import (
     CATALOGUE,
     AsymmetricFriction,
     CoulombFriction,
+    InertiaError,
     Payload,
     Scale,
     register,
@@ -42,6 +43,13 @@ def best(gram, right, lower=-np.inf, upper=np.inf, unequal=(), cones=(), least=0
     return consistent(
         gram, right, *bounds, conditions, np.full(len(conditions), float(least)), cones
     )
+
+
+def test_no_rotor_takes_more_inertia_than_moves():
+    (rotor, *_) = InertiaError.variants(SCALE._replace(free=0.3))
+    assert rotor.within["extra"] == (-0.3, np.inf)
+    (rotor, *_) = InertiaError.variants(SCALE)  # nobody knows how much moves
+    assert rotor.within["extra"][0] == InertiaError.parameters["extra"].lower
 
 
 # the conic program
