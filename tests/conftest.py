@@ -60,6 +60,7 @@ from tests.helpers.studies import SMALL_STUDY
 
 SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_no_derivative_is_nan_where_effects_have_kinks[pid",
+    "test_a_tight_torque_limit_is_kept_and_no_random_motion_tells_more[0.2]",
     (
         "test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept[[<Signals.SIGINT:"
         " 2>]]"
@@ -85,6 +86,7 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_scan_vmap_and_a_python_loop_give_the_same_execution[doomed]",
     "test_derivatives_of_an_execution_and_its_data[law",
     "test_derivatives_of_an_execution_and_its_data[policy",
+    "test_derivatives_of_an_execution_and_its_data[estimator differences]",
     "test_fast_training_is_plain_training[float32",
     "test_nothing_is_named_where_nothing_is_hidden[slider]",
     "test_results_do_not_depend_on_chunks[3]",

@@ -29,7 +29,8 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
     if absurd:
         notes.append(
             f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
-            " spread of the command; check the units of positions and torques, and the model's masses"
+            " spread of the command; check the units of positions and torques, and the model's"
+            " masses"
         )
     duration = rows.signals.duration
     if duration < BRIEF:

@@ -19,6 +19,8 @@ from jaxidl.jobs.programs import layout
 from jaxidl.learning.sources import SOURCES, TRAIN_ON
 from tests.helpers.properties import COUNTS, FLOATS, NAMES, examples, h5netcdf_may_stumble
 
+pytestmark = pytest.mark.slow  # hundreds of command lines; single ones are in test_commands.py
+
 LINES = {"noise-levels": ("program", "printed"), "train-on": TRAIN_ON}
 ODD = [
     "nan",

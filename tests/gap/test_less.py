@@ -51,6 +51,7 @@ def test_less_friction_than_the_model_has_is_named_and_handed_out(tmp_path):
     assert float(dry.effect.level[0]) == pytest.approx(0.15, abs=0.02)
 
 
+@pytest.mark.slow
 def test_friction_that_fell_between_two_logs_is_named(tmp_path):
     (tmp_path / "model.xml").write_text(PENDULUM)
     found = gap.diagnose(

@@ -289,6 +289,7 @@ def grid(noise, friction, stiction, gains, seeds) -> Grid:
     )
 
 
+@pytest.mark.slow
 @h5netcdf_may_stumble
 @examples(50)
 @given(place=PLACE, bit=BIT)
@@ -309,6 +310,7 @@ def values(strategy, size=2):
     return st.lists(strategy, min_size=1, max_size=size, unique=True)
 
 
+@pytest.mark.slow
 @examples(4)
 @given(
     chosen=st.tuples(

@@ -16,6 +16,7 @@ def learn(*words):
     return main(["learn", *map(str, words)])
 
 
+@pytest.mark.slow
 def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
     one, two = tmp_path / "1", tmp_path / "2"
     given = ["--model", gantry.path, "--smoothing", "0.1", "--guard", "--feedforward-limit", "20"]

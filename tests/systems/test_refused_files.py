@@ -121,6 +121,7 @@ def spots(value, path=()):
         yield from spots(part, (*path, key))
 
 
+@pytest.mark.slow
 def test_a_damaged_record_of_effects_is_read_or_refused(tmp_path):
     path = stored(tmp_path, TWO_LINK)
     known = (effect for name, effect in EXAMPLES.items() if name in CATALOGUE)
