@@ -6,6 +6,7 @@ is reported, and nothing is changed.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -29,16 +30,18 @@ def late_torques(rows: Rows, common: Sequence[Item], names: Sequence[str]) -> li
     moving = rows.used.any(0) & (rows.spread > 0.0)
     projected, dt = Projection(rows, common, np.ones(len(moving))), rows.signals.dt
     left = lambda late: projected.left_of(rows.shifted(-late))[moving]
-    before, times = left(0.0), [0.0, -CONVENTION[0] * dt]
-    while len(times) < 3 or (
-        left(times[-1]).sum() < left(times[-2]).sum() and 2.0 * times[-1] < LONGEST
-    ):
-        times.append(2.0 * times[-1])
-    best = minimize_scalar(
-        lambda late: left(late).sum(), bounds=(times[-3], times[-1]), options={"xatol": 0.1 * dt}
-    ).x
+    usual = -CONVENTION[0] * dt
+    before, last, late = left(0.0), left(usual).sum(), usual
+    while 2.0 * late < LONGEST and (more := left(2.0 * late).sum()) < last:
+        last, late = more, 2.0 * late
+    if late == usual:
+        return []
+    found: Any = minimize_scalar(
+        lambda at: left(at).sum(), bounds=(late / 2.0, 2.0 * late), options={"xatol": 0.1 * dt}
+    )
+    best = float(found.x)
     better = before - left(best) > RISE
-    if best <= -CONVENTION[0] * dt or 2 * np.count_nonzero(better) <= len(better):
+    if 2 * np.count_nonzero(better) <= len(better):
         return []
     return [
         f"the torques of {', '.join(np.array(names)[moving][better])} fit the motion if they were"

@@ -32,6 +32,7 @@ from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rows import Rows, instants_of, rows_of
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
+from jaxidl.gap.swings import swings
 from jaxidl.gap.values import Value
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.words import doubt_of, summarise
@@ -122,7 +123,9 @@ def diagnose(
     usual = [i for i in found.library.score.items if i.common]
     odd = [*conventions(rows, known.names), *late_torques(rows, usual, known.names)]
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
-    notes = (*odd, *measured.notes, *known.notes, *rows.signals.notes, *notes_of(rows, known))
+    swinging = swings(rows, after if named else gap, known.names)
+    more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
+    notes = (*odd, *swinging, *measured.notes, *more)
     return Diagnosis(
         verdict=verdict,
         summary=summarise(

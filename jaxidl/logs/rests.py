@@ -55,6 +55,6 @@ def withstood(
             end = still[-1] + np.clip(3 * near - 2 * far, 1, last)
             held = torque[still[0] : end]
             window = min(width, (len(held) - 1) | 1)
-            held = signal.savgol_filter(held, window, 1) if window > 1 else held
+            held = np.asarray(signal.savgol_filter(held, window, 1)) if window > 1 else held
             found.append((still[-1], np.abs(held).max()))
     return np.array(found, float).reshape(-1, 2)
