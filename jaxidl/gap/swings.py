@@ -28,7 +28,7 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
     lines = lambda x: _lines(np.interp(even, at, x))
     frequency = np.fft.rfftfreq(FINER * len(even), even[1] - even[0])
     size, said = rms(left, rows.used), list[str]()
-    for j in np.flatnonzero(size > np.maximum(MUCH * rows.spread, 2.0 * rows.floor)):
+    for j in np.flatnonzero(size > np.maximum(MUCH * rows.spread, 2.0 * rows.floor)).tolist():
         share = lines(np.where(rows.used[:, j], left[:, j], 0.0))
         peak = int(np.argmax(share))
         moves = lines(signals.q[signals.rows, j])[peak]
