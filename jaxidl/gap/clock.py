@@ -12,39 +12,45 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from jaxidl.gap.gram import Item
-from jaxidl.gap.projection import CLEAR, CONVENTION, Projection
+from jaxidl.gap.projection import CONVENTION, Projection
 from jaxidl.gap.rows import Rows
 
 LONGEST = 0.2  # [s]
-RISE = 5.0 * CLEAR  # of the log likelihood, of every joint that counts
+LESS = 0.7  # of a joint's error: what has to be left at most,
+ABOVE = 1.5  # where it is this many times its floor
 
 
-def late_torques(rows: Rows, common: Sequence[Item], names: Sequence[str]) -> list[str]:
+def late_torques(rows: Rows, items: Sequence[Item], names: Sequence[str]) -> list[str]:
     """Return a sentence if torques of most joints were logged late; otherwise nothing.
 
     Args:
         rows: N rows of the log.
-        common: items of the common effects, beside which torques are compared.
+        items: the common effects and what was found, beside which torques are compared.
         names: names of the joints.
     """
-    moving = rows.used.any(0) & (rows.spread > 0.0)
-    projected, dt = Projection(rows, common, np.ones(len(moving))), rows.signals.dt
-    left = lambda late: projected.left_of(rows.shifted(-late))[moving]
+    moving = np.flatnonzero(rows.used.any(0) & (rows.spread > 0.0))
+    projected, dt = Projection(rows, items, np.ones(len(names))), rows.signals.dt
+
+    def error(late: float) -> np.ndarray:
+        left = projected.residuals(rows.shifted(-late))
+        return np.array([np.sqrt(np.mean(left[j] ** 2)) for j in moving])
+
+    total = lambda late: float(np.sum(np.log(error(late) + 1e-300)))
     usual = -CONVENTION[0] * dt
-    before, last, late = left(0.0), left(usual).sum(), usual
-    while 2.0 * late < LONGEST and (more := left(2.0 * late).sum()) < last:
+    last, late = total(usual), usual
+    while 2.0 * late < LONGEST and (more := total(2.0 * late)) < last:
         last, late = more, 2.0 * late
     if late == usual:
         return []
-    found: Any = minimize_scalar(
-        lambda at: left(at).sum(), bounds=(late / 2.0, 2.0 * late), options={"xatol": 0.1 * dt}
-    )
+    bounds = late / 2.0, 2.0 * late
+    found: Any = minimize_scalar(total, bounds=bounds, options={"xatol": 0.1 * dt})
     best = float(found.x)
-    better = before - left(best) > RISE
-    if 2 * np.count_nonzero(better) <= len(better):
+    before, after = error(0.0), error(best)
+    able, better = before > ABOVE * rows.floor[moving], after < LESS * before
+    if 2 * np.count_nonzero(better) <= np.count_nonzero(able):
         return []
     return [
-        f"the torques of {', '.join(np.array(names)[moving][better])} fit the motion if they were"
+        f"the torques of {', '.join(np.array(names)[moving[better]])} fit the motion if they were"
         f" logged {1e3 * best:.2g} ms late, later than they act: check the clocks of positions and"
         " torques, and filters of the torques"
     ]

@@ -38,15 +38,21 @@ class Projection:
     def left_of(self, rows: Rows) -> np.ndarray:
         """Return minus the log likelihood (J,) of the residual of all common effects."""
         total = np.zeros(len(self.bases))
-        for j, basis in enumerate(self.bases):
-            y = rows.gap[self.use[:, j], j]
-            left = y - basis @ (basis.T @ y)
-            square = float(left @ left) / max(len(y), 1)
+        for j, left in enumerate(self.residuals(rows)):
+            square = float(left @ left) / max(len(left), 1)
             if square > 0.0:
                 total[j] = (
-                    0.5 * len(y) / correlation_time(left) * np.log(max(square, rows.floor[j] ** 2))
+                    0.5
+                    * len(left)
+                    / correlation_time(left)
+                    * np.log(max(square, rows.floor[j] ** 2))
                 )
         return total
+
+    def residuals(self, rows: Rows) -> list[np.ndarray]:
+        """Return the residual of all common effects on the training rows of each joint."""
+        gaps = [rows.gap[use, j] for j, use in enumerate(self.use.T)]
+        return [y - basis @ (basis.T @ y) for y, basis in zip(gaps, self.bases, strict=True)]
 
     def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
         """Return the most promising shapes of each effect and joint."""

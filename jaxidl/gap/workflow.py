@@ -121,7 +121,8 @@ def diagnose(
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
     usual = [i for i in found.library.score.items if i.common]
-    odd = [*conventions(rows, known.names), *late_torques(rows, usual, known.names)]
+    late = late_torques(rows, [*usual, *found.named], known.names)
+    odd = [*conventions(rows, known.names), *late]
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     swinging = swings(rows, after if named else gap, known.names)
     more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
