@@ -86,6 +86,7 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_scan_vmap_and_a_python_loop_give_the_same_execution[doomed]",
     "test_derivatives_of_an_execution_and_its_data[law",
     "test_derivatives_of_an_execution_and_its_data[policy",
+    "test_derivatives_of_an_execution_and_its_data[the paper's effects, blurred",
     "test_derivatives_of_an_execution_and_its_data[estimator differences]",
     "test_fast_training_is_plain_training[float32",
     "test_nothing_is_named_where_nothing_is_hidden[slider]",

@@ -130,6 +130,7 @@ def test_a_model_that_leads_astray_is_left_alone_with_its_torque():
     assert float(distance(guarded.q, desired).max()) < 2.5 * float(strayed.max())
 
 
+@pytest.mark.slow
 def test_learning_goes_on_under_a_guard_and_can_be_differentiated():
     noise = jnp.asarray(draw_noise(2, 3, SMALL_STUDY.steps))
 

@@ -385,6 +385,7 @@ def test_nothing_varied_is_refused():
         rows(made((0.1,)).isel(alpha=0, drop=True))
 
 
+@pytest.mark.slow
 def test_the_command_writes_results_table_and_figure(tmp_path, capsys, monkeypatch, small_study):
     monkeypatch.setattr(
         "jaxidl.paper.runs.run_sweep",

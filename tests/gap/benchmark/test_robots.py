@@ -319,6 +319,7 @@ def test_a_robots_folder_holds_log_and_model_and_is_made_once(measured, tmp_path
     assert (folder / "model.xml").stat().st_mtime_ns == before
 
 
+@pytest.mark.slow
 def test_folder_belongs_to_one_root(tmp_path):
     made = generate(tmp_path, ("none",), every=200, root=5)
     assert len(made) == 1
