@@ -96,15 +96,6 @@ def test_what_sets_no_size_is_traced():
         assert not traced(study, name)
 
 
-CHANGES = {
-    "alpha": replace(PaperStudy(), smoothing=0.3),
-    "prior_mass": replace(PaperStudy(), modelled_mass=2.0),
-    "learner_gain": replace(PaperStudy(), pid_learner=(100.0, 10.0, 0.002), doomed_learner=0.1),
-    "learning_rate": replace(
-        PaperStudy(), training=replace(PaperStudy().training, learning_rate=3e-3)
-    ),
-    "policy_gains.1": replace(PaperStudy(), policy_gains=(100.0, 15.0)),
-}
 VALUES = {
     "alpha": 0.3,
     "prior_mass": 2.0,
@@ -115,27 +106,33 @@ VALUES = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", VALUES)
-def test_a_traced_number_does_what_the_same_number_in_the_study_does(name, small_study, tmp_path):
+def test_traced_numbers_do_what_the_same_numbers_in_the_study_do(small_study, tmp_path):
+    """All five at once: a number that were not applied, or in another's place, would be missed."""
     changed = replace(
-        CHANGES[name],
-        steps=small_study.steps,
-        error_model=small_study.error_model,
-        training=replace(small_study.training, learning_rate=CHANGES[name].training.learning_rate),
+        small_study,
+        smoothing=0.3,
+        modelled_mass=2.0,
+        pid_learner=(100.0, 10.0, 0.002),
+        doomed_learner=0.1,
+        training=replace(small_study.training, learning_rate=3e-3),
+        policy_gains=(100.0, 15.0),
     )
-    assert varied(small_study, {name: VALUES[name]}) == changed
-    grid = replace(ONE, vary=((name, (leaves(small_study)[name], VALUES[name])),))
-    data = run(tmp_path / "a.nc", small_study, grid)
+    assert varied(small_study, VALUES) == changed
+    numbers = leaves(small_study)
+    vary = tuple((name, (numbers[name], value)) for name, value in VALUES.items())
+    data = run(tmp_path / "a.nc", small_study, replace(ONE, vary=vary))
     plain, other = (
         run(tmp_path / f"{i}.nc", study, ONE) for i, study in enumerate((small_study, changed))
     )
     # other programs, whose rounding training amplifies
     for place, wanted in enumerate((plain, other)):
-        got = data.isel({name: place})
+        got = data.isel(dict.fromkeys(VALUES, place))
         for metric in ("q_error", "feedback_applied"):
             np.testing.assert_allclose(got[metric][..., 0], wanted[metric][..., 0], rtol=1e-9)
             np.testing.assert_allclose(got[metric], wanted[metric], rtol=2e-2)
-    assert abs(plain.q_error - other.q_error).max() > 1e-6
+    for name in VALUES:
+        alone = data.isel({other: int(other == name) for other in VALUES})
+        assert abs(plain.q_error - alone.q_error).max() > 1e-6, name
 
 
 @pytest.mark.slow
