@@ -22,15 +22,15 @@ if OWN_CACHE:
     os.environ["JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS"] = "0"
     os.environ["JAX_PERSISTENT_CACHE_MIN_ENTRY_SIZE_BYTES"] = "-1"
 
-# Most programs are small and run once: they are compiled in a hurry, without optimisations and by
-# XLA's older and faster emitters, each as one piece of code
-HASTY = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
+# Most programs are small and run once: they are compiled without optimisations, by XLA's older and
+# faster emitters, each as one piece of code
+QUICK = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
 os.environ.setdefault("JAX_DISABLE_MOST_OPTIMIZATIONS", "1")
 if "XLA_FLAGS" not in os.environ:  # nor in those of this session's workers
     # an XLA that does not know a flag ends its process
     probe = [sys.executable, "-c", "import jax; jax.devices()"]
-    known = subprocess.run(probe, env=os.environ | {"XLA_FLAGS": HASTY}, capture_output=True)
-    os.environ["XLA_FLAGS"] = "" if known.returncode else HASTY
+    known = subprocess.run(probe, env=os.environ | {"XLA_FLAGS": QUICK}, capture_output=True)
+    os.environ["XLA_FLAGS"] = "" if known.returncode else QUICK
 
 import jax
 import pytest

@@ -67,7 +67,7 @@ for name, x, d in zip(NAMES, here, slope, strict=True):
 many = jax.jit(jax.vmap(lambda rate: final_error(here.at[3].set(rate))))
 figure, panels = plt.subplots(1, 2, figsize=(7, 2.8), layout="constrained")
 for panel, width in zip(panels, (0.001, 0.02), strict=True):
-    rates = jnp.linspace(1.0 - width, 1.0 + width, 21) * here[3]
+    rates = jnp.linspace(1.0 - width, 1.0 + width, 11) * here[3]
     panel.plot(100 * (rates / here[3] - 1), many(rates), "o", markersize=4, label="learning runs")
     panel.plot(
         100 * (rates / here[3] - 1), value + slope[3] * (rates - here[3]), "k:", label="tangent"

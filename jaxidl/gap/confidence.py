@@ -28,6 +28,8 @@ class Support(NamedTuple):
 
     share: dict[Group, float]  # share of the draws in which a member is found
     instead: dict[Group, dict[Group, int]]  # what takes a member's place, and how often
+    # for each draw: by how much the coefficients of each member found on it differ
+    moves: list[dict[Group, np.ndarray]]
 
 
 def support(
@@ -41,6 +43,7 @@ def support(
     rng, blocks = np.random.default_rng(seed), len(score.weights)
     there = {m.group: 0 for m in found.members}
     instead: dict[Group, dict[Group, int]] = {m.group: {} for m in found.members}
+    moves: list[dict[Group, np.ndarray]] = []
     rival = _rivals(score, found)
     for draw in range(draws):
         watch(draw / draws)
@@ -48,6 +51,13 @@ def support(
         now = search(rival.resampled(weights), found.members, swap=False)
         groups = {m.group: m for m in now.members}
         new = [m for m in now.members if m.group not in there]
+        moves.append(
+            {
+                m.group: now.x[now.of(m)] - found.x[found.of(m)]
+                for m in found.members
+                if m in now.members
+            }
+        )
         for m in found.members:
             if m.group in groups:
                 there[m.group] += 1
@@ -55,7 +65,7 @@ def support(
             for other in new:
                 if set(other.joints) & set(m.joints):
                     instead[m.group][other.group] = instead[m.group].get(other.group, 0) + 1
-    return Support({g: n / draws if draws else 1.0 for g, n in there.items()}, instead)
+    return Support({g: n / draws if draws else 1.0 for g, n in there.items()}, instead, moves)
 
 
 def _rivals(score: Score, found: Solution) -> Score:

@@ -15,7 +15,7 @@ from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.library import rms
 from jaxidl.gap.rivals import part
 from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.values import Value
+from jaxidl.gap.values import Value, resampled
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
@@ -65,7 +65,7 @@ def findings(
         cls = CATALOGUE[name]
         parameters = {
             n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
-            for n, (v, e) in value.parameters.items()
+            for n, (v, e) in resampled(value, found.support.moves).parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)

@@ -3,14 +3,16 @@
 All are fitted together by least squares, but for shapes that the encoder's noise would bias
 (:mod:`jaxidl.gap.spared`).
 
-A standard error has two parts: the jackknife's over blocks, of all parameters of all effects
-together, and that of least squares with the effective number of samples
-(:meth:`jaxidl.gap.score.Score.covariance`): a motion that repeats itself also repeats the errors of
-the model, and its blocks scatter less than their errors. No time is known better than to a sampling
-interval.
+A standard error has three parts: the jackknife's over blocks, of all parameters of all effects
+together; that of least squares with the effective number of samples
+(:meth:`jaxidl.gap.score.Score.covariance`), since a motion that repeats itself also repeats the
+errors of the model, and its blocks scatter less than their errors; and that of unknown torque
+constants (:mod:`jaxidl.gap.torque_constants`). No time is known better than to a sampling interval.
+Once the log was resampled, the jackknife's part is not less than how far values are off on draws,
+each of which chooses its own set (:func:`resampled`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -19,13 +21,14 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.diagnosis import Key
-from jaxidl.gap.gram import Item
+from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
 from jaxidl.gap.shapes import tangent
 from jaxidl.gap.spared import noisy, spared
+from jaxidl.gap.torque_constants import swayed
 
 
 class Value(NamedTuple):
@@ -41,6 +44,30 @@ class Value(NamedTuple):
     together: float = 0.0
     # least share of it that is there, by two standard errors; 0 where parameters tell
     share: float = 0.0
+    scatter: Mapping[str, np.ndarray] = {}  # the jackknife's part of the standard errors
+    # the fitted parameters if the coefficients of its items are off by (P,)
+    moved: Callable[[np.ndarray], Mapping[str, np.ndarray]] = lambda by: {}
+
+
+def resampled(value: Value, draws: Sequence[Mapping[Group, np.ndarray]]) -> Value:
+    """Return an effect with standard errors that cover the choice of the set, too.
+
+    ``draws`` are by how much coefficients are off on resampled logs. Those of fitted shapes, and
+    what was found on less than two draws, stay as they are.
+    """
+    off = [
+        np.concatenate([d[i.group] for i in value.items])
+        for d in draws
+        if all(i.group in d for i in value.items)
+    ]
+    if len(off) < 2 or not all(map(_plain, value.items)):
+        return value
+    moved = [value.moved(by) for by in off]
+    parameters = {}
+    for n, (v, e) in value.parameters.items():
+        square = np.mean([(m[n] - v) ** 2 for m in moved], axis=0)
+        parameters[n] = v, np.sqrt(e**2 + np.maximum(square - value.scatter[n] ** 2, 0.0))
+    return value._replace(parameters=parameters)
 
 
 def values(
@@ -142,7 +169,8 @@ def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> _Fit:
     best = fresh.solve(members)
     x = physical_fits(fresh, best, rows)
     x = np.concatenate([best.x[None], best.folds]) if x is None else x
-    return _Fit([best.of(m) for m in members], x[0], x[1:], fresh.covariance(best))
+    covariance = fresh.covariance(best) + swayed(fresh, best, rows)
+    return _Fit([best.of(m) for m in members], x[0], x[1:], covariance)
 
 
 def _value(
@@ -178,22 +206,29 @@ def _value(
     hidden = shape.cls.internal  # converted into others, all of which are then shown
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
     read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
-    parameters = {}
+    parameters, scatter = {}, {}
     for n in names:
         value = read(effect, n)
-        scatter = jackknife(np.stack([read(e, n) for e in others]))
+        scatter[n] = jackknife(np.stack([read(e, n) for e in others]))
         alike = np.sqrt(np.sum([(read(e, n) - value) ** 2 for e in moved], 0))
         least = dt / np.sqrt(12.0) if shape.cls.parameters[n].unit == "s" else 0.0
-        parameters[n] = (value, np.sqrt(scatter**2 + alike**2 + least**2))
+        parameters[n] = (value, np.sqrt(scatter[n] ** 2 + alike**2 + least**2))
     parameters = {
         n: (v, e) for n, (v, e) in parameters.items() if np.any(v != 0.0) or np.any(e != 0.0)
     } or parameters
     bound = any(movable(i.shape) and on_bound(i.shape, fit.x[place]) for i, place in whole)
     own, together = _places([place for _, place in whole]), 0.0
     if len(own) > 1 and all(map(_plain, items)):
-        scatter = covariance_of(fit.folds[:, own])
-        together = wald(fit.x[own], scatter + fit.covariance[np.ix_(own, own)])
-    return Value(key, items, effect, parameters, bound, together)
+        apart = covariance_of(fit.folds[:, own])
+        together = wald(fit.x[own], apart + fit.covariance[np.ix_(own, own)])
+
+    def moved(by: np.ndarray) -> dict[str, np.ndarray]:
+        x = fit.x.copy()
+        x[own] += by
+        there = at(x)
+        return {n: read(there, n) for n in parameters}
+
+    return Value(key, items, effect, parameters, bound, together, scatter=scatter, moved=moved)
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:

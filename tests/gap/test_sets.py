@@ -603,8 +603,8 @@ def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(p
 def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     _, pool, _, _ = planted
     often, seldom = (
-        Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}),
-        Support({pool[0].group: 0.9}, {}),
+        Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}, []),
+        Support({pool[0].group: 0.9}, {}, []),
     )
     assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
     assert ambiguous([pool[0]], seldom) == []

@@ -63,7 +63,7 @@ def installed(archives, tmp_path_factory):
     """The folder of the commands of an environment into which the wheel was installed."""
     where = tmp_path_factory.mktemp("environment")
     run(sys.executable, "-m", "venv", where, cwd=where)
-    pip = [where / "bin" / "pip", "install", "-q", "-c", ROOT / "constraints.txt"]
+    pip = [where / "bin" / "pip", "install", "-q", "--no-compile", "-c", ROOT / "constraints.txt"]
     run(*pip, archives[0], cwd=where)
     return where / "bin"
 
