@@ -5,6 +5,7 @@ confidence.
 from dataclasses import replace
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
@@ -26,7 +27,8 @@ from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import REPLACED, replaced, search
 from jaxidl.gap.shape import Shape
-from jaxidl.gap.values import _absorbed
+from jaxidl.gap.torque_constants import SHARE, swayed
+from jaxidl.gap.values import Value, _absorbed, resampled
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -608,6 +610,43 @@ def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     )
     assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
     assert ambiguous([pool[0]], seldom) == []
+
+
+def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_says():
+    rng = np.random.default_rng(7)
+    pool = [item(f"column{k}", rng.normal(size=(1, N, 1)), (k % 2,)) for k in range(3)]
+    pool.append(item("both", rng.normal(size=(2, N, 2)), (0, 1)))
+    command = 0.5 * rng.normal(size=(N, JOINTS))
+    for m in pool:
+        command[:, list(m.joints)] += 3.0 * m.columns.sum(0)
+    rows = rows_with(0.3 * rng.normal(size=(N, JOINTS)))._replace(command=command)
+    score = score_of(rows, pool)
+    found, off = score.solve(pool), []
+    for j in range(JOINTS):
+        gap = rows.gap + SHARE * command * (np.arange(JOINTS) == j)
+        off.append(score_of(rows._replace(gap=gap), pool).solve(pool).x - found.x)
+    expected = np.sum([np.outer(o, o) for o in off], axis=0)
+    got = swayed(score, found, rows)
+    np.testing.assert_allclose(got, expected, atol=1e-6 * expected.max())
+    np.testing.assert_allclose(np.diagonal(got)[:3], (3.0 * SHARE) ** 2, rtol=0.2)
+    # a motor constant that is fitted says what the command's factor is: nothing else moves
+    motors = [item(f"motor{j}", command[None, :, j, None], (j,), actuates=True) for j in (0, 1)]
+    score = score_of(rows, [*pool, *motors])
+    np.testing.assert_allclose(swayed(score, score.solve([*pool, *motors]), rows), 0.0, atol=1e-12)
+
+
+def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
+    (m,) = [item("one", np.ones((1, N, 1)))]
+    value = Value(
+        m.key, (m,), ConstantOffset(jnp.ones(1)), {"offset": (np.ones(1), np.full(1, 0.2))}, False,
+        scatter={"offset": np.full(1, 0.1)}, moved=lambda by: {"offset": 1.0 + by},
+    )  # fmt: skip
+    draws = lambda *off: [{m.group: np.array([x])} for x in off]
+    error = lambda *off: resampled(value, [{}, *draws(*off)]).parameters["offset"][1]
+    np.testing.assert_allclose(error(0.3, -0.3), np.sqrt(0.2**2 + 0.3**2 - 0.1**2))
+    np.testing.assert_allclose(error(0.3, 0.3), error(0.3, -0.3))  # off on one side, too
+    np.testing.assert_allclose(error(0.05, -0.05), 0.2)
+    np.testing.assert_allclose(error(0.3), 0.2)  # a single draw says nothing
 
 
 def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
