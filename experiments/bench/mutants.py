@@ -1,4 +1,4 @@
-"""Do the tests notice when the code is wrong? Small changes to seven modules, and which tests fail
+"""Do the tests notice when the code is wrong? Small changes to eight modules, and which tests fail
 because of them.
 
     python experiments/bench/mutants.py [--each 6] [--json FILE]
@@ -29,6 +29,7 @@ MODULES = {
     "models/training.py": ("models/training", "paper/golden"),
     "gap/score.py": ("gap/sets", "gap/workflow"),
     "gap/estimates.py": ("gap/sets", "gap/workflow"),
+    "gap/benchmark/score.py": ("gap/benchmark/score",),
     "jobs/store.py": ("jobs/sweep", "paper/sweep", "paper/properties"),
 }
 OPPOSITE = {

@@ -53,8 +53,9 @@ def claims(
     from jaxidl.paper.runs import read_results
     from jaxidl.paper.verdicts import as_json, as_markdown, as_table, check_claims
 
-    rows = check_claims(read_results(results))
-    print(as_json(rows) if json else as_markdown(rows) if markdown else as_table(rows))
+    data = read_results(results)
+    rows = check_claims(data)
+    print(as_json(rows, data) if json else as_markdown(rows) if markdown else as_table(rows))
 
 
 def reproduce(
@@ -113,7 +114,7 @@ def report(results: Path, out: Path) -> None:
     data = read_results(results)
     paths = draw_all(data, out)
     rows = check_claims(data)
-    write_bytes(out / "claims.json", (as_json(rows) + "\n").encode())
+    write_bytes(out / "claims.json", (as_json(rows, data) + "\n").encode())
     print(as_table(rows))
     for path in (results, out / "claims.json", *paths):
         print(f"wrote {path}")

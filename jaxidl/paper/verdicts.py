@@ -136,9 +136,10 @@ def _range(claim: Claim) -> str:
     return f"> {claim.low:g}" if claim.high == np.inf else f"{claim.low:g} to {claim.high:g}"
 
 
-def as_json(rows: list[Verdict]) -> str:
-    """Return the verdicts as a JSON list."""
-    return json.dumps([asdict(row) for row in rows], indent=1)
+def as_json(rows: list[Verdict], data: xr.Dataset) -> str:
+    """Return the verdicts as JSON, with the revision that computed the results ``data``."""
+    claims = [asdict(row) for row in rows]
+    return json.dumps({"git_revision": data.attrs.get("git_revision"), "claims": claims}, indent=1)
 
 
 HEADINGS = (

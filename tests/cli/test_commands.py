@@ -248,8 +248,9 @@ def test_figures_and_claims_read_what_sweep_writes(tmp_path, capsys):
     assert len(list((tmp_path / "figs").iterdir())) == 10
     capsys.readouterr()
     assert main(["claims", out, "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)
-    assert any(row["average"] for row in rows)
+    written = json.loads(capsys.readouterr().out)
+    assert written["git_revision"]
+    assert any(row["average"] for row in written["claims"])
 
 
 @pytest.mark.parametrize(

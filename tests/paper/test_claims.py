@@ -152,10 +152,13 @@ def test_a_curve_that_only_falls_does_not_degrade():
 
 
 def test_every_claim_is_computed_on_the_whole_grid_and_printed():
-    rows = check_claims(results(as_in_the_paper))
+    data = results(as_in_the_paper).assign_attrs(git_revision="0123abc")
+    rows = check_claims(data)
     assert len(rows) == len(CLAIMS) == len({row.name for row in rows})
     assert all(row.average and row.typical for row in rows)
-    assert len(json.loads(as_json(rows))) == len(rows)
+    written = json.loads(as_json(rows, data))
+    assert written["git_revision"] == "0123abc"
+    assert len(written["claims"]) == len(rows)
     for text in (as_table(rows), as_markdown(rows)):
         assert text.count("holds") + text.count("does not hold") + text.count("only partly") >= len(
             rows
