@@ -14,6 +14,7 @@ import numpy as np
 
 from jaxidl.gap import estimates
 from jaxidl.gap.gram import Group, Item
+from jaxidl.gap.objections import held
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
 
@@ -28,7 +29,8 @@ class Support(NamedTuple):
 
     share: dict[Group, float]  # share of the draws in which a member is found
     instead: dict[Group, dict[Group, int]]  # what takes a member's place, and how often
-    # for each draw: by how much the coefficients of each member found on it differ
+    # for each draw: by how much the coefficients of each member found on it differ; left out are
+    # those beside an effect on a bound, which could not be named there
     moves: list[dict[Group, np.ndarray]]
 
 
@@ -51,11 +53,12 @@ def support(
         now = search(rival.resampled(weights), found.members, swap=False)
         groups = {m.group: m for m in now.members}
         new = [m for m in now.members if m.group not in there]
+        bound = {j for m in new if held(m, now.x[now.of(m)]) for j in m.joints}
         moves.append(
             {
                 m.group: now.x[now.of(m)] - found.x[found.of(m)]
                 for m in found.members
-                if m in now.members
+                if m in now.members and not bound & set(m.joints)
             }
         )
         for m in found.members:

@@ -113,8 +113,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     x, stderr = now.x[at], jackknife(now.folds[:, at])
     if not (np.any(np.abs(x) > EXCLUDED * stderr) or together(x, now.folds[:, at]) > EXCLUDED):
         return "its standard error does not exclude zero"
-    at_bound = ((x <= m.lower) & ~gone(m.shape)) | (x >= m.upper)
-    if np.all(at_bound | (x == 0.0)) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
+    if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve(without(now, m))
     interval = rows.signals.dt
@@ -131,6 +130,12 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""
+
+
+def held(m: Item, x: np.ndarray) -> bool:
+    """Return whether bounds hold all of a member's coefficients (P,) that are not zero."""
+    at_bound = ((x <= m.lower) & ~gone(m.shape)) | (x >= m.upper)
+    return bool(np.all(at_bound | (x == 0.0)))
 
 
 def beyond(m: Item, x: np.ndarray) -> bool:

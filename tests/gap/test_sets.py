@@ -602,6 +602,20 @@ def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(p
     assert all(said.share[m.group] == 1.0 for m in found.members if m is not own)
 
 
+def test_draws_say_by_how_much_coefficients_are_off_but_not_beside_an_effect_on_its_bound(planted):
+    rows, pool, truth, score = planted
+    said = support(score, score.solve(truth))
+    off = np.array([d[pool[0].group] for d in said.moves])
+    assert off.shape == (DRAWS, 1)
+    assert 0.005 < off.std() < 0.05  # 0.3/√900, that of least squares, is 0.01
+    limit = item("limit", np.sign(pool[1].columns), (1,), high=0.1)
+    gap = rows.gap + np.where([False, True], 2.0 * limit.columns[0], 0.0)
+    bounded = score_of(rows._replace(gap=gap), [*truth, limit])
+    said = support(bounded, bounded.solve(truth))
+    assert all(said.share[m.group] == 1.0 for m in truth)
+    assert all(set(d) == {m.group for m in truth if 1 not in m.joints} for d in said.moves)
+
+
 def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     _, pool, _, _ = planted
     often, seldom = (
