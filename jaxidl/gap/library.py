@@ -18,7 +18,7 @@ from jaxidl.gap.gram import Anchor, Item, samples_alike
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import links_of
 from jaxidl.gap.prior import plausible
-from jaxidl.gap.projection import Projection, aligned, alignments
+from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, shapes_of
@@ -231,10 +231,18 @@ def residual(rows: Rows, found: Solution) -> np.ndarray:
     return residual_on(rows, found, range(rows.gap.shape[1]))
 
 
-def residual_on(rows: Rows, found: Solution, joints: Sequence[int]) -> np.ndarray:
-    """Return the residual (N, K) [N or Nm] of a set on K of the joints."""
+def own_residual(rows: Rows, found: Solution) -> np.ndarray:
+    """Return the model's own residual (N, J) [N or Nm], torques aligned in time as in a set."""
+    members = [m for m in found.members if m.key[0] == ALIGNMENT]
+    return residual_on(rows, found, range(rows.gap.shape[1]), members)
+
+
+def residual_on(
+    rows: Rows, found: Solution, joints: Sequence[int], members: Sequence[Item] | None = None
+) -> np.ndarray:
+    """Return the residual (N, K) [N or Nm] of a set, or of some members, on K of the joints."""
     left = rows.gap[:, list(joints)].copy()
-    for m in found.members:
+    for m in found.members if members is None else members:
         on = [k for k, j in enumerate(joints) if j in m.joints]
         own = [m.joints.index(joints[k]) for k in on]
         if own:

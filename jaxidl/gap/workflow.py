@@ -24,7 +24,7 @@ from jaxidl.gap.diagnosis import (
 from jaxidl.gap.find import Found, Watch, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.held_out import aside
-from jaxidl.gap.library import Library, Reference, library, residual, rms
+from jaxidl.gap.library import Library, Reference, library, own_residual, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import check
 from jaxidl.gap.notes import notes_of
@@ -98,7 +98,9 @@ def diagnose(
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
         rows = found.library.rows
-        after, gap = residual(rows, found.solution), rows.gap
+        after = residual(rows, found.solution)
+        # where nothing is found, the model is judged with the log's torques as well aligned
+        gap = rows.gap if found.named else own_residual(rows, found.solution)
         watch("checking the residual", 0.0)
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]

@@ -21,8 +21,10 @@ from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.held_out import aside, gain, worse_by
+from jaxidl.gap.library import own_residual
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection
+from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, correlation_time
 from jaxidl.gap.search import REPLACED, replaced, search
@@ -661,6 +663,23 @@ def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
     np.testing.assert_allclose(error(0.3, 0.3), error(0.3, -0.3))  # off on one side, too
     np.testing.assert_allclose(error(0.05, -0.05), 0.2)
     np.testing.assert_allclose(error(0.3), 0.2)  # a single draw says nothing
+
+
+def test_the_models_own_residual_is_that_of_aligned_torques():
+    rng = np.random.default_rng(8)
+    shift = replace(
+        item("shift", rng.normal(size=(1, N, 1)), always=True), group=(ALIGNMENT, 0, "")
+    )
+    both = item("both", rng.normal(size=(1, N, 1)), always=True)  # shared with a reference log
+    rows = rows_with(0.3 * rng.normal(size=(N, JOINTS)))
+    rows.gap[:, 0] += 0.5 * shift.columns[0, :, 0] + 0.7 * both.columns[0, :, 0]
+    found = score_of(rows, [shift, both]).solve([shift, both])
+    left = own_residual(rows, found)
+    np.testing.assert_array_equal(left[:, 1], rows.gap[:, 1])
+    np.testing.assert_allclose(
+        left[:, 0], rows.gap[:, 0] - found.x[found.of(shift)] * shift.columns[0, :, 0]
+    )
+    assert np.std(left[:, 0]) < 0.95 * np.std(rows.gap[:, 0])
 
 
 def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
