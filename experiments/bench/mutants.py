@@ -24,7 +24,7 @@ from common import arguments, machine, report
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {
     "systems/plant.py": ("systems/plant", "paper/golden", "effects/definitions"),
-    "learning/execute.py": ("paper/golden", "learning/learning"),
+    "learning/execute.py": ("paper/golden", "learning/learning", "learning/guard"),
     "learning/sources.py": ("paper/golden", "learning/learning"),
     "models/training.py": ("models/training", "paper/golden"),
     "gap/score.py": ("gap/sets", "gap/workflow"),

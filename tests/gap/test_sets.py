@@ -665,6 +665,22 @@ def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
     np.testing.assert_allclose(error(0.3), 0.2)  # a single draw says nothing
 
 
+def test_likelihood_of_coefficients_is_that_of_their_residual(planted):
+    rows, _, truth, _ = planted
+    motor = item("motor", 0.4 * rows.command[None, :, 0, None], (0,), actuates=True)
+    members, mask = [*truth, motor], rows.used & rows.training[:, None]
+    score = score_of(rows, members)
+    found = score.solve(members)
+    assert found.passed[0] != 1.0
+    for x in (found.x, np.add(found.x, [0.1, -0.2, 0.3, 0.1, 0.0])):
+        left = rows.gap.copy()
+        for m in found.members:
+            left[:, list(m.joints)] -= np.tensordot(x[found.of(m)], m.columns, 1)
+        mean = np.sum((left / score.noise) ** 2 * mask, axis=0) / mask.sum(0) / found.passed
+        expected = -0.5 * score.effective @ np.log(mean) + sum(m.odds for m in members)
+        assert score.likelihood(found.members, x) == pytest.approx(expected, rel=1e-9)
+
+
 def test_the_models_own_residual_is_that_of_aligned_torques():
     rng = np.random.default_rng(8)
     shift = replace(
