@@ -222,13 +222,13 @@ def _value(
         apart = covariance_of(fit.folds[:, own])
         together = wald(fit.x[own], apart + fit.covariance[np.ix_(own, own)])
 
-    def moved(by: np.ndarray) -> dict[str, np.ndarray]:
+    def off(by: np.ndarray) -> dict[str, np.ndarray]:
         x = fit.x.copy()
         x[own] += by
         there = at(x)
         return {n: read(there, n) for n in parameters}
 
-    return Value(key, items, effect, parameters, bound, together, scatter=scatter, moved=moved)
+    return Value(key, items, effect, parameters, bound, together, scatter=scatter, moved=off)
 
 
 def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
