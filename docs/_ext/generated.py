@@ -44,7 +44,7 @@ def interval(mean: dict[str, Any], digits: int = 2) -> str:
 
 def claims() -> str:
     """The verdicts of ``jaxidl claims``, the verdict first."""
-    rows = load("claims")
+    rows = load("claims")["claims"]
     signs = {"holds": "✓", "only partly": "◐", "does not hold": "✗"}
     body = [
         (
@@ -72,7 +72,7 @@ def claims() -> str:
 
 def claims_counted() -> str:
     """How many statements hold."""
-    verdicts = [row["verdict"] for row in load("claims")]
+    verdicts = [row["verdict"] for row in load("claims")["claims"]]
     counts = {v: verdicts.count(v) for v in ("holds", "only partly", "does not hold")}
     return (
         f"Of {len(verdicts)} statements {counts['holds']} hold, {counts['only partly']} hold only"
