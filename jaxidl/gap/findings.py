@@ -39,6 +39,7 @@ def findings(
         tied: prior probability of others that explain the log as well as an effect, relative to it.
     """
     rows, out = found.library.rows, []
+    draws = found.support.moves if found.score.anchor is None else []
     command, whole = (
         rms(rows.command, rows.used),
         rms(rows.gap, rows.used & ~rows.training[:, None]),
@@ -65,7 +66,7 @@ def findings(
         cls = CATALOGUE[name]
         parameters = {
             n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
-            for n, (v, e) in resampled(value, found.support.moves).parameters.items()
+            for n, (v, e) in resampled(value, draws).parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(found.score, bare, found.solution, j)

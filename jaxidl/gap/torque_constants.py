@@ -1,7 +1,8 @@
 """How far a fit's coefficients move if a joint's torque is logged by a factor too large or small.
 
 No torque constant is known exactly. Where it is wrong and nothing in the set says so, the other
-effects take its place: a share of the command, as far as their columns can form it.
+effects take its place: a share of the command, as far as their columns can form it. With another
+log of the same machine as the reference, what both need is off in both: only what is new counts.
 """
 
 import numpy as np
@@ -27,11 +28,12 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
     own = gram + known + np.diag(np.concatenate([[], *(m.precision for m in found.members)]))
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
     own = own / size[:, None] / size + RIDGE * np.eye(len(own))
-    command = SHARE * rows.command * (rows.used & rows.training[:, None]) / score.noise**2
-    right = np.zeros((len(own), command.shape[1]))
+    torque = rows.command if score.anchor is None else rows.gap
+    torque = SHARE * torque * (rows.used & rows.training[:, None]) / score.noise**2
+    right = np.zeros((len(own), torque.shape[1]))
     for m in found.members:
         for k, j in enumerate(m.joints):
-            right[found.of(m), j] = m.columns[:, :, k] @ command[:, j]
+            right[found.of(m), j] = m.columns[:, :, k] @ torque[:, j]
     moves = np.linalg.solve(own, right / size[:, None]) / size[:, None]
     for m in found.members:
         if m.actuates:

@@ -53,7 +53,8 @@ def resampled(value: Value, draws: Sequence[Mapping[Group, np.ndarray]]) -> Valu
     """Return an effect with standard errors that cover the choice of the set, too.
 
     ``draws`` are by how much coefficients are off on resampled logs. Those of fitted shapes, and
-    what was found on less than two draws, stay as they are.
+    what was found on less than two draws, stay as they are. Changes since a reference log have no
+    draws: on these, part of a load is taken for changes of links that the search rejects.
     """
     off = [
         np.concatenate([d[i.group] for i in value.items])

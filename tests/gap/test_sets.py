@@ -645,6 +645,11 @@ def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_say
     got = swayed(score, found, rows)
     np.testing.assert_allclose(got, expected, atol=1e-6 * expected.max())
     np.testing.assert_allclose(np.diagonal(got)[:3], (3.0 * SHARE) ** 2, rtol=0.2)
+    # beside a reference log only what is new counts
+    none = np.zeros((len(got), len(got)))
+    other = score_of(rows, pool, anchor=Anchor(tuple(pool), none, none[0]))
+    new = swayed(score, found, rows._replace(command=rows.gap))
+    np.testing.assert_allclose(swayed(other, other.solve(pool), rows), new, rtol=1e-9)
     # a motor constant that is fitted says what the command's factor is: nothing else moves
     motors = [item(f"motor{j}", command[None, :, j, None], (j,), actuates=True) for j in (0, 1)]
     score = score_of(rows, [*pool, *motors])
