@@ -54,6 +54,7 @@ copybutton_prompt_is_regexp = True
 # change
 nb_custom_formats = {".py": "cells.read"}
 nb_execution_mode = "cache"
+nb_execution_excludepatterns = os.environ.get("JAXIDL_DOCS_NOT_RUN", "").split()
 nb_execution_timeout = 600
 nb_execution_raise_on_error = True
 nb_execution_show_tb = True
