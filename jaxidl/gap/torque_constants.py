@@ -29,7 +29,8 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
     own = own / size[:, None] / size + RIDGE * np.eye(len(own))
     torque = rows.command if score.anchor is None else rows.gap
-    torque = SHARE * torque * (rows.used & rows.training[:, None]) / score.noise**2
+    noise = np.where(score.noise > 1e-150, score.noise, np.inf)  # a joint without a residual
+    torque = SHARE * torque * (rows.used & rows.training[:, None]) / noise**2
     right = np.zeros((len(own), torque.shape[1]))
     for m in found.members:
         for k, j in enumerate(m.joints):
