@@ -94,17 +94,17 @@ def physical_fits(
     if physical and not np.any(unequal @ found.x < least - 1e-9):
         return None
     gram, right = score.normal(members)
-    anchor, pull = score.anchoring(members)
-    prior, lower, upper = (
-        np.concatenate([np.zeros(0), *(getattr(m, name) for m in members)])
-        for name in ("precision", "lower", "upper")
+    known, pull = score.known(members)
+    lower, upper = (
+        np.concatenate([np.zeros(0), *(getattr(m, side) for m in members)])
+        for side in ("lower", "upper")
     )
     whole = gram.sum(0), right.sum(0)
     x = np.concatenate([found.x[None], found.folds]) if folds else found.x[None].copy()
     for k in range(len(x)):
         g, h = whole if k == 0 else (whole[0] - gram[k - 1], whole[1] - right[k - 1])
-        ridge = np.diag(prior + 1e-9 * np.diag(g) + 1e-12) + anchor
-        best = consistent(g + ridge, h + pull, lower, upper, unequal, least, cones)
+        ridge = np.diag(1e-9 * np.diag(g) + 1e-12)
+        best = consistent(g + known + ridge, h + pull, lower, upper, unequal, least, cones)
         x[k] = x[k] if best is None else best
     return x
 

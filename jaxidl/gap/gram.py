@@ -212,12 +212,17 @@ class Gram:
         gram, right, _ = self._normal(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
 
-    def anchoring(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what another log adds to the normal equations (P, P) and (P,) of a set."""
+    def known(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what priors and another log add to the normal equations of a set.
+
+        These are a matrix (P, P) and a right side (P,).
+        """
         at = self.indices(members)
-        return self.anchored[np.ix_(at, at)] * self.scale[at, None] * self.scale[at], self.pull[
-            at
-        ] * self.scale[at]
+        s = self.scale[at]
+        return self._known(at) * s[:, None] * s, self.pull[at] * s
+
+    def _known(self, at: np.ndarray) -> np.ndarray:
+        return self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
 
     def _normal(
         self, at: np.ndarray

@@ -53,7 +53,7 @@ class Score(Gram):
     def __init__(self, *args: Any, **more: Any):
         """Take the arguments of :class:`jaxidl.gap.gram.Gram`."""
         super().__init__(*args, **more)
-        self._known: dict[frozenset[int], Solution] = {}
+        self._solved: dict[frozenset[int], Solution] = {}
         # what :func:`jaxidl.gap.estimates.promise` said so far
         self.promised: dict[frozenset[int], dict[int, float]] = {}
 
@@ -61,9 +61,9 @@ class Score(Gram):
         """Return the set fitted with and without each block, and its score."""
         members = tuple(sorted(members, key=lambda i: self.place[id(i)][0] if len(i.lower) else -1))
         known = frozenset(map(id, members))
-        if known not in self._known:
-            self._known[known] = self._solve(members)
-        return self._known[known]
+        if known not in self._solved:
+            self._solved[known] = self._solve(members)
+        return self._solved[known]
 
     def _solve(self, members: tuple[Item, ...]) -> Solution:
         at = self.indices(members)
@@ -201,7 +201,7 @@ class Score(Gram):
         """
         at, blocks = self.indices(found.members), len(self.weights)
         gram, _, own = self._normal(at)
-        known = self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
+        known = self._known(at)
         count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
         middle = known * self.alike
         for j, (here, g, _) in enumerate(own):
@@ -229,14 +229,14 @@ class Score(Gram):
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        return self._with(items=list(items), _known=self._known, promised={})
+        return self._with(items=list(items), _solved=self._solved, promised={})
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement.
 
         ``weights`` (B,) are how often each was drawn.
         """
-        return self._with(weights=weights, _known={}, promised={})
+        return self._with(weights=weights, _solved={}, promised={})
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)

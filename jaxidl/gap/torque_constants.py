@@ -24,8 +24,7 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
         found: the set with its P coefficients.
         rows: the rows of the score.
     """
-    gram, (known, _) = score.normal(found.members)[0].sum(0), score.anchoring(found.members)
-    own = gram + known + np.diag(np.concatenate([[], *(m.precision for m in found.members)]))
+    own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
     own = own / size[:, None] / size + RIDGE * np.eye(len(own))
     torque = rows.command if score.anchor is None else rows.gap

@@ -233,16 +233,12 @@ def _reference(before: Found) -> Reference:
         rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
     )
     gram, right = fresh.normal(members)
-    precision = np.concatenate([m.precision for m in members])
+    known, _ = fresh.known(members)
     at = [
         before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
         for m in members
     ]
-    return Reference(
-        tuple(members),
-        gram.sum(0) + np.diag(precision),
-        right.sum(0) - precision * np.concatenate(at),
-    )
+    return Reference(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
 
 
 def _values(found: Found) -> list[Value]:

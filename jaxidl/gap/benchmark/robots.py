@@ -20,9 +20,10 @@ from jaxidl.gap.benchmark.believed import Diverged, inverse_dynamics
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import has
 from jaxidl.gap.benchmark.injected import Injected, Payload
+from jaxidl.gap.benchmark.parts import Part
 from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
-from jaxidl.gap.benchmark.whole import Part, draw
+from jaxidl.gap.benchmark.whole import draw
 from jaxidl.gap.benchmark.worth import Motion, acts, altered, columns, inertial, rms
 
 RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz

@@ -14,12 +14,12 @@ from jaxidl.gap.benchmark import robot_judge
 from jaxidl.gap.benchmark.arms import JOINTS, excitation, random_arm
 from jaxidl.gap.benchmark.believed import inverse_dynamics
 from jaxidl.gap.benchmark.catalogue import INJECTED, make
+from jaxidl.gap.benchmark.exotic import EXOTIC
 from jaxidl.gap.benchmark.links import Links, load
 from jaxidl.gap.benchmark.robots import Robot, robots, store, truth
 from jaxidl.gap.benchmark.run import chosen, generate, make_case, training_table
 from jaxidl.gap.benchmark.score import score
 from jaxidl.gap.benchmark.translate import errors, expected
-from jaxidl.gap.benchmark.whole import EXOTIC
 from jaxidl.gap.benchmark.worth import Motion, altered, columns, inertial, rms
 
 SMALL = 3  # number of a robot of three joints that runs for half a minute
