@@ -79,8 +79,9 @@ def check_claims(data: xr.Dataset) -> list[Verdict]:
 
 def _check(claim: Claim, mean: View, median: View, left_out: int) -> Verdict:
     numbers = average, typical = _number(claim.statistic, mean), _number(claim.statistic, median)
-    verdict, why = "not in these results", _lacking(claim.statistic, mean)
-    if average and typical:
+    if not (average and typical):
+        verdict, why = "not in these results", _lacking(claim.statistic, mean)
+    else:
         found = [within(number, claim.low, claim.high) for number in (average, typical)]
         verdict = found[0] if found[0] == found[1] != "undecided" else "only partly"
         why = f"on average {found[0]}, typically {found[1]}" if verdict == "only partly" else ""

@@ -14,6 +14,7 @@ class View:
 
     def __init__(self, data: xr.Dataset, typical: bool):
         self.data, self.typical = data, typical
+        self._finite: dict[str, xr.DataArray] = {}  # by variable, NaN where diverged
 
     @property
     def noises(self) -> tuple[float, float]:
@@ -33,8 +34,9 @@ class View:
 
         Raises KeyError if the file lacks a value.
         """
-        chosen = self.data[[variable, "finite"]].sel(**where)
-        return chosen[variable].where(chosen["finite"])
+        if variable not in self._finite:
+            self._finite[variable] = self.data[variable].where(self.data["finite"])
+        return self._finite[variable].sel(**where)
 
     def curve(self, variable: str = "q_error", **where: Any) -> xr.DataArray:
         """Return the (seed, iteration) average over all settings that ``where`` leaves open."""
