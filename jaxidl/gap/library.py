@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Scale
@@ -22,6 +21,7 @@ from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, shapes_of
+from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
 
 ALIKE = 20.0  # correlated samples that count as one, before their number is known
@@ -261,5 +261,5 @@ def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
         inside = (at >= run.start) & (at < run.stop)
         if inside.sum() > 3:
             between = np.arange(at[inside][0], at[inside][-1] + 1)
-            out[between] = CubicSpline(at[inside], value[inside])(between)
+            out[between] = at_instants(value[inside], at[inside], between)
     return out

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
+from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 
@@ -52,7 +53,7 @@ class Rows(NamedTuple):
         moved = lambda x: np.concatenate(
             [
                 np.stack(
-                    [np.interp(t[r] - d, t[r], c) for c, d in zip(x[r].T, each, strict=True)], 1
+                    [at_instants(c, t[r], t[r] - d) for c, d in zip(x[r].T, each, strict=True)], 1
                 )
                 for r in s.slices
             ]

@@ -198,7 +198,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     if uneven := max(part.uneven for part in even):
         notes.append(
             f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by"
-            " linear interpolation"
+            " cubic splines"
         )
     if slowed := sum(part.slowed for part in even):
         rates = sorted({f"{1 / piece.step:.4g}" for piece in cut}, key=float)

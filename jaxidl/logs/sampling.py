@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.errors import LogError
+from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.mending import Samples
 
 LATEST = 1e10  # [s]; a Unix time is smaller
@@ -160,7 +161,7 @@ def interval(cut: Iterable[Piece]) -> float:
 def resample(piece: Piece, dt: float) -> Even:
     """Return a piece on a uniform grid.
 
-    Samples that are on the grid already stay unchanged.
+    Samples that are on the grid already stay unchanged, but for rounding.
     """
     time, signals = (
         piece.samples.time[piece.where],
@@ -184,10 +185,7 @@ def resample(piece: Piece, dt: float) -> Even:
         return Even(time, signals, 0, 0.0, False)
     places = np.arange(int(grid[-1] + 1e-6) + 1) if uneven else np.arange(piece.number[-1] + 1)
     at = grid if uneven else piece.number
-    filled = {
-        kind: np.stack([np.interp(places, at, s) for s in signal.T], axis=1)
-        for kind, signal in signals.items()
-    }
+    filled = {kind: at_instants(signal, at, places) for kind, signal in signals.items()}
     return Even(time[0] + step * places, filled, missing, uneven, False)
 
 
@@ -200,10 +198,7 @@ def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> di
     """
     places = np.arange(int(grid[-1] + 1e-6) + 1)
     if step * AVERAGED > 1.0:
-        return {
-            kind: np.stack([np.interp(places, grid, s) for s in signal.T], axis=1)
-            for kind, signal in signals.items()
-        }
+        return {kind: at_instants(signal, grid, places) for kind, signal in signals.items()}
     # narrower at the ends, to stay centred
     half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))
     half = np.maximum(half, 1e-3)

@@ -20,6 +20,7 @@ from jaxidl.logs.low_pass import (
     choose_band,
     derivative,
     encoder_noise,
+    half_later,
     low_pass,
     noise_torque,
 )
@@ -81,11 +82,7 @@ class Signals(NamedTuple):
 
         A command is held, so that it acts half an interval later on average.
         """
-        return self.smooth(
-            by_run(
-                x, self.slices, lambda part: (part + np.concatenate([part[:1], part[:-1]])) / 2.0
-            )
-        )
+        return self.smooth(by_run(x, self.slices, half_later))
 
     def differentiate(self, x: np.ndarray) -> np.ndarray:
         """Return the first derivative by time of each run of ``x`` (T, ...)."""
