@@ -45,6 +45,19 @@ def python_execution(setting, noise, torque_of=None):
     return [jnp.stack(column) for column in zip(*rows, strict=True)]
 
 
+def test_a_task_is_a_second_at_1_khz_and_its_length_is_part_of_its_form():
+    start = State(jnp.zeros(2), jnp.zeros(2))
+    task = Task(start, PdPolicy(jnp.zeros(2), 1.0, 1.0), 5.0)
+    assert (task.dt, task.steps) == (1e-3, 1000)  # as in the paper
+    form = jax.tree.structure(task)
+    # none of them is traced: a scan needs its length when it is compiled
+    for other in ({"steps": 1001}, {"dt": 1e-2}, {"world": lambda plant, now: plant}):
+        assert jax.tree.structure(task.replace(**other)) != form
+    assert len(jax.tree.leaves(task.replace(world=lambda plant, now: plant))) == len(
+        jax.tree.leaves(task)
+    )
+
+
 @pytest.mark.parametrize("controller", ["pid", "doomed"])
 def test_scan_vmap_and_a_python_loop_give_the_same_execution(controller):
     study = PaperStudy(steps=60)
