@@ -35,10 +35,10 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    for _ in range(2):  # effects that read the torque read the predicted torque
+    for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
-            added, tau = additions([effect], signals, tau, predicted)
+            added, tau = additions([effect], signals, tau, predicted + tau - rows.tau)
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)

@@ -8,19 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jaxidl.effects import Effect
 from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.confirm import confirmed
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
-from jaxidl.gap.library import Library, pushed, residual, upsampled
+from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled
 from jaxidl.gap.objections import nameable
 from jaxidl.gap.prior import compact
 from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
-from jaxidl.gap.shape import movable, sees
+from jaxidl.gap.shape import Shape, acts_on_predicted, movable, reads_load
 from jaxidl.gap.shapes import fitted
 from jaxidl.gap.values import Value
 
@@ -87,11 +86,11 @@ def find(
         narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
     )
     watch("looking for other explanations", 0.0)
-    ties = (
-        tied(seen_anew(narrow, now, rows, predicted, load=True), now, library, predicted)
-        if resample
-        else []
-    )
+    ties: list[Tie] = []
+    if resample:
+        anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
+        anew = seen_anew(anew, now, rows, load_of(rows, now), reads_load)
+        ties = tied(anew, now, library, predicted)
     return Found(library, narrow, now, whole, predicted, said, ties, banned | weak)
 
 
@@ -102,7 +101,7 @@ def settled(
     rows = library.rows
     for _ in range(ROUNDS):
         predicted = upsampled(rows, rows.command - residual(rows, now))
-        score = seen_anew(score, now, rows, predicted)
+        score = seen_anew(score, now, rows, predicted, acts_on_predicted)
         fresh = refitted(score, now, library, predicted)
         score, after = renewed(score, now, fresh, rows)
         same = {m.group for m in after.members} == {m.group for m in now.members}
@@ -115,23 +114,22 @@ def settled(
 
 
 def seen_anew(
-    score: Score, now: Solution, rows: Rows, predicted: np.ndarray, load: bool = False
+    score: Score, now: Solution, rows: Rows, torque: np.ndarray, which: Callable[[Shape], bool]
 ) -> Score:
-    """Return the score with items recomputed that depend on the predicted command.
+    """Return the score with items recomputed that depend on the predicted ``torque`` (T, J).
 
-    These are no members, and use the command to see whether it gets through; with ``load`` also
-    those for which it is the load. While they compete, the latter keep the envelope's prediction:
+    These are no members, and of a shape for which ``which`` is true: acting on the predicted
+    command, or reading the load. While they compete, the latter keep the envelope's prediction:
     once the command is predicted well, a share of it explains it by itself.
     """
-    looks = lambda shape: sees(shape) if load else shape.cls.seen is not Effect.seen
     old = [
-        i for i in score.items if i.shape is not None and looks(i.shape) and i not in now.members
+        i for i in score.items if i.shape is not None and which(i.shape) and i not in now.members
     ]
     if not old:
         return score
-    columns = columns_of([i.shape for i in old], rows, predicted)
+    columns = columns_of([i.shape for i in old], rows, torque)
     fresh = [replace(i, columns=c[:, :, list(i.joints)]) for i, c in zip(old, columns, strict=True)]
-    items = [*(i for i in score.items if i not in old), *pushed(fresh, rows, predicted)]
+    items = [*(i for i in score.items if i not in old), *pushed(fresh, rows, torque)]
     return Score(rows, items, score.noise, score.effective, score.anchor, score)
 
 
@@ -163,8 +161,9 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
             continue
         if movable(m.shape):
             fresh.append(fitted(m, now, library.rows, predicted, library.score))
-        elif m.shape.effect().reads_torque(len(library.score.noise)):
-            fresh += items_of([m.shape], library.rows, predicted, library.score.items)
+        elif reads_load(m.shape):
+            load = load_of(library.rows, now)
+            fresh += items_of([m.shape], library.rows, load, library.score.items)
         elif (load := compact(m, now, library.rows, score, predicted)) is not None:
             fresh.append(load)
     return fresh

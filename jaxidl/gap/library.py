@@ -250,6 +250,16 @@ def residual_on(
     return left
 
 
+def load_of(rows: Rows, found: Solution) -> np.ndarray:
+    """Return the torque (T, J) that a set predicts to reach the joints [N or Nm].
+
+    It is the load that friction reads: the command that the set predicts, after the motor.
+    """
+    acting = [m for m in found.members if m.actuates]
+    held_back = rows.gap - residual_on(rows, found, range(rows.gap.shape[1]), acting)
+    return upsampled(rows, rows.command - residual(rows, found) - held_back)
+
+
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
     """Return a command (T, J) from its values (N, J) at the rows.
 

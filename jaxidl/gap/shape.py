@@ -138,19 +138,24 @@ def gone(shape: Shape) -> np.ndarray:
     return low < np.repeat([shape.cls.parameters[n].lower for n in shape.free], sizes)
 
 
-def sees(shape: Shape) -> bool:
-    """Return whether what an effect adds depends on the predicted command.
+def acts_on_predicted(shape: Shape) -> bool:
+    """Return whether an effect acts on the predicted command, not on the logged one."""
+    return shape.cls.seen is not Effect.seen
+
+
+def reads_load(shape: Shape) -> bool:
+    """Return whether what an effect adds depends on the torque at the joint.
 
     It is the same for all shapes of a class.
     """
     cls = shape.cls
-    if cls not in _SEES:
-        _SEES[cls] = cls.seen is not Effect.seen or shape.effect().reads_torque(shape.joints)
-    return _SEES[cls]
+    if cls not in _READS:
+        _READS[cls] = shape.effect().reads_torque(shape.joints)
+    return _READS[cls]
 
 
 # called for every column of every set, so an effect is not built each time
-_SEES: dict[type[Effect], bool] = {}
+_READS: dict[type[Effect], bool] = {}
 
 
 def build(

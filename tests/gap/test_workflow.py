@@ -68,6 +68,23 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path, mechanism):
     assert not found.findings
 
 
+def test_friction_under_load_reads_the_torque_behind_a_late_motor(tmp_path):
+    found = gap.diagnose(
+        *hidden(
+            tmp_path,
+            "slider",
+            ("actuator_delay", 0, {"delay": 0.014}),
+            ("load_dependent_friction", 0, {"coefficient": 0.22}),
+        ),
+        rollouts=False,
+    )
+    # on a single joint nothing tells whether motor or encoder is late
+    assert ("load_dependent_friction", 0) in named(found)
+    assert set(named(found)) & {("actuator_delay", 0), ("sensor_delay", 0)}
+    (load,) = (f for f in found.findings if f.name == "load_dependent_friction")
+    assert load.parameters["coefficient"].value == pytest.approx(0.22, rel=0.02)
+
+
 @pytest.mark.parametrize("late", [0.125, -0.3])
 def test_torques_logged_a_part_of_a_sample_late_are_no_gap(tmp_path, late):
     """A coarse log of fast motion: nothing but exact interpolation leaves the torques' noise."""
