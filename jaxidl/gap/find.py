@@ -162,8 +162,8 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
         if movable(m.shape):
             fresh.append(fitted(m, now, library.rows, predicted, library.score))
         elif reads_load(m.shape):
-            load = load_of(library.rows, now)
-            fresh += items_of([m.shape], library.rows, load, library.score.items)
+            rows = library.rows
+            fresh += items_of([m.shape], rows, load_of(rows, now), library.score.items)
         elif (load := compact(m, now, library.rows, score, predicted)) is not None:
             fresh.append(load)
     return fresh

@@ -11,7 +11,7 @@
    one by another, by all that it can imitate or by a part that it contains, or replace two by one
    or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.shapes`), give effects that read the torque the
-   command as it is now predicted, and go to 4 until the set no longer changes.
+   one that is now predicted behind the motor, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
    not distinguish from zero, that are not physical, that only make the encoder's noise smaller
    (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, and go to 4.
