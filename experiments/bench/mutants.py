@@ -1,15 +1,17 @@
 """Do the tests notice when the code is wrong? Small changes to eight modules, and which tests fail
 because of them.
 
-    python experiments/bench/mutants.py [--each 6] [--json FILE]
+    python experiments/bench/mutants.py [--each 6] [--only MODULE] [--json FILE]
 
 Each mutant is the module with one operator, comparison or number changed, drawn from a fixed seed.
 The quick tests of the module run first; where they all pass, the slow ones run, too. What neither
-notices survived: it is printed, to be looked at.
+notices survived: it is printed, to be looked at. With ``--only`` the rows of the other modules that
+are in FILE stay there.
 """
 
 import ast
 import copy
+import json
 import os
 import random
 import shutil
@@ -20,6 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from common import arguments, machine, report
+
+from jaxidl.jobs.provenance import revision
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = {
@@ -163,10 +167,14 @@ def noticed(module: str, text: str, cache: str) -> str:
 
 
 def main() -> None:
-    options = arguments(__doc__ or "", each=6, workers=2)
+    options = arguments(__doc__ or "", each=6, workers=2, only="")
     table, survivors = [], []
+    if options.only and options.json and options.json.exists():
+        before = json.loads(options.json.read_text())
+        table = [row for row in before["rows"] if row["module"] != options.only]
+        survivors = [s for s in before["survived"] if not s.startswith(options.only)]
     with tempfile.TemporaryDirectory() as cache, ThreadPoolExecutor(options.workers) as pool:
-        for module in MODULES:
+        for module in [options.only] if options.only else MODULES:
             tree = ast.parse((ROOT / "jaxidl" / module).read_text())
             chosen = random.Random(0).sample(places(tree), options.each)
             texts = [mutated(tree, number) for number, _ in chosen]
@@ -178,6 +186,7 @@ def main() -> None:
                     "mutants": len(found),
                     "quick": counts["quick"],
                     "slow": counts["slow"],
+                    "revision": revision(),
                 }
             )
             survivors += [
