@@ -20,11 +20,11 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, seen_anew
 from jaxidl.gap.items import beside, items_of
-from jaxidl.gap.library import library, pushed, residual, rms, scales
+from jaxidl.gap.library import library, load_of, pushed, residual, rms, scales, upsampled
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.prior import plausible
 from jaxidl.gap.rows import rows_of
-from jaxidl.gap.shape import shapes_of
+from jaxidl.gap.shape import acts_on_predicted, reads_load, shapes_of
 from jaxidl.gap.values import values
 from jaxidl.logs.signals import prepare
 from jaxidl.systems.tables import inverse_dynamics
@@ -226,8 +226,9 @@ def test_where_ties_are_sought_effects_read_the_predicted_command(
     rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
     lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
     before = lib.score
-    assert seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted) is before
-    after = seen_anew(before, before.solve([]), rows, 3.0 * lib.predicted, load=True)
+    torque = 3.0 * lib.predicted
+    assert seen_anew(before, before.solve([]), rows, torque, acts_on_predicted) is before
+    after = seen_anew(before, before.solve([]), rows, torque, reads_load)
     for old, new in zip(
         *(sorted(s.items, key=lambda i: str(i.group)) for s in (before, after)), strict=True
     ):
@@ -236,6 +237,18 @@ def test_where_ties_are_sought_effects_read_the_predicted_command(
         np.testing.assert_allclose(
             new.columns[0][moving], factor * old.columns[0][moving], rtol=1e-6
         )
+
+
+def test_the_load_is_what_the_motor_delivers(two_link):
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) / 0.8)
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    score = library(rows, ("torque_scale",), {}).score
+    found = score.solve([i for i in score.items if i.actuates])
+    command = (rows.command - residual(rows, found))[rows.used]
+    load = load_of(rows, found)[rows.signals.rows][rows.used]
+    np.testing.assert_allclose(load, 0.8 * command, atol=0.01 * np.abs(command).max())
+    nothing = score.solve([])
+    np.testing.assert_allclose(load_of(rows, nothing), upsampled(rows, rows.command - rows.gap))
 
 
 def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
