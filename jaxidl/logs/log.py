@@ -197,8 +197,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
         notes.append(f"{missing} missing sample{'s were' if missing > 1 else ' was'} interpolated")
     if uneven := max(part.uneven for part in even):
         notes.append(
-            f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s by"
-            " cubic splines"
+            f"time is uneven, by up to {uneven:.1%} of an interval: resampled every {dt:.6g} s"
         )
     if slowed := sum(part.slowed for part in even):
         rates = sorted({f"{1 / piece.step:.4g}" for piece in cut}, key=float)

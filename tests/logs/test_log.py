@@ -141,6 +141,11 @@ def test_jitter_is_resampled_and_digits_are_not():
     # far below any encoder's noise, as it is differentiated twice
     np.testing.assert_allclose(log.q[2:-2, 0], np.sin(20.0 * log.time[2:-2]), atol=2e-7)
     third = np.arange(3000) / 300
+    # samples that were stamped late are close to the next ones: nothing swings
+    late = true + 0.99 * DT * (np.random.default_rng(1).uniform(size=1000) < 0.05)
+    log, notes = notes_of({"time": late, "q0": np.sin(late), "tau0": np.cos(true)})
+    np.testing.assert_allclose(log.q[:, 0], np.sin(log.time), atol=1e-4)
+    assert np.abs(log.tau).max() <= 1.0
     log, notes = notes_of({"time": third.round(6), "q0": np.sin(third), "tau0": np.cos(third)})
     assert notes == ""
     assert log.dt == pytest.approx(1 / 300, rel=1e-6)
