@@ -155,15 +155,14 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
 
     They are those with a shape, fitted, those that read the torque, and a load.
     """
-    fresh = []
+    fresh, rows = [], library.rows
     for m in now.members:
         if m.shape is None or m.always:
             continue
         if movable(m.shape):
-            fresh.append(fitted(m, now, library.rows, predicted, library.score))
+            fresh.append(fitted(m, now, rows, predicted, library.score))
         elif reads_load(m.shape):
-            rows = library.rows
             fresh += items_of([m.shape], rows, load_of(rows, now), library.score.items)
-        elif (load := compact(m, now, library.rows, score, predicted)) is not None:
+        elif (load := compact(m, now, rows, score, predicted)) is not None:
             fresh.append(load)
     return fresh

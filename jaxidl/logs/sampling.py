@@ -185,8 +185,19 @@ def resample(piece: Piece, dt: float) -> Even:
         return Even(time, signals, 0, 0.0, False)
     places = np.arange(int(grid[-1] + 1e-6) + 1) if uneven else np.arange(piece.number[-1] + 1)
     at = grid if uneven else piece.number
-    filled = {kind: at_instants(signal, at, places) for kind, signal in signals.items()}
+    filled = {kind: _taken(signal, at, places) for kind, signal in signals.items()}
     return Even(time[0] + step * places, filled, missing, uneven, False)
+
+
+def _taken(signal: np.ndarray, at: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Return a signal (n, J), stamped ``at`` (n,), as it is at the ``places`` (m,).
+
+    By splines, but by straight lines if stamps are closer together than half an interval: a sample
+    that was stamped late would make a spline swing.
+    """
+    if (apart := np.diff(at)).min() < 0.5 * np.median(apart):
+        return np.stack([np.interp(places, at, each) for each in signal.T], axis=1)
+    return at_instants(signal, at, places)
 
 
 def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> dict[str, np.ndarray]:
@@ -198,7 +209,7 @@ def _slower(grid: np.ndarray, signals: dict[str, np.ndarray], step: float) -> di
     """
     places = np.arange(int(grid[-1] + 1e-6) + 1)
     if step * AVERAGED > 1.0:
-        return {kind: at_instants(signal, grid, places) for kind, signal in signals.items()}
+        return {kind: _taken(signal, grid, places) for kind, signal in signals.items()}
     # narrower at the ends, to stay centred
     half = np.minimum(0.5, np.minimum(places, np.maximum(grid[-1] - places, 0.0)))
     half = np.maximum(half, 1e-3)

@@ -251,6 +251,22 @@ def test_the_load_is_what_the_motor_delivers(two_link):
     np.testing.assert_allclose(load_of(rows, nothing), upsampled(rows, rows.command - rows.gap))
 
 
+def test_between_rows_of_any_distance_a_command_is_smooth(two_link):
+    """Joints at rest add single rows between the regular ones."""
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    kept = np.unique([*range(0, len(rows.command), 4), 33, 202])
+    few = rows._replace(
+        used=np.ones_like(rows.used[kept]),
+        command=rows.command[kept],
+        signals=rows.signals._replace(rows=rows.signals.rows[kept]),
+    )
+    between = rows.signals.rows[: kept[-1]]
+    got, wanted = upsampled(few, few.command)[between], rows.command[: kept[-1]]
+    straight = np.stack([np.interp(between, few.signals.rows, c) for c in few.command.T], 1)
+    assert np.abs(got - wanted).max() < 0.1 * np.abs(straight - wanted).max()
+
+
 def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
     """So it is at a limit.
 
