@@ -164,12 +164,14 @@ class Payload(Effect):
     prior: ClassVar[float] = 0.1
     advice: ClassVar[str] = ACCELERATIONS
 
+    @jax.jit
     def numbers(self) -> Float[Array, "10"]:
         """Return the load's ten inertial parameters about the origin of its body's frame."""
         com = jnp.asarray(self.com)
         moment = self.mass * com + self.moment
         return ten(self.mass, moment, about(self.mass, com) + self.inertia)
 
+    @jax.jit  # one program, where operations one by one would be fifty
     def settled(self) -> "Payload":
         """Return the same load with its first moment expressed by ``com``.
 

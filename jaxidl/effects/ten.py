@@ -7,6 +7,7 @@ sign).
 
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -53,6 +54,7 @@ def about(mass: Any, com: Any) -> Tensor:
     )
 
 
+@jax.jit  # one program, where operations one by one would be twenty
 def moved(
     numbers: Float[Array, "10"], turn: Float[Array, "3 3"], offset: Float[Array, "3"]
 ) -> Float[Array, "10"]:

@@ -23,7 +23,8 @@ from jaxidl.gap.shape import Shape, acts_on_predicted, movable, reads_load
 from jaxidl.gap.shapes import fitted
 from jaxidl.gap.values import Value
 
-ROUNDS = 5  # rounds of fitting shapes and searching sets
+ROUNDS = 5  # rounds of fitting shapes and searching sets, and of reading a load
+STEADY = 1e-3  # relative change of values below which they no longer change
 
 Watch = Callable[[str, float], None]  # told what is being done, and which share of it is
 
@@ -77,9 +78,10 @@ def find(
             break
         score = score.narrowed([i for i in score.items if i.group not in strong])
         now = search(score, now.members) if doubtful else now
-    while doubtful:
-        now, whole, doubtful = confirmed(narrow, now, rows, predicted)
-        banned |= doubtful
+    narrow, read = reread(narrow, now, rows)
+    while doubtful or read is not now:
+        read, whole, doubtful = confirmed(narrow, read, rows, predicted)
+        now, banned = read, banned | doubtful
     narrow = narrow.narrowed([i for i in narrow.items if i.group not in banned])
     watch("resampling", 0.0)
     said = support(
@@ -133,8 +135,31 @@ def seen_anew(
     return Score(rows, items, score.noise, score.effective, score.anchor, score)
 
 
+def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
+    """Return the set whose effects read the load that this very set predicts, and its score."""
+    for _ in range(ROUNDS):
+        shapes = [m.shape for m in now.members if m.shape is not None and not m.always]
+        reading = [s for s in shapes if reads_load(s) and not movable(s)]
+        if not reading:
+            break
+        fresh = items_of(reading, rows, load_of(rows, now), score.items)
+        score, members = exchanged(score, now, fresh, rows)
+        now, before = score.solve(members), now
+        if np.allclose(now.x, before.x, rtol=STEADY):
+            break
+    return score, now
+
+
 def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
     """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
+    score, members = exchanged(score, now, fresh, rows)
+    return score, search(score, members)
+
+
+def exchanged(
+    score: Score, now: Solution, fresh: list[Item], rows: Rows
+) -> tuple[Score, list[Item]]:
+    """Return the score and the set with ``fresh`` items in place of their groups'."""
     groups = {i.group for i in fresh}
     members = (
         [*(m for m in now.members if m.group not in groups), *fresh]
@@ -146,8 +171,7 @@ def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple
         *(i for i in score.items if id(i) not in old),
         *(i for i in fresh if i not in score.items or id(i) in old),
     ]
-    score = Score(rows, items, score.noise, score.effective, score.anchor, score)
-    return score, search(score, members)
+    return Score(rows, items, score.noise, score.effective, score.anchor, score), members
 
 
 def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:

@@ -7,8 +7,6 @@ inertia of a rotor.
 
 from dataclasses import replace
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects import Effect
@@ -32,8 +30,7 @@ def plausible(i: Item, links: Links | None, alike: float) -> Item:
     load = change[:, -1]
     heavy = load[np.abs(load[:, 0]).argmax()]
     if heavy[0] != 0.0:  # a load, about the point at which one more kilogram of it would be
-        away = jnp.asarray(-heavy[1:4] / heavy[0])
-        change[:, -1] = jax.vmap(lambda ten: moved(ten, jnp.eye(3), away))(jnp.asarray(load))
+        change[:, -1] = [moved(ten, np.eye(3), -heavy[1:4] / heavy[0]) for ten in load]
     return replace(i, precision=alike * np.sum((change / links.plausible) ** 2, (1, 2)))
 
 

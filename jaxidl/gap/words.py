@@ -172,7 +172,12 @@ def headline(
         if hardly:
             return f"Something may {'have changed' if reference else 'be missing'}: {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
-    possible = f" {suspected} more {'are' if suspected != 1 else 'is'} suspected."
+    few = "are" if suspected != 1 else "is"
+    possible = (
+        f" {suspected} more {few} suspected."
+        if likely >= LIKELY
+        else f" {suspected} more {few} possible, but more likely wrong than right."
+    )
     most = f"{'up to ' * (len(remaining) > 1)}{remaining[0]}" if remaining else ""
     left = f" The error that remains, {most}, can hardly be predicted from the state."
     return f"{lacks}." + possible * bool(suspected) + left * bool(remaining)

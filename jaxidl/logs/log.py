@@ -25,6 +25,7 @@ from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.ros_bag import is_bag, load_bag
 from jaxidl.logs.sampling import LEAST_RUN, interval, pieces, resample
 from jaxidl.logs.speeds import check_speeds
+from jaxidl.logs.stamps import counted
 from jaxidl.logs.table import Table, listed, name_of, reason
 from jaxidl.logs.words import KINDS
 
@@ -186,6 +187,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
             notes.append(f"{kind} ignored: not every log has it")
     if motor is not None:
         notes.append(motor.note())
+    found = [counted(samples, notes) for samples in found]
     cut = [piece for samples in found for piece in pieces(samples, notes)]
     if not cut:
         raise LogError(
