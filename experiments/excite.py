@@ -23,6 +23,7 @@ from typing import Any
 
 import jax
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jaxidl.backend import choose_devices, jit_quickly
@@ -338,36 +339,52 @@ def text(result: dict[str, Any]) -> str:
 
 
 def draw(result: dict[str, Any], folder: Path) -> None:
-    """Draw standard errors on both arms, and how often doubts were resolved."""
+    """Draw standard errors on both arms, and how often doubts were resolved, as far as known."""
+    known = [
+        panel
+        for part, panel in (("arm", draw_arm), ("ur10e", draw_ur10e), ("wider", draw_doubts))
+        if result.get(part)
+    ]
     with house_style():
-        panels = 2 + bool(result.get("wider"))
-        figure = Figure(figsize=(3.1 * panels, 3.1), layout="constrained")
-        axes = figure.subplots(1, panels)
-        marks = {"random": "s", "condition": "v", "d": "^", "a": "o"}
-        for n, (name, mark) in enumerate(marks.items()):
-            values = result.get("arm", {}).get("standard_errors", {}).get(name, [])
-            axes[0].plot([n] * len(values), values, mark, color="#0072B2", alpha=0.7)
-        axes[0].set_xticks(range(4), ["random", "condition\nnumber", "D", "A"])
-        axes[0].set_yscale("log")
-        axes[0].set_title("seven-joint arm:\nmean standard error / 5 % torque")
-        if result.get("ur10e"):
-            old, new = (np.array(result["ur10e"][k]) for k in ("old", "new"))
-            axes[1].loglog(old, new, "^", color="#0072B2")
-            low, high = min(old.min(), new.min()), max(old.max(), new.max())
-            axes[1].plot([low, high], [low, high], color="0.4", linewidth=0.8)
-            axes[1].set(xlabel="measured excitation", ylabel="designed motion")
-        axes[1].set_title("UR10e: standard errors")
-        for n, name in enumerate(("before", "random", "designed")):
-            s = result.get("wider", {}).get("resolved", {}).get(name)
-            if s:
-                axes[2].bar(n, s["share"], color=("0.6", "#D55E00", "#0072B2")[n], width=0.6)
-                middle = [[s["share"] - s["low"]], [s["high"] - s["share"]]]
-                axes[2].errorbar(n, s["share"], middle, color="black", capsize=3)
-        if panels == 3:
-            axes[2].set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
-            axes[2].set_ylim(0.0, 1.0)
-            axes[2].set_title(f"doubts resolved rightly, n = {len(result['wider']['cases'])}")
+        figure = Figure(figsize=(3.1 * len(known), 3.1), layout="constrained")
+        for axes, panel in zip(
+            figure.subplots(1, len(known), squeeze=False)[0], known, strict=True
+        ):
+            panel(axes, result)
         save(figure, folder, "excite")
+
+
+def draw_arm(axes: Axes, result: dict[str, Any]) -> None:
+    """Draw each motion's mean standard error on the arm."""
+    marks = {"random": "s", "condition": "v", "d": "^", "a": "o"}
+    for n, (name, mark) in enumerate(marks.items()):
+        values = result["arm"]["standard_errors"][name]
+        axes.plot([n] * len(values), values, mark, color="#0072B2", alpha=0.7)
+    axes.set_xticks(range(4), ["random", "condition\nnumber", "D", "A"])
+    axes.set_yscale("log")
+    axes.set_title("seven-joint arm:\nmean standard error / 5 % torque")
+
+
+def draw_ur10e(axes: Axes, result: dict[str, Any]) -> None:
+    """Draw standard errors on the designed motion over those on the measured one."""
+    old, new = (np.array(result["ur10e"][k]) for k in ("old", "new"))
+    axes.loglog(old, new, "^", color="#0072B2")
+    low, high = min(old.min(), new.min()), max(old.max(), new.max())
+    axes.plot([low, high], [low, high], color="0.4", linewidth=0.8)
+    axes.set(xlabel="measured excitation", ylabel="designed motion")
+    axes.set_title("UR10e: standard errors")
+
+
+def draw_doubts(axes: Axes, result: dict[str, Any]) -> None:
+    """Draw shares of doubts that are resolved rightly, with intervals."""
+    for n, name in enumerate(("before", "random", "designed")):
+        s = result["wider"]["resolved"][name]
+        axes.bar(n, s["share"], color=("0.6", "#D55E00", "#0072B2")[n], width=0.6)
+        middle = [[s["share"] - s["low"]], [s["high"] - s["share"]]]
+        axes.errorbar(n, s["share"], middle, color="black", capsize=3)
+    axes.set_xticks(range(3), ["before", "random\nmotion", "designed\nmotion"])
+    axes.set_ylim(0.0, 1.0)
+    axes.set_title(f"doubts resolved rightly, n = {len(result['wider']['cases'])}")
 
 
 def main() -> None:
