@@ -18,7 +18,7 @@ from jaxidl.effects import (
 )
 from jaxidl.gap import from_arrays
 from jaxidl.gap.consistent import consistent
-from jaxidl.gap.find import find, seen_anew
+from jaxidl.gap.find import find, reread, seen_anew
 from jaxidl.gap.items import beside, items_of
 from jaxidl.gap.library import library, load_of, pushed, residual, rms, scales, upsampled
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
@@ -249,6 +249,31 @@ def test_the_load_is_what_the_motor_delivers(two_link):
     np.testing.assert_allclose(load, 0.8 * command, atol=0.01 * np.abs(command).max())
     nothing = score.solve([])
     np.testing.assert_allclose(load_of(rows, nothing), upsampled(rows, rows.command - rows.gap))
+
+
+def test_a_set_reads_the_load_that_it_predicts_itself(two_link):
+    """Not that of the envelope, nor of a larger set."""
+    share = 0.4
+
+    def command(q, qd, qdd):
+        rigid = np.asarray(needed(two_link, q, qd, qdd))
+        return rigid / (1.0 - share * np.tanh(rigid * qd / 1e-3))  # tau - share |tau| sign = rigid
+
+    rows = rows_of(prepare(from_arrays(*swung(command)), two_link.plant.body))
+    score = library(rows, ("load_dependent_friction",), {}).score
+    before = score.solve(score.items)
+    after = reread(score, before, rows)[1]
+    reading = lambda found: [m for m in found.members if m.key[0] == "load_dependent_friction"]
+    assert len(reading(after)) == 2
+    fresh = items_of([m.shape for m in reading(after)], rows, load_of(rows, after))
+    for new, m in zip(fresh, reading(after), strict=True):
+        moving = rows.used[:, list(m.joints)]
+        size = np.abs(m.columns[0][moving]).max()
+        np.testing.assert_allclose(new.columns[0][moving], m.columns[0][moving], atol=5e-3 * size)
+    wrong = lambda found: max(abs(found.x[found.of(m)][0] - share) for m in reading(found))
+    assert wrong(after) < 0.02 < wrong(before)
+    nothing = score.solve([])
+    assert reread(score, nothing, rows) == (score, nothing)
 
 
 def test_between_rows_of_any_distance_a_command_is_smooth(two_link):

@@ -54,6 +54,10 @@ def test_an_error_that_remains_is_not_passed_over():
     )
     sure = [found(0.9)]
     assert "remains" not in headline("named", sure, [], [])
+    assert "1 more is suspected." in headline("named", [*sure, found(0.6)], [], [])
+    assert "1 more is possible, but more likely wrong than right." in headline(
+        "named", [*sure, found(0.06)], [], []
+    )
     named = headline("named", sure, [], ["9 % of the command on a", "8 % of the command on b"])
     assert "remains, up to 9 % of the command on a, can hardly be predicted" in named
 
