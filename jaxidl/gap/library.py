@@ -40,7 +40,7 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
     """
     acting = [i for i in items if i.actuates]
     signals, shapes = rows.signals, [i.shape for i in acting]
-    size = PUSH * np.maximum(rows.spread, 1e-300)
+    size = np.where(rows.spread > 0.0, PUSH * rows.spread, 1.0)  # joints without a drive
     without = columns_of(shapes, rows, predicted)
     noise = (rows.tau - predicted)[::-1]
     noise = noise / np.maximum(np.sqrt(np.mean(noise**2, 0)), 1e-300)

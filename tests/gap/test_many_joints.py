@@ -185,7 +185,10 @@ def test_a_joint_without_torque_leaves_the_others_alone(files, tmp_path):
     columns = moved(chain(), 0.0)
     columns["tau"][:, 3] = 0.0
     found = diagnose(
-        saved(tmp_path, "passive.npz", columns), files[1], effects=EFFECTS[:4], rollouts=False
+        saved(tmp_path, "passive.npz", columns),
+        files[1],
+        effects=(*EFFECTS[:4], "torque_saturation", "motor_coupling"),
+        rollouts=False,
     )
     assert np.isfinite(found.gap.after.torque_rms).all()
     assert any("no torque was commanded" in note for note in found.notes)
