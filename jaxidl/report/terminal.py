@@ -26,7 +26,7 @@ from jaxidl.report.words import (
 )
 
 COLUMNS = 100  # most characters per line
-NAME, NARROW, WIDE = 22, 16, 18  # largest widths of columns
+NAME, NARROW, WIDE, NARROWEST = 22, 16, 18, 9  # largest widths of columns, and the least of them
 
 Line = Sequence[str]
 
@@ -219,10 +219,17 @@ def _wrapped(text: str, indent: str = "") -> list[str]:
 def _boxes(rows: Sequence[Line], most: Sequence[int]) -> list[str]:
     """Return lines of a table whose cells may have several lines.
 
-    Each has at most the given number of characters.
+    Each cell's lines have at most the given number of characters, fewer where the table would be
+    wider than ``COLUMNS``: the widest column gives way first.
     """
-    cells = [[_broken(cell, width) for cell, width in zip(row, most, strict=False)] for row in rows]
-    widths = [max(len(line) for row in cells for line in row[k]) for k in range(len(cells[0]))]
+    most = list(most)
+    while True:
+        cells = [[_broken(cell, w) for cell, w in zip(row, most, strict=False)] for row in rows]
+        widths = [max(len(line) for row in cells for line in row[k]) for k in range(len(cells[0]))]
+        if sum(widths) + 2 * (len(widths) - 1) <= COLUMNS or max(widths) <= NARROWEST:
+            break
+        most = [min(m, w) for m, w in zip(most, widths, strict=False)]
+        most[widths.index(max(widths))] = max(widths) - 1
     lines = []
     for row in cells:
         for n in range(max(map(len, row))):

@@ -454,6 +454,26 @@ def test_a_column_points_to_the_effect_that_contains_its_own(tmp_path):
     assert report.plot_parameters(d) is not None
 
 
+def test_the_first_table_is_no_wider_than_a_line_and_nothing_is_cut(tmp_path):
+    names = ("a_rather_long_name_of_joint_0", "joint_1")
+
+    def of(name, **values):
+        cls = CATALOGUE[name]
+        filled = {n: jnp.array([values.get(n, 0.1)]) for n in cls.parameters}
+        if "moment" in filled:
+            filled["moment"] = jnp.full((1, 3), 0.1)
+        given = {n: Estimate(-0.1234, "Nm", 0.0123) for n in cls.parameters}
+        return finding(name, 1, OnJoint(cls(**filled), 1, 2), given)
+
+    kinds = ("com_error", "constant_offset", "directional_load_friction", "sublinear_friction")
+    found = (viscous(2, 1), friction(2, joint=1), inertia(2, 1), *map(of, kinds))
+    text = table(made_up(tmp_path, names=names, findings=found))
+    first = text[: text.index("In numbers")]
+    assert max(map(len, first.splitlines())) <= COLUMNS
+    for word in ("directional", "sublinear", "viscous", "rotor", "offset", "moment"):
+        assert re.search(rf"\b{word}\b", first)
+
+
 @pytest.mark.slow
 def test_thirty_findings_on_seven_joints_fit_table_page_and_figures(tmp_path):
     names = tuple(f"a_rather_long_name_of_joint_{k}" for k in range(7))
