@@ -235,8 +235,10 @@ def _rows(
 
     resting = signals.resting[:, columns]
     slide = terms.level * (np.sign(signals.qd[:, columns]) * ~resting)
-    pushed = signals.balance[:, columns] > 0.0
-    held = np.where(pushed, terms.up[:, rows], -terms.down[:, rows]) * resting[rows]
+    held = (
+        np.where(signals.pushed[:, columns], terms.up[:, rows], -terms.down[:, rows])
+        * resting[rows]
+    )
     # the torque of a joint at rest is not filtered, either: no sliding before and after is in it
     alone = np.where(resting, slide - terms.torque, 0.0)[:, rows]
     moving = kept(slide - terms.torque, signals.smooth) * ~resting[rows]

@@ -124,3 +124,10 @@ def rank(columns: np.ndarray) -> int:
     flat = columns.reshape(len(columns), -1)
     flat = flat / np.maximum(np.linalg.norm(flat, axis=1, keepdims=True), 1e-300)
     return int(np.sum(np.linalg.eigvalsh(flat @ flat.T) > 1e-6))
+
+
+def part(m: Item, whole: Item) -> bool:
+    """Return whether an effect has another one as a part."""
+    return bool(
+        {m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free))
+    )

@@ -11,6 +11,7 @@ import numpy as np
 from jaxidl.gap import estimates
 from jaxidl.gap.confidence import FARTHER
 from jaxidl.gap.gram import Group, Item
+from jaxidl.gap.items import part
 from jaxidl.gap.library import Library
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
@@ -136,10 +137,3 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
                 gone = tuple(n.group for n in now.members if n not in at.members)
                 sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0)))
     return [Tie(gone, tuple(instead), max(instead.values())) for gone, instead in sets.items()]
-
-
-def part(m: Item, whole: Item) -> bool:
-    """Return whether an effect has another one as a part."""
-    return bool(
-        {m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free))
-    )

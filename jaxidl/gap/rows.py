@@ -104,7 +104,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     used = signals.moving[rows].copy()
     for j, peaks in enumerate(signals.peaks):
         at = np.searchsorted(rows, peaks[:, 0])
-        gap[at, j], used[at, j] = np.sign(gap[at, j]) * peaks[:, 1], True
+        gap[at, j], used[at, j] = peaks[:, 1], True
     friction = np.zeros_like(gap)
     for effect in effects:
         added, tau = additions([effect], signals, tau, tau, undone=True)

@@ -2,8 +2,9 @@
 
 Effects are fitted one after the other: what the other members can imitate is projected out of what
 an effect adds and of its derivatives (variable projection, Golub and Pereyra 1973); bounded least
-squares then change all of its free parameters. What the encoder's noise alone contributes does not
-count (:mod:`jaxidl.gap.noise`).
+squares then change all of its free parameters. Members that it has as a part are left out, as the
+search will leave them out: a spring's rest position takes up an offset. What the encoder's noise
+alone contributes does not count (:mod:`jaxidl.gap.noise`).
 """
 
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from scipy.optimize import least_squares
 
 from jaxidl.gap.additions import additions
 from jaxidl.gap.gram import Item
-from jaxidl.gap.items import columns_of, item
+from jaxidl.gap.items import columns_of, item, part
 from jaxidl.gap.library import pushed
 from jaxidl.gap.noise import accelerates, read_again
 from jaxidl.gap.rows import Rows
@@ -43,7 +44,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         others = [
             o.columns[:, :, o.joints.index(j)][:, use[j]]
             for o in found.members
-            if o is not m and j in o.joints
+            if o is not m and j in o.joints and not (o.key[1] == m.key[1] and part(o, m))
         ]
         bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
         left[j] = rows.gap[use[j], j] / noise[j]

@@ -1,5 +1,7 @@
 """Checks of the motion of a whole log before anything is concluded from it, and notes about it."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from jaxidl.errors import LogError
@@ -20,7 +22,13 @@ def long_enough(time: np.ndarray, dt: float) -> None:
         )
 
 
-def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, segments: list[slice]) -> list[str]:
+def motion(
+    q: np.ndarray,
+    tau: np.ndarray,
+    time: np.ndarray,
+    segments: list[slice],
+    called: Callable[[str], str] = str,
+) -> list[str]:
     """Return notes on what is odd about a whole log.
 
     These are channels that stay constant, stay at a limit, or jump.
@@ -28,16 +36,18 @@ def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, segments: list[slic
     Args:
         q: (T, J) [m or rad]; tau: (T, J) [N or N m]; time: (T,) [s].
         segments: the rows of each run.
+        called: gives a column's name as the log's own one.
 
     Raises:
         LogError: if nothing moved or no torque acted.
     """
+    q_of, tau_of = (lambda j: called(f"q{j}")), (lambda j: called(f"tau{j}"))
     still = [j for j, s in enumerate(q.T) if all(np.ptp(s[run]) <= STILL for run in segments)]
     if len(still) == q.shape[1]:
         remedy = "record a motion, or check that the q columns are the measured positions"
         raise LogError(
             "a joint that moves",
-            f"nothing moved: {listed([f'q{j}' for j in still])} constant",
+            f"nothing moved: {listed([*map(q_of, still)])} constant",
             remedy,
         )
     idle = [j for j, s in enumerate(tau.T) if not s.any()]
@@ -45,24 +55,30 @@ def motion(q: np.ndarray, tau: np.ndarray, time: np.ndarray, segments: list[slic
         remedy = "check that the tau columns are the measured or commanded torques"
         raise LogError(
             "a torque",
-            f"no torque acted: {listed([f'tau{j}' for j in idle])} zero throughout",
+            f"no torque acted: {listed([*map(tau_of, idle)])} zero throughout",
             remedy,
         )
-    notes = [f"q{j} is constant: nothing can be found out about that joint" for j in still]
-    notes += [f"tau{j} is zero throughout: treated as a joint without a drive" for j in idle]
+    notes = [f"{q_of(j)} is constant: nothing can be found out about that joint" for j in still]
+    notes += [f"{tau_of(j)} is zero throughout: treated as a joint without a drive" for j in idle]
     notes += [
-        f"tau{j} is constant at {s[0]:g}" for j, s in enumerate(tau.T) if s[0] and not np.ptp(s)
+        f"{tau_of(j)} is constant at {s[0]:g}"
+        for j, s in enumerate(tau.T)
+        if s[0] and not np.ptp(s)
     ]
     for j, s in enumerate(tau.T):
         for limit in (s.max(), s.min()):
             at = s == limit
             if limit and np.ptp(s) and at.mean() >= 0.01 and _longest(at) >= CLIPPED:
-                notes.append(f"tau{j} sits at its limit {limit:g} for {at.mean():.0%} of the time")
+                notes.append(
+                    f"{tau_of(j)} sits at its limit {limit:g} for {at.mean():.0%} of the time"
+                )
     for j, s in enumerate(q.T):
         jumps = [run.start + i for run in segments for i in _jumps(s[run])]
         if jumps:
             often = f", and {len(jumps) - 1} more" if len(jumps) > 1 else ""
-            notes.append(f"q{j} jumps at {time[jumps[0]]:.6g} s{often}: possibly a sensor glitch")
+            notes.append(
+                f"{q_of(j)} jumps at {time[jumps[0]]:.6g} s{often}: possibly a sensor glitch"
+            )
     return notes
 
 

@@ -230,4 +230,5 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
     if log.qd is not None:
         check_speeds(log.q, log.qd, dt, log.segments())
     checks.long_enough(log.time, dt)
-    return replace(log, notes=(*notes, *checks.motion(log.q, log.tau, log.time, log.segments())))
+    odd = checks.motion(log.q, log.tau, log.time, log.segments(), tables[0].called)
+    return replace(log, notes=(*notes, *odd))

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage, signal
 
+SHARP = 0.1  # share of the torque's spread by which it may rise while a joint breaks away
 QUIET = 0.01  # share of the torque's spread below which its noise does no harm
 
 
@@ -28,17 +29,23 @@ def withstood(
     resting: np.ndarray,
     torque: np.ndarray,
     q: np.ndarray,
+    ways: np.ndarray,
     seen: float,
     edge: int,
     noise: float = 0.0,
 ) -> np.ndarray:
-    """Return the last instant of each rest that ends within the log, and its largest torque.
+    """Return the last instant of each rest that ends within the log, its torque, and its way.
 
-    The instant is a ``resting`` one, the ``torque`` (T,) unfiltered; the result is (E, 2). A rest
-    ends when its torque exceeds what holds it. Filtered, the peak would be cut off; and until the
+    The instant is a ``resting`` one, the way that in which the joint breaks away, one of ``ways``
+    (T,) in which it moves (1 or -1, 0 where it does not), the
+    torque the largest that way; the result is (E, 3). The ``torque`` (T,) is unfiltered and lacks
+    the model's, so with a wrong model it may point the other way. A rest ends when its torque
+    exceeds what holds it. Filtered, the peak would be cut off; and until the
     position ``q`` (T,) is seen to move, by more than ``seen`` [m or rad], the torque rises further.
     Pushed by a rising torque, a joint moves with the cube of time and needs half as long again for
     27/8 of the way, so that it broke away twice as long before it was seen as it takes from there.
+    Where the torque rises in between by a tenth of its spread, that is not known well enough, and
+    the rest is left out.
     The largest of many noisy readings is too large: with ``noise`` [N or Nm] lines are fitted to as
     few readings as bring it below a hundredth of the torque's spread.
     """
@@ -52,9 +59,11 @@ def withstood(
             last = part[0].stop - still[-1]
             far = next(iter(np.flatnonzero(away > 27.0 / 8.0 * seen)), last)
             near = np.count_nonzero(away[:far] <= seen)  # noise crosses it before and after
-            end = still[-1] + np.clip(3 * near - 2 * far, 1, last)
-            held = torque[still[0] : end]
+            end = len(still) - 1 + np.clip(3 * near - 2 * far, 1, last)
+            way = float(ways[part[0].stop])
+            held = way * torque[still[0] : still[-1] + max(near, 1) + 1]
             window = min(width, (len(held) - 1) | 1)
             held = np.asarray(signal.savgol_filter(held, window, 1)) if window > 1 else held
-            found.append((still[-1], np.abs(held).max()))
-    return np.array(found, float).reshape(-1, 2)
+            if way and held.max() - held[:end].max() < SHARP * np.std(torque):
+                found.append((still[-1], way * held[:end].max(), way))
+    return np.array(found, float).reshape(-1, 3)

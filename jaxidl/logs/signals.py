@@ -58,9 +58,9 @@ class Signals(NamedTuple):
     moving: Bool[np.ndarray, "T J"]
     # instants neither moving nor resting are next to a rest, where the filter blurs both
     resting: Bool[np.ndarray, "T J"]
-    # for each joint: last instant and largest torque withstood of each rest [N or Nm]
-    peaks: tuple[Float[np.ndarray, "E 2"], ...]
-
+    # for each joint: last instant of each rest, the torque withstood there [N or Nm], and its way
+    peaks: tuple[Float[np.ndarray, "E 3"], ...]
+    pushed: Bool[np.ndarray, "N J"]  # ways in which joints at rest are pushed: true forwards
     body: Any  # the modelled rigid body
     notes: tuple[str, ...] = ()  # parts of the log that were not used, and why
     # instants at the end of each run whose true positions need later readings
@@ -166,6 +166,7 @@ def prepare(
             resting[:, j],
             log.tau[:, j] - table.torque[:, j],
             log.q[:, j],
+            np.sign(qd[:, j]) * (np.abs(qd[:, j]) >= rest_speed[j]),
             5.0 * sigma[j],
             edge,
             heard_torque[j],
@@ -191,10 +192,16 @@ def prepare(
         moving,
         resting,
         peaks,
+        none > 0.0,
         body,
     )
+    balance = found.command(found.tau)[kept] - table.torque[kept]
+    pushed = balance > 0.0
+    for j, each in enumerate(peaks):
+        pushed[np.searchsorted(kept, each[:, 0]), j] = each[:, 2] > 0.0
     return found._replace(
-        balance=found.command(found.tau)[kept] - table.torque[kept],
+        balance=balance,
+        pushed=pushed,
         late=lateness(effects, q, dt),
         notes=(*late_speed, *late_push),
         logged_noise=heard,

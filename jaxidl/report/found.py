@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding
 from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, WIDTH, length_unit, name_of
-from jaxidl.report.matrix import AXES
+from jaxidl.report.matrix import axes_of
 from jaxidl.report.words import confidence, percent, readable, squared
 
 MOST = 40  # most bars, and rows of parameters
@@ -123,7 +123,7 @@ def _split(
         values = p.value if isinstance(p.value, list) else [p.value]
         errors = np.broadcast_to(np.array(p.stderr, float), len(values)).tolist()
         axes = (
-            AXES.get(len(values), tuple(str(k) for k in range(len(values))))
+            axes_of(p.unit, len(values)) or tuple(str(k) for k in range(len(values)))
             if len(values) > 1
             else ("",)
         )

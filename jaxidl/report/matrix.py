@@ -20,7 +20,6 @@ VISCOUS, DRY, ROTOR, LINK, OFFSET, OTHER = range(6)
 KINDS = ("viscous friction", "dry friction", "rotor inertia", "link errors", "offset", "other")
 # columns of single numbers; units as in the catalogue
 ALIKE = {VISCOUS: "N s/m", DRY: "N", ROTOR: "kg", OFFSET: "N"}
-AXES = {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
 
 
 class Entry(NamedTuple):
@@ -115,12 +114,19 @@ def short_name(cls: type[Effect], parameter: str) -> str:
     )
 
 
+def axes_of(unit: str, count: int) -> tuple[str, ...] | None:
+    """Return the axes of a link's vector or tensor; None for a table of forces over position."""
+    if "N" in unit:
+        return None
+    return {3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}.get(count)
+
+
 def spelled(p: Estimate) -> str:
     """Return a parameter with unit and standard error.
 
     A vector is given by its axes, a tensor that may be zero only by how large it may be.
     """
-    axes = AXES.get(len(p.value)) if isinstance(p.value, list) else None
+    axes = axes_of(p.unit, len(p.value)) if isinstance(p.value, list) else None
     if axes is None or not isinstance(p.value, list):
         return number(p)
     errors = p.stderr if isinstance(p.stderr, list) else [p.stderr] * len(axes)

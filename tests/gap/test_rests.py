@@ -17,11 +17,8 @@ LEVEL, DAMPING = 0.8, 3.0  # [N], [N/(m/s)]
 
 
 @pytest.fixture(scope="module")
-def rests(tmp_path_factory):
-    """Signals of a slider that a swinging force breaks away."""
-    path = tmp_path_factory.mktemp("rests") / "slider.xml"
-    path.write_text(MECHANISMS["slider"])
-    body = read_model(path).plant.body
+def swung():
+    """Times, positions and forces of a slider that a swinging force breaks away."""
     mass = MASSES["slider", 0]
     q, qd, step = np.zeros(STEPS), 0.0, DT / FINE
     t = DT * np.arange(STEPS)
@@ -39,8 +36,18 @@ def rests(tmp_path_factory):
             place += step * qd
         q[k] = place
     read = q + 2e-5 * np.random.default_rng(0).standard_normal(STEPS)
-    log = from_arrays(t, read[:, None], force[:, None])
-    return prepare(log, body)
+    return t, read[:, None], force[:, None]
+
+
+def signals(folder, time, q, tau):
+    path = folder / "slider.xml"
+    path.write_text(MECHANISMS["slider"])
+    return prepare(from_arrays(time, q, tau), read_model(path).plant.body)
+
+
+@pytest.fixture(scope="module")
+def rests(swung, tmp_path_factory):
+    return signals(tmp_path_factory.mktemp("rests"), *swung)
 
 
 @pytest.mark.parametrize("rate", [0.5, 2.0, 8.0])  # [N/s]
@@ -55,7 +62,8 @@ def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate):
     assert torque[sight] > 1.05 * LEVEL
     rests, resting = t < t[sight] + 0.2, t < broke - 0.1
     rests[0] = resting[0] = False
-    ((last, peak),) = withstood(rests, resting, torque, q, seen, 0)
+    ((last, peak, way),) = withstood(rests, resting, torque, q, np.sign(np.gradient(q)), seen, 0)
+    assert way == 1.0
     assert t[int(last)] == pytest.approx(broke - 0.1, abs=2.0 * DT)
     assert peak == pytest.approx(LEVEL, rel=0.03)
 
@@ -65,17 +73,18 @@ def test_noise_of_the_torque_does_not_add_to_what_is_withstood():
     t, draw, noise = DT * np.arange(STEPS), np.random.default_rng(2), 0.1 * LEVEL
     torque = LEVEL * np.sin(0.7 * t) ** 3
     still = np.abs(torque) < 0.9 * LEVEL
+    read = lambda noise: torque + noise * draw.standard_normal(STEPS)
     held = lambda noise: withstood(
-        still, still, torque + noise * draw.standard_normal(STEPS), 0.0 * t, 1.0, 0, noise
+        still, still, read(noise), 0.0 * t, np.sign(torque), 1.0, 0, noise
     )[:, 1]
-    np.testing.assert_allclose(held(0.0), 0.9 * LEVEL, rtol=0.01)
-    np.testing.assert_allclose(held(noise), 0.9 * LEVEL, rtol=0.05)
+    np.testing.assert_allclose(np.abs(held(0.0)), 0.9 * LEVEL, rtol=0.01)
+    np.testing.assert_allclose(np.abs(held(noise)), 0.9 * LEVEL, rtol=0.05)
 
 
 def test_the_torques_withstood_in_a_motion_are_the_level(rests):
     (held,) = rests.peaks
     assert len(held) >= 4
-    np.testing.assert_allclose(held[:, 1], LEVEL, rtol=0.05)
+    np.testing.assert_allclose(held[:, 1] * held[:, 2], LEVEL, rtol=0.05)
 
 
 def test_at_rest_dry_friction_adds_its_level_and_no_sliding(rests):
@@ -84,3 +93,24 @@ def test_at_rest_dry_friction_adds_its_level_and_no_sliding(rests):
     added, _ = additions([friction], rests, rests.tau, rests.tau)
     there = np.searchsorted(rests.rows, held[:, 0].astype(int))
     np.testing.assert_allclose(np.abs(added[0, there, 0]), LEVEL, rtol=1e-6)
+
+
+def test_a_joint_breaks_away_the_way_it_goes_whatever_the_model_lacks(swung, tmp_path):
+    """The wrong weight of a vertical axis may exceed its dry friction."""
+    time, q, tau = swung
+    weight = 2.5 * LEVEL
+    (held,) = signals(tmp_path, time, q, tau + weight).peaks
+    assert {*held[:, 2]} == {-1.0, 1.0}
+    np.testing.assert_allclose(held[:, 1] - weight, held[:, 2] * LEVEL, rtol=0.05)
+
+
+def test_where_the_torque_jumps_it_is_not_known_what_broke_the_joint_away():
+    t = DT * np.arange(STEPS)
+    q = 0.5 * np.maximum(t - 8.0, 0.0) ** 2
+    rests, resting = t < 8.02, t < 7.9
+    rests[0] = resting[0] = False
+    found = lambda rise: withstood(
+        rests, resting, np.clip((t - 8.0) / rise, -0.1, 1.0), q, np.sign(t - 7.9), 1e-4, 0
+    )
+    assert len(found(0.01)) == 0
+    assert len(found(10.0)) == 1

@@ -41,6 +41,7 @@ from jaxidl.gap.workflow import diagnose
 from jaxidl.logs.log import from_arrays
 from jaxidl.report import FIGURES, draw, folder, page, save, table
 from jaxidl.report.common import broken
+from jaxidl.report.matrix import spelled
 from jaxidl.report.terminal import COLUMNS
 from jaxidl.report.traces import binned
 from jaxidl.systems.mjcf import read_model
@@ -674,6 +675,9 @@ def test_numbers_are_as_a_person_writes_them():
     assert plus_minus(2.5e-7, 1e-8) == "2.5e-07 ± 1e-08"
     assert number(Estimate(0.5, "kg m^2", 0.01)) == "0.500 ± 0.010 kg m²"
     assert number(Estimate(0.5, "1", 0.01)) == "0.500 ± 0.010"
+    assert spelled(Estimate([1.0] * 3, "kg m", [0.1] * 3)).startswith("x 1.00 ± 0.10, y 1.00")
+    for count in (3, 6):  # levels of friction over position are no tensor
+        assert "x" not in spelled(Estimate([1.0] * count, "N", [0.1] * count))
 
 
 def test_curves_break_at_gaps_and_bins_do_not_reach_across_zero():
