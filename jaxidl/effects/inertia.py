@@ -171,7 +171,6 @@ class Payload(Effect):
         moment = self.mass * com + self.moment
         return ten(self.mass, moment, about(self.mass, com) + self.inertia)
 
-    @jax.jit  # one program, where operations one by one would be fifty
     def settled(self) -> "Payload":
         """Return the same load with its first moment expressed by ``com``.
 
@@ -179,19 +178,7 @@ class Payload(Effect):
         the centre has no principal moment whose sign differs from that of the mass: no such body
         could be simulated.
         """
-        numbers = self.numbers()
-        heavy = jnp.abs(numbers[0]) > 1e-9
-        com = numbers[1:4] / jnp.where(heavy, numbers[0], 1.0)
-        there = heavy & jnp.all(jnp.abs(com) < self.parameters["com"].upper)
-        moments, axes = jnp.linalg.eigh(matrix(numbers[4:] - about(numbers[0], com)))
-        kept = jnp.where(moments * numbers[0] > 0.0, moments, 0.0)
-        settled = Payload(self.mass, com, jnp.zeros(3), elements((axes * kept[None, :]) @ axes.T))
-        mine = self.replace(
-            com=jnp.asarray(self.com),
-            moment=jnp.zeros(3) + self.moment,
-            inertia=jnp.zeros(6) + self.inertia,
-        )
-        return jax.tree.map(lambda new, old: jnp.where(there, new, old), settled, mine)
+        return _settled(self)
 
     def alter(self, body: Any) -> Any:
         return body.add_payload(self.numbers())
@@ -244,3 +231,20 @@ class BaseTilt(Effect):
         A larger tilt would have been noticed.
         """
         return [Variant({"angles": np.zeros(2)}, ("angles",), {"angles": (-0.25, 0.25)})]
+
+
+@jax.jit  # one program, where operations one by one would be fifty
+def _settled(load: Payload) -> Payload:
+    numbers = load.numbers()
+    heavy = jnp.abs(numbers[0]) > 1e-9
+    com = numbers[1:4] / jnp.where(heavy, numbers[0], 1.0)
+    there = heavy & jnp.all(jnp.abs(com) < load.parameters["com"].upper)
+    moments, axes = jnp.linalg.eigh(matrix(numbers[4:] - about(numbers[0], com)))
+    kept = jnp.where(moments * numbers[0] > 0.0, moments, 0.0)
+    settled = Payload(load.mass, com, jnp.zeros(3), elements((axes * kept[None, :]) @ axes.T))
+    mine = load.replace(
+        com=jnp.asarray(load.com),
+        moment=jnp.zeros(3) + load.moment,
+        inertia=jnp.zeros(6) + load.inertia,
+    )
+    return jax.tree.map(lambda new, old: jnp.where(there, new, old), settled, mine)
