@@ -2,9 +2,9 @@
 
 Effects are fitted one after the other: what the other members can imitate is projected out of what
 an effect adds and of its derivatives (variable projection, Golub and Pereyra 1973); bounded least
-squares then change all of its free parameters. Members that it has as a part are left out, as the
-search will leave them out: a spring's rest position takes up an offset. What the encoder's noise
-alone contributes does not count (:mod:`jaxidl.gap.noise`).
+squares then change all of its free parameters. Members that its shape can take up are left out, as
+the search will leave them out: a spring's rest position takes up an offset. What the encoder's
+noise alone contributes does not count (:mod:`jaxidl.gap.noise`).
 """
 
 from typing import NamedTuple
@@ -44,7 +44,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         others = [
             o.columns[:, :, o.joints.index(j)][:, use[j]]
             for o in found.members
-            if o is not m and j in o.joints and not (o.key[1] == m.key[1] and part(o, m))
+            if o is not m and j in o.joints and not taken_up(o, m)
         ]
         bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
         left[j] = rows.gap[use[j], j] / noise[j]
@@ -106,6 +106,12 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     if not fresh.joints:
         return m
     return pushed([fresh], rows, predicted)[0]
+
+
+def taken_up(o: Item, m: Item) -> bool:
+    """Return whether a member's shape takes up another one, which its amplitudes cannot."""
+    by_amplitude = {name for name, _ in m.shape.parts}
+    return o.key[1] == m.key[1] and part(o, m) and o.key[0] not in by_amplitude
 
 
 class NoiseAlone:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage, signal
 
+AGAINST = 0.1  # share of rests after which a joint goes against the torque
 SHARP = 0.1  # share of the torque's spread by which it may rise while a joint breaks away
 QUIET = 0.01  # share of the torque's spread below which its noise does no harm
 
@@ -37,33 +38,42 @@ def withstood(
     """Return the last instant of each rest that ends within the log, its torque, and its way.
 
     The instant is a ``resting`` one, the way that in which the joint breaks away, one of ``ways``
-    (T,) in which it moves (1 or -1, 0 where it does not), the
-    torque the largest that way; the result is (E, 3). The ``torque`` (T,) is unfiltered and lacks
-    the model's, so with a wrong model it may point the other way. A rest ends when its torque
-    exceeds what holds it. Filtered, the peak would be cut off; and until the
-    position ``q`` (T,) is seen to move, by more than ``seen`` [m or rad], the torque rises further.
-    Pushed by a rising torque, a joint moves with the cube of time and needs half as long again for
-    27/8 of the way, so that it broke away twice as long before it was seen as it takes from there.
-    Where the torque rises in between by a tenth of its spread, that is not known well enough, and
-    the rest is left out.
-    The largest of many noisy readings is too large: with ``noise`` [N or Nm] lines are fitted to as
-    few readings as bring it below a hundredth of the torque's spread.
+    (T,) in which it moves (1 or -1, 0 where it does not); the result is (E, 3). The ``torque`` (T,)
+    is unfiltered and lacks the model's.
+
+    A rest ends when its torque exceeds what holds it. Filtered, the peak would be cut off; and
+    until the position ``q`` (T,) is seen to move, by more than ``seen`` [m or rad], the torque
+    rises further. Pushed by a rising torque, a joint moves with the cube of time and needs half as
+    long again for 27/8 of the way, so that it broke away twice as long before it was seen as it
+    takes from there. The largest of many noisy readings is too large: with ``noise`` [N or Nm]
+    lines are fitted to as few readings as bring it below a hundredth of the torque's spread.
+
+    A joint withstands as much either way, so the largest torque of a rest counts, whichever way it
+    points: that of the breakaway may be seen too late. But if joints go against the torque, the
+    model's own torque is wrong by more than friction. Then only that of the breakaway counts, and
+    only where it is known: where it rises by little until the joint is seen to move.
     """
     width = int(np.ceil((noise / max(QUIET * float(np.std(torque)), 1e-300)) ** 2)) | 1
     labelled: Any = ndimage.label(rests)
     found = []
     for part in ndimage.find_objects(labelled[0]):
         still = part[0].start + np.flatnonzero(resting[part])
-        if part[0].start > edge and part[0].stop < len(rests) - edge and len(still):
-            away = np.abs(q[still[-1] :] - np.median(q[still[-50:]]))
-            last = part[0].stop - still[-1]
-            far = next(iter(np.flatnonzero(away > 27.0 / 8.0 * seen)), last)
-            near = np.count_nonzero(away[:far] <= seen)  # noise crosses it before and after
-            end = len(still) - 1 + np.clip(3 * near - 2 * far, 1, last)
-            way = float(ways[part[0].stop])
-            held = way * torque[still[0] : still[-1] + max(near, 1) + 1]
-            window = min(width, (len(held) - 1) | 1)
-            held = np.asarray(signal.savgol_filter(held, window, 1)) if window > 1 else held
-            if way and held.max() - held[:end].max() < SHARP * np.std(torque):
-                found.append((still[-1], way * held[:end].max(), way))
-    return np.array(found, float).reshape(-1, 3)
+        within = part[0].start > edge and part[0].stop < len(rests) - edge
+        if not (within and len(still) and ways[part[0].stop]):
+            continue
+        away = np.abs(q[still[-1] :] - np.median(q[still[-50:]]))
+        last = part[0].stop - still[-1]
+        far = next(iter(np.flatnonzero(away > 27.0 / 8.0 * seen)), last)
+        near = np.count_nonzero(away[:far] <= seen)  # noise crosses it before and after
+        end = len(still) - 1 + np.clip(3 * near - 2 * far, 1, last)
+        way = float(ways[part[0].stop])
+        held = way * torque[still[0] : still[-1] + max(near, 1) + 1]
+        window = min(width, (len(held) - 1) | 1)
+        held = np.asarray(signal.savgol_filter(held, window, 1)) if window > 1 else held
+        rise = held.max() - held[:end].max()
+        found.append((still[-1], way, held[:end].max(), np.abs(held[:end]).max(), rise))
+    at, way, pushed, most, rise = np.array(found, float).reshape(-1, 5).T
+    sharp = rise < SHARP * np.std(torque)
+    if np.sum(sharp & (pushed < 0.0)) > AGAINST * len(at):
+        return np.stack([at, way * pushed, way], axis=1)[sharp]
+    return np.stack([at, way * most, way], axis=1)

@@ -105,12 +105,17 @@ def test_a_joint_breaks_away_the_way_it_goes_whatever_the_model_lacks(swung, tmp
 
 
 def test_where_the_torque_jumps_it_is_not_known_what_broke_the_joint_away():
+    """It counts only while the model's torque, and so the torque's sign, is right."""
     t = DT * np.arange(STEPS)
-    q = 0.5 * np.maximum(t - 8.0, 0.0) ** 2
-    rests, resting = t < 8.02, t < 7.9
+    q = 0.5 * np.clip(t - 4.0, 0.0, 0.9) ** 2 + 0.5 * np.maximum(t - 8.0, 0.0) ** 2
+    resting = (t < 3.9) | ((t > 5.0) & (t < 7.9))
+    rests = (t < 4.02) | ((t > 4.9) & (t < 8.02))
     rests[0] = resting[0] = False
-    found = lambda rise: withstood(
-        rests, resting, np.clip((t - 8.0) / rise, -0.1, 1.0), q, np.sign(t - 7.9), 1e-4, 0
+    # it breaks away slowly at 4 s, and at 8 s within the time
+    torque = lambda rise: np.where(t < 5.0, 0.1 * t, np.clip((t - 8.0) / rise, -0.1, 1.0))
+    found = lambda rise, weight: withstood(
+        rests, resting, torque(rise) - weight, q, np.ones(STEPS), 1e-4, 0
     )
-    assert len(found(0.01)) == 0
-    assert len(found(10.0)) == 1
+    assert len(found(0.01, 0.0)) == 2
+    assert len(found(10.0, 2.0)) == 2
+    assert len(found(0.01, 2.0)) == 1
