@@ -25,6 +25,7 @@ from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.prior import plausible
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import acts_on_predicted, reads_load, shapes_of
+from jaxidl.gap.shapes import fitted
 from jaxidl.gap.values import values
 from jaxidl.logs.signals import prepare
 from jaxidl.systems.tables import inverse_dynamics
@@ -360,6 +361,18 @@ def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(two_link):
         assert value[0] == pytest.approx(level, rel=0.02)
         assert 0.0 < stderr[0] < 0.05 * level
         assert isinstance(fitted["coulomb_friction", j].effect.effect, CoulombFriction)
+
+
+def test_the_rest_of_a_spring_takes_up_an_offset(two_link):
+    """Beside an offset any rest fits as well, and both would be reported."""
+    pull = lambda q: np.array([1.5, 0.0]) * (q - 0.7)
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + pull(q))
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    lib = library(rows, ("spring", "constant_offset"), {})
+    item = lambda name: next(i for i in lib.score.items if i.key == (name, 0))
+    both = lib.score.solve([item("spring"), item("constant_offset")])
+    fresh = fitted(item("spring"), both, rows, lib.predicted, lib.score)
+    assert float(fresh.shape.values["rest"]) == pytest.approx(0.7, abs=0.02)
 
 
 def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_commands(two_link):
