@@ -49,9 +49,9 @@ def withstood(
     lines are fitted to as few readings as bring it below a hundredth of the torque's spread.
 
     A joint withstands as much either way, so the largest torque of a rest counts, whichever way it
-    points: that of the breakaway may be seen too late. But if joints go against the torque, the
-    model's own torque is wrong by more than friction. Then only that of the breakaway counts, and
-    only where it is known: where it rises by little until the joint is seen to move.
+    points: that of the breakaway may be seen too late. But if the joint often goes against the
+    torque, the model's own torque is wrong by more than friction. Then only that of the breakaway
+    counts, and only where it is known: where it rises by little until the joint is seen to move.
     """
     width = int(np.ceil((noise / max(QUIET * float(np.std(torque)), 1e-300)) ** 2)) | 1
     labelled: Any = ndimage.label(rests)
@@ -72,8 +72,8 @@ def withstood(
         held = np.asarray(signal.savgol_filter(held, window, 1)) if window > 1 else held
         rise = held.max() - held[:end].max()
         found.append((still[-1], way, held[:end].max(), np.abs(held[:end]).max(), rise))
-    at, way, pushed, most, rise = np.array(found, float).reshape(-1, 5).T
+    at, way, there, most, rise = np.array(found, float).reshape(-1, 5).T
     sharp = rise < SHARP * np.std(torque)
-    if np.sum(sharp & (pushed < 0.0)) > AGAINST * len(at):
-        return np.stack([at, way * pushed, way], axis=1)[sharp]
+    if np.sum(sharp & (there < 0.0)) > AGAINST * len(at):
+        return np.stack([at, way * there, way], axis=1)[sharp]
     return np.stack([at, way * most, way], axis=1)
