@@ -1,15 +1,17 @@
-"""Whether the log's signs, zeros, units and gravity are those of the model.
+"""Whether the log's columns, signs, zeros, units and gravity are those of the model.
 
 Each of a few other readings of the log (a joint's torque or position with the opposite sign, its
-zero 90° or 180° away, the base mounted another way round, torques without those that carry the
-weight, torques in a unit that is powers of ten away, positions in degrees) is tried with the
-model's own inertias and with friction, rotor inertia and offset on every joint. The best one is
-taken while it reduces some joint's error to a third or less, also of what is left without any
-model: where friction alone explains a torque, every larger unit makes errors look smaller. What
-was taken is reported, with others that are as good, and nothing is changed.
+zero 90° or 180° away, its position in degrees, the columns of two joints exchanged, the base
+mounted another way round, torques without those that carry the weight, torques in a unit that is
+powers of ten away, all positions in degrees) is tried with the model's own inertias and with
+friction, rotor inertia and offset on every joint. The best one is taken while it reduces some
+joint's error to a third or less, also of what is left without any model: where friction alone
+explains a torque, every larger unit makes errors look smaller. What was taken is reported, with
+others that are as good, and nothing is changed.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -41,6 +43,8 @@ class Reading(NamedTuple):
     zero: np.ndarray  # (J,) what is added to positions [rad]
     torque: np.ndarray  # (J,) factors of torques
     down: np.ndarray  # (3,) direction of gravity, or none
+    moved: np.ndarray  # (J,) columns in which positions are
+    driven: np.ndarray  # (J,) columns in which torques are
 
 
 def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
@@ -55,12 +59,14 @@ def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
     gravity = np.array(source.opt.gravity)
     strength = float(np.linalg.norm(gravity))
     one = np.ones(size)
-    now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300))
+    own = np.arange(size)
+    now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300), own, own)
     left = _left(rows, some, now, strength)
     bare = _left(rows, some, now, strength, share=0.0)
     said: list[str] = []
     while np.any(left > WRONG) and len(said) <= size:
-        tried = [(*other, _left(rows, some, other[-1], strength)) for other in _others(now, source)]
+        others = _others(now, source, names)
+        tried = [(*other, _left(rows, some, other[-1], strength)) for other in others]
         most = FEWER * np.minimum(left, bare)
         better = [t for t in tried if np.any((t[-1] <= most) & (left > WRONG))]
         error = [float(np.sum(t[-1] ** 2)) for t in better]
@@ -87,24 +93,37 @@ def _sentence(
     )
 
 
-def _others(now: Reading, source: Any) -> Iterator[tuple[int | None, str, Reading]]:
+def _others(
+    now: Reading, source: Any, names: Sequence[str]
+) -> Iterator[tuple[int | None, str, Reading]]:
     """Yield the readings next to one: the joint, what is different there, and the reading."""
-    for j in range(len(now.zero)):
-        turned = lambda values, j=j: np.where(np.arange(len(values)) == j, -values, values)
+    size = len(names)
+    degrees = np.where(source.jnt_type == 3, np.pi / 180.0, 1.0)  # of hinges
+    for j in range(size):
+        turned = lambda values, j=j: np.where(np.arange(size) == j, -values, values)
         yield j, "its torque had the opposite sign", now._replace(torque=turned(now.torque))
         back = now._replace(position=turned(now.position))
         yield j, "its position had the opposite sign", back
         both = back._replace(torque=turned(now.torque))
         yield j, "its position and torque had the opposite sign", both
-        if source.jnt_type[j] == 3:  # a hinge
-            for degrees in (90, -90, 180):
-                zero = now.zero + np.deg2rad(degrees) * (np.arange(len(now.zero)) == j)
-                what = f"{degrees}° had to be added to its position"
-                yield j, what, now._replace(zero=zero)
+        if degrees[j] != 1.0:
+            here = np.arange(size) == j
+            for angle in (90, -90, 180):
+                what = f"{angle}° had to be added to its position"
+                yield j, what, now._replace(zero=now.zero + np.deg2rad(angle) * here)
+            scaled = now.position * np.where(here, degrees, 1.0)
+            yield j, "its position was in degrees", now._replace(position=scaled)
+    for a, b in combinations(range(size), 2):
+        order = np.arange(size)
+        order[[a, b]] = b, a
+        moved, driven, both = now.moved[order], now.driven[order], f"of {names[a]} and {names[b]}"
+        yield None, f"the positions {both} had been exchanged", now._replace(moved=moved)
+        yield None, f"the torques {both} had been exchanged", now._replace(driven=driven)
+        exchanged = now._replace(moved=moved, driven=driven)
+        yield None, f"the positions and torques {both} had been exchanged", exchanged
     for factor in UNITS:
         larger = now._replace(torque=now.torque * factor)
         yield None, f"its torques had to be multiplied by {factor:g}", larger
-    degrees = np.where(source.jnt_type == 3, np.pi / 180.0, 1.0)
     yield None, "its positions were in degrees", now._replace(position=now.position * degrees)
     if now.down.any():
         for what, down in MOUNTED.items():
@@ -118,8 +137,10 @@ def _left(
 
     Of the model a ``share`` is taken: with none, friction, rotor inertia and offset are left.
     """
-    signals, kept = rows.signals, rows.signals.rows[some]
-    q, qd, qdd = (reading.position * x[kept] for x in (signals.q, signals.qd, signals.qdd))
+    signals, kept, moved, driven = rows.signals, rows.signals.rows[some], *reading[-2:]
+    q, qd, qdd = (
+        reading.position * x[kept][:, moved] for x in (signals.q, signals.qd, signals.qdd)
+    )
     source = signals.body.source
     standing = np.array(source.opt.gravity)
     source.opt.gravity = strength * reading.down
@@ -129,12 +150,12 @@ def _left(
         source.opt.gravity = standing
     # what the model's own effects need but its friction, of which it may have too much
     own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
-    target = reading.torque * rows.command[some] - share * (own[some] + torque)
-    out = np.zeros(len(reading.zero))
+    target = reading.torque * rows.command[some][:, driven] - share * (own[some] + torque)
+    out, spread = np.zeros(len(reading.zero)), rows.spread[driven]
     # not where a joint rests: what counts there is the torque that broke it away
-    for j, use in enumerate((rows.used[some] & signals.moving[kept]).T):
-        if use.sum() > 8 and rows.spread[j] > 0.0:
-            slow = max(float(abs(reading.position[j]) * signals.rest_speed[j]), 1e-12)
+    for j, use in enumerate((rows.used[some][:, driven] & signals.moving[kept][:, moved]).T):
+        if use.sum() > 8 and spread[j] > 0.0:
+            slow = max(float(abs(reading.position[j]) * signals.rest_speed[moved[j]]), 1e-12)
             x = np.stack([qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j]], 1)[use]
             size = np.maximum(np.abs(x).max(0), 1e-300)
             # an offset of either sign takes the means
@@ -142,7 +163,7 @@ def _left(
             out[j] = (
                 nnls(x, y, maxiter=1000)[1]
                 / np.sqrt(use.sum())
-                / rows.spread[j]
+                / spread[j]
                 / abs(reading.torque[j])
             )
     return out

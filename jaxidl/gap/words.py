@@ -89,8 +89,8 @@ def doubt_of(conventions: Sequence[str], stray: Sequence[str], duration: float) 
         " was logged or chosen there); if what moved is heavy, what follows is wrong"
     )
     signs = (
-        "the log's signs, zeros, units, clocks or gravity seem not to be the model's (see the first"
-        " notes); what follows may be wrong"
+        "the log's columns, signs, zeros, units, clocks or gravity seem not to be the model's (see"
+        " the first notes); what follows may be wrong"
     )
     brief = f"the log has only {duration:.2g} s, too little to trust what follows"
     said = [signs] * bool(conventions) + [locked] * bool(stray) + [brief] * (duration < LEAST)

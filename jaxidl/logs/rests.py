@@ -6,7 +6,7 @@ import numpy as np
 from scipy import ndimage, signal
 
 AGAINST = 0.1  # share of rests after which a joint goes against the torque
-SHARP = 0.1  # share of the torque's spread by which it may rise while a joint breaks away
+SHARP = 0.1  # share of the torque's spread by which it may rise while a breakaway is seen
 QUIET = 0.01  # share of the torque's spread below which its noise does no harm
 
 
@@ -48,10 +48,10 @@ def withstood(
     takes from there. The largest of many noisy readings is too large: with ``noise`` [N or Nm]
     lines are fitted to as few readings as bring it below a hundredth of the torque's spread.
 
-    A joint withstands as much either way, so the largest torque of a rest counts, whichever way it
-    points: that of the breakaway may be seen too late. But if the joint often goes against the
-    torque, the model's own torque is wrong by more than friction. Then only that of the breakaway
-    counts, and only where it is known: where it rises by little until the joint is seen to move.
+    The torque of a breakaway is known where it rises by little until the joint is seen to move.
+    Elsewhere the largest torque of the rest counts, whichever way it points: a joint withstands as
+    much either way. But if the joint often goes against the torque, the model's own torque is wrong
+    by more than friction, and only breakaways whose torque is known count.
     """
     width = int(np.ceil((noise / max(QUIET * float(np.std(torque)), 1e-300)) ** 2)) | 1
     labelled: Any = ndimage.label(rests)
@@ -73,7 +73,7 @@ def withstood(
         rise = held.max() - held[:end].max()
         found.append((still[-1], way, held[:end].max(), np.abs(held[:end]).max(), rise))
     at, way, there, most, rise = np.array(found, float).reshape(-1, 5).T
-    sharp = rise < SHARP * np.std(torque)
-    if np.sum(sharp & (there < 0.0)) > AGAINST * len(at):
-        return np.stack([at, way * there, way], axis=1)[sharp]
-    return np.stack([at, way * most, way], axis=1)
+    known = rise < SHARP * np.std(torque)
+    against = np.sum(known & (there < 0.0)) > AGAINST * len(at)
+    counted = known if against else slice(None)
+    return np.stack([at, way * np.where(known, there, most), way], axis=1)[counted]

@@ -1,4 +1,4 @@
-"""Logs whose signs, zeros, units, clocks or gravity are not the model's, and logs whose are."""
+"""Logs that differ from the model in columns, signs, zeros, units, clocks or gravity; or do not."""
 
 import numpy as np
 import pytest
@@ -63,6 +63,7 @@ def test_a_log_as_the_model_has_it_raises_no_doubt(model, motion):
         ("90° had to be added", lambda q, tau, j: (q - np.pi / 2 * j, tau)),
         ("-90° had to be added", lambda q, tau, j: (q + np.pi / 2 * j, tau)),
         ("180° had to be added", lambda q, tau, j: (q + np.pi * j, tau)),
+        ("its position was in degrees", lambda q, tau, j: (np.where(j, np.rad2deg(q), q), tau)),
     ],
 )
 @pytest.mark.parametrize("joint", [0, 1])
@@ -70,6 +71,16 @@ def test_a_joint_that_is_read_the_wrong_way_is_found(model, motion, words, read_
     q, tau, *_ = motion
     (said,) = read(model, *read_as(q, tau, np.arange(2) == joint))
     assert f"{model.names[joint]} reads as if {words}" in said
+
+
+@pytest.mark.parametrize(
+    ("what", "moved", "driven"),
+    [("positions and torques", -1, -1), ("positions", -1, 1), ("torques", 1, -1)],
+)
+def test_columns_of_two_joints_that_were_exchanged_are_found(model, motion, what, moved, driven):
+    q, tau, *_ = motion
+    (said,) = read(model, q[:, ::moved], tau[:, ::driven])
+    assert f"the log reads as if the {what} of shoulder and elbow had been exchanged" in said
 
 
 def test_gravity_the_other_way_round_or_none_is_found(model, motion):

@@ -111,7 +111,7 @@ def test_where_the_torque_jumps_it_is_not_known_what_broke_the_joint_away():
     resting = (t < 3.9) | ((t > 5.0) & (t < 7.9))
     rests = (t < 4.02) | ((t > 4.9) & (t < 8.02))
     rests[0] = resting[0] = False
-    # it breaks away slowly at 4 s, and at 8 s within the time
+    # it breaks away slowly at 4 s, and at 8 s within the time in which it is seen to move
     torque = lambda rise: np.where(t < 5.0, 0.1 * t, np.clip((t - 8.0) / rise, -0.1, 1.0))
     found = lambda rise, weight: withstood(
         rests, resting, torque(rise) - weight, q, np.ones(STEPS), 1e-4, 0
@@ -119,3 +119,17 @@ def test_where_the_torque_jumps_it_is_not_known_what_broke_the_joint_away():
     assert len(found(0.01, 0.0)) == 2
     assert len(found(10.0, 2.0)) == 2
     assert len(found(0.01, 2.0)) == 1
+
+
+def test_a_known_breakaway_counts_even_if_the_joint_withstood_more_the_other_way():
+    """With a wrong weight, the torque of the other way says nothing."""
+    t = DT * np.arange(STEPS)
+    q, rests, resting = 0.5 * np.maximum(t - 4.0, 0.0) ** 2, t < 4.02, t < 3.9
+    rests[0] = resting[0] = False
+    slow = np.where(t < 2.0, -0.7 * np.sin(np.pi * t / 2.0), 0.2 * (t - 2.0))
+    ((_, torque, way),) = withstood(rests, resting, slow, q, np.ones(STEPS), 1e-4, 0)
+    assert way == 1.0
+    assert torque == pytest.approx(0.4, abs=0.01)
+    fast = np.where(t < 3.99, slow, np.minimum(0.4 + 40.0 * (t - 3.99), 2.0))
+    ((_, torque, _),) = withstood(rests, resting, fast, q, np.ones(STEPS), 1e-4, 0)
+    assert torque == pytest.approx(0.7, abs=0.01)
