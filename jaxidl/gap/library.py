@@ -18,6 +18,7 @@ from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import links_of
 from jaxidl.gap.prior import plausible
 from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
+from jaxidl.gap.recurrence import copies
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
 from jaxidl.gap.shape import Present, shapes_of
@@ -214,11 +215,12 @@ def noise_of(rows: Rows, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     use = rows.used & rows.training[:, None]
     noise = np.maximum(rms(left, use), rows.floor)
-    effective = [
-        use[:, j].sum() / correlation_time(left[use[:, j], j]) if use[:, j].any() else 0.0
-        for j in range(len(noise))
-    ]
-    return noise, np.array(effective)
+    effective, at = np.zeros(len(noise)), rows.signals.rows
+    for j, here in enumerate(use.T):
+        if here.any():
+            alike = copies(rows.returns, left[here, j], at[here])
+            effective[j] = here.sum() / (alike * correlation_time(left[here, j]))
+    return noise, effective
 
 
 def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:

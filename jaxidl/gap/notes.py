@@ -38,6 +38,12 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
             f"the log has only {duration:.3g} s: values and confidences need {BRIEF:g} s or more of"
             " varied motion"
         )
+    if rows.returns:
+        cycle = rows.returns[0] * rows.signals.dt
+        notes.append(
+            f"a motion of {cycle:.3g} s is there {round(duration / cycle)} times: that averages noise, but"
+            " tells no more about what is missing; record other postures and speeds, too"
+        )
     work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
     if work.sum() < -0.3 * np.abs(work).sum():
         notes.append("in total the torques brake the motion: check their sign")

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
+from jaxidl.gap.recurrence import returns
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
@@ -45,6 +46,7 @@ class Rows(NamedTuple):
     effects: tuple[Effect, ...] = ()  # the model's own
     # (J,) by how much later torques are assumed to be logged [s]
     shift: float | np.ndarray = 0.0
+    returns: tuple[int, ...] = ()  # after how many instants the motion is there again
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
@@ -127,6 +129,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         friction,
         signals,
         tuple(effects),
+        returns=returns(signals),
     )
 
 

@@ -8,7 +8,7 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
   command's variance that they let through. At samples where a little more command would deliver no
   more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
-  residual (Bartlett 1946).
+  residual (Bartlett 1946), and of motions that are repeated (:mod:`jaxidl.gap.recurrence`).
 * p is the effect's prior.
 * s is how large a coefficient x may plausibly be, if something is known about it: changes of links
   (:mod:`jaxidl.gap.prior`).

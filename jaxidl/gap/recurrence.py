@@ -1,0 +1,51 @@
+"""Motions that return: a cycle that a robot repeats, or executions of one task.
+
+A repetition averages noise, but what the model lacks is the same again: it is no further evidence.
+A motion returns after a lag if all joints then are again where they were, as fast as they were,
+throughout. A residual's samples then count as independent as far as they differ between one
+repetition and the next.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxidl.logs.signals import Signals
+
+SAME = 0.02  # mean squared difference of positions and speeds, over twice their variance
+ANOTHER = 0.5  # that difference from which a motion has gone elsewhere before it returns
+LEAST = 0.1  # share of the log that has to be there again, and in which a joint that moves does
+INSTANTS = 8192  # instants compared
+
+
+def returns(signals: Signals) -> tuple[int, ...]:
+    """Return after how many instants of a log its motion is there again."""
+    step = max(1, len(signals.q) // INSTANTS)
+    moving = signals.moving.mean(0) > LEAST
+    state = np.concatenate([x[::step, moving] for x in (signals.q, signals.qd)], axis=1)
+    count, lag = len(state), np.arange(len(state))
+    z = (state - state.mean(0)) / np.maximum(state.std(0), 1e-300)
+    product = np.fft.irfft(np.abs(np.fft.rfft(z, 2 * count, axis=0)) ** 2, axis=0)[:count]
+    squares = np.concatenate([np.zeros((1, z.shape[1])), np.cumsum(z**2, axis=0)])
+    both = squares[count - lag] + squares[count] - squares[lag] - 2.0 * product
+    apart = (both / (2.0 * (count - lag))[:, None]).max(1, initial=0.0)
+    away = next(iter(np.flatnonzero(apart > ANOTHER)), count)
+    there = (apart < SAME) & (away < lag) & (lag < (1.0 - LEAST) * count)
+    edges = np.flatnonzero(np.diff(there, prepend=False, append=False)).reshape(-1, 2)
+    return tuple(step * (a + int(np.argmin(apart[a:b]))) for a, b in edges.tolist())
+
+
+def copies(lags: Sequence[int], left: np.ndarray, rows: np.ndarray) -> float:
+    """Return how many samples of a residual ``left`` (N,) at instants ``rows`` (N,) count as one.
+
+    Of M repetitions, each some of ``lags`` after another, with a correlation c between any two it
+    is 1 + (M - 1) c.
+    """
+    found = 1.0
+    for lag in lags:
+        later = np.searchsorted(rows, rows + lag)
+        both = later < len(rows)
+        a, b = left[both], left[later[both]]
+        alike = float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
+        found += 2.0 * float(np.mean(both)) * max(alike, 0.0)
+    return found

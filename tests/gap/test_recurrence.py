@@ -1,0 +1,87 @@
+"""A motion that is repeated: it is found, and its repetitions are no further evidence."""
+
+import numpy as np
+import pytest
+
+from jaxidl.effects import CATALOGUE
+from jaxidl.gap import diagnose
+from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.gap.library import library
+from jaxidl.gap.recurrence import copies, returns
+from jaxidl.gap.rows import rows_of
+from jaxidl.gap.shape import present
+from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import prepare
+from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.tables import inverse_dynamics
+
+DT, CYCLE = 5e-3, 6.0
+VISCOUS, DRY = 0.4, 0.3
+# what the catalogue lacks: it swings with the place, as no effect does
+STRANGE = 0.3
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    path = tmp_path_factory.mktemp("recurrence") / "model.xml"
+    path.write_text(TWO_LINK)
+    return read_model(path)
+
+
+def log(model, seconds, harmonics, still=False):
+    """A log of a sum of waves, whose frequencies are ``harmonics`` of the cycle."""
+    t = DT * np.arange(round(seconds / DT))
+    at = 2.0 * np.pi / CYCLE * np.array(harmonics)
+    size = np.array([[0.5, 0.4], [0.4, 0.5]])
+    wave = lambda k: np.real(
+        np.sum(size * (1j * at) ** k * np.exp(1j * (at * t[:, None, None] + size)), 2)
+    )
+    q, qd, qdd = (wave(k) * [1.0, not still] for k in range(3))
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd) + VISCOUS * qd + DRY * np.tanh(qd / 0.01)
+    tau += STRANGE * np.sin(9.0 * q) * np.cos(5.0 * q[:, ::-1])
+    draw = np.random.default_rng(0)
+    noise = lambda size: size * draw.standard_normal(q.shape)
+    return from_arrays(t, q + noise(1e-5), tau + noise(1e-2))
+
+
+REPEATED, EVER_NEW = [[1.0, 2.0], [2.0, 3.0]], [[1.0, 2.236], [1.732, 3.142]]
+
+
+@pytest.mark.parametrize("still", [False, True])
+def test_repetitions_are_found(model, still):
+    lags = returns(prepare(log(model, 5 * CYCLE, REPEATED, still), model.plant.body))
+    np.testing.assert_allclose(np.array(lags) * DT, CYCLE * np.arange(1, 5), atol=2 * DT)
+
+
+@pytest.mark.parametrize(("seconds", "waves"), [(5 * CYCLE, EVER_NEW), (CYCLE, REPEATED)])
+def test_a_motion_that_is_ever_new_has_none(model, seconds, waves):
+    assert returns(prepare(log(model, seconds, waves), model.plant.body)) == ()
+
+
+@pytest.mark.parametrize(("noise", "alike"), [(0.0, 6.0), (1.0, 3.5), (1e3, 1.0)])
+def test_repetitions_count_as_far_as_they_differ(noise, alike):
+    """1 + (M - 1) c, where c is the share of the variance that is there again."""
+    draw = np.random.default_rng(1)
+    left = np.tile(draw.standard_normal(2000), 6) + noise * draw.standard_normal(12_000)
+    assert copies(range(2000, 12_000, 2000), left, np.arange(12_000)) == pytest.approx(
+        alike, abs=0.2
+    )
+
+
+def test_a_motion_that_is_repeated_is_hardly_more_evidence(model):
+    def effective(seconds, waves):
+        rows = rows_of(prepare(log(model, seconds, waves), model.plant.body))
+        names = [name for name, cls in CATALOGUE.items() if cls.common]
+        return library(rows, names, present(())).score.effective
+
+    once = effective(2 * CYCLE, REPEATED)
+    assert np.all(effective(8 * CYCLE, REPEATED) < 1.5 * once)
+    assert np.all(effective(8 * CYCLE, EVER_NEW) > 2.0 * once)
+
+
+def test_a_user_learns_that_the_motion_is_repeated(model):
+    found = diagnose(
+        log(model, 5 * CYCLE, REPEATED), model, effects=["viscous_friction"], rollouts=False
+    )
+    (note,) = [n for n in found.notes if "a motion of 6 s is there 5 times" in n]
+    assert "record other postures" in note
