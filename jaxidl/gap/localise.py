@@ -20,7 +20,7 @@ class Place(NamedTuple):
     joint: int
     regime: str
     share: float  # share of the joint's residual energy
-    time: float  # share of the time
+    time: float  # share of the samples that count: of a rest it is one
     sentence: str
 
 
@@ -41,7 +41,7 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
             if share > LEAST and share > EXCESS * time and time > 0.0:
                 sentence = (
                     f"{names[j]}: {share:.0%} of the residual's energy lies {words}, which is"
-                    f" {time:.0%} of the time"
+                    f" {time:.0%} of the samples that count"
                 )
                 found.append(Place(j, regime, share, time, sentence))
         found.sort(key=lambda p: p.share * np.log(p.share / p.time), reverse=True)

@@ -41,8 +41,8 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
     if rows.returns:
         cycle = rows.returns[0] * rows.signals.dt
         notes.append(
-            f"a motion of {cycle:.3g} s is there {round(duration / cycle)} times: that averages noise, but"
-            " tells no more about what is missing; record other postures and speeds, too"
+            f"a motion of {cycle:.3g} s is there {round(duration / cycle)} times: that averages"
+            " noise, but tells no more about what is missing; record other postures and speeds"
         )
     work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
     if work.sum() < -0.3 * np.abs(work).sum():

@@ -10,6 +10,7 @@ from jaxidl.gap.find import Found
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.words import experiment
 
+MORE = 1.5  # times what a reference log leaves: less may come from another motion
 SHOWN = 12  # most rivals reported
 
 
@@ -49,6 +50,7 @@ def unexplained_joints(
     envelope: Sequence[float],
     spread: Sequence[float],
     floor: Sequence[float],
+    earlier: Sequence[float] | None = None,
 ) -> tuple[int, ...]:
     """Return joints with a large residual.
 
@@ -63,6 +65,7 @@ def unexplained_joints(
         envelope: (J,) residual of the envelope [N or Nm].
         spread: (J,) of the command [N or Nm].
         floor: (J,) error due to encoder noise alone [N or Nm].
+        earlier: (J,) what a reference log leaves [N or Nm]: no more than that is no change.
     """
     out = []
     for j, (gain, stderr) in enumerate(network):
@@ -71,7 +74,8 @@ def unexplained_joints(
         predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
         beaten = left > much and left > min(1.1 * envelope[j], spread[j])
-        if worst > 2.0 * floor[j] and (systematic or beaten):
+        before = 0.0 if earlier is None else MORE * earlier[j]
+        if worst > max(2.0 * floor[j], before) and (systematic or beaten):
             out.append(j)
     return tuple(out)
 

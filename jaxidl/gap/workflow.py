@@ -119,6 +119,7 @@ def diagnose(
         envelope.torque_rms,
         rows.spread.tolist(),
         rows.floor.tolist(),
+        None if before is None else _left(before),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -239,6 +240,12 @@ def _reference(before: Found) -> Reference:
         for m in members
     ]
     return Reference(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
+
+
+def _left(found: Found) -> list[float]:
+    """Return the residual (J,) of what was found [N or Nm]."""
+    rows = found.library.rows
+    return rms(residual(rows, found.solution), rows.used).tolist()
 
 
 def _values(found: Found) -> list[Value]:

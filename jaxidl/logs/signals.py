@@ -160,11 +160,13 @@ def prepare(
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not continue in the next run
     heard_torque = encoder_noise(log.tau, slices)
+    # a joint at rest has no acceleration; filtered, it would have that of the next motion
+    own = np.diagonal(table.inertia, axis1=1, axis2=2) * qdd
     peaks = tuple(
         withstood(
             rests[:, j],
             resting[:, j],
-            log.tau[:, j] - table.torque[:, j],
+            (log.tau - table.torque + own)[:, j],
             log.q[:, j],
             np.sign(qd[:, j]) * (np.abs(qd[:, j]) >= rest_speed[j]),
             5.0 * sigma[j],

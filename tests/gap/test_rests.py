@@ -50,22 +50,51 @@ def rests(swung, tmp_path_factory):
     return signals(tmp_path_factory.mktemp("rests"), *swung)
 
 
-@pytest.mark.parametrize("rate", [0.5, 2.0, 8.0])  # [N/s]
-def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate):
-    """Not the one at which its motion is seen, which is later and higher."""
+@pytest.mark.parametrize(
+    ("rate", "kept", "error"),
+    [
+        (0.5, 1.0, 0.05),
+        (2.0, 1.0, 0.05),
+        (8.0, 1.0, 0.05),
+        (0.5, 0.0, 0.05),
+        (2.0, 0.0, 0.1),
+        (8.0, 0.0, 0.25),  # the acceleration that the rise adds is taken for the whole of it
+    ],
+)
+def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate, kept, error):
+    """Not the one at which its motion is seen, which is later and higher.
+
+    The torque rises by ``rate`` [N/s]; a moving joint keeps a share ``kept`` of its friction.
+    """
     t, noise, seen = DT * np.arange(STEPS), 2e-5, 1e-4
     broke, mass = LEVEL / rate + 2.0, 2.0
-    q = rate * np.maximum(t - broke, 0.0) ** 3 / (6.0 * mass)
+    since = np.maximum(t - broke, 0.0)
+    q = (rate * since**3 / 6.0 + (1.0 - kept) * LEVEL * since**2 / 2.0) / mass
     q += noise * np.random.default_rng(1).standard_normal(STEPS)
     torque = rate * np.maximum(t - 2.0, 0.0)
     sight = np.flatnonzero(q > seen)[0]
-    assert torque[sight] > 1.05 * LEVEL
     rests, resting = t < t[sight] + 0.2, t < broke - 0.1
     rests[0] = resting[0] = False
     ((last, peak, way),) = withstood(rests, resting, torque, q, np.sign(np.gradient(q)), seen, 0)
     assert way == 1.0
     assert t[int(last)] == pytest.approx(broke - 0.1, abs=2.0 * DT)
-    assert peak == pytest.approx(LEVEL, rel=0.03)
+    assert peak == pytest.approx(LEVEL, rel=error)
+
+
+def test_a_joint_that_creeps_is_not_at_rest():
+    t, seen = DT * np.arange(STEPS), 1e-4
+    rests = (t > 1.0) & (t < 3.0)
+    found = lambda creeping: withstood(
+        rests,
+        rests,
+        0.1 * t,
+        creeping * seen * t + np.maximum(t - 3.0, 0.0),
+        0.0 * t + 1.0,
+        seen,
+        0,
+    )
+    assert len(found(0.0)) == len(found(0.5)) == 1
+    assert len(found(10.0)) == 0
 
 
 def test_noise_of_the_torque_does_not_add_to_what_is_withstood():
@@ -126,10 +155,10 @@ def test_a_known_breakaway_counts_even_if_the_joint_withstood_more_the_other_way
     t = DT * np.arange(STEPS)
     q, rests, resting = 0.5 * np.maximum(t - 4.0, 0.0) ** 2, t < 4.02, t < 3.9
     rests[0] = resting[0] = False
-    slow = np.where(t < 2.0, -0.7 * np.sin(np.pi * t / 2.0), 0.2 * (t - 2.0))
+    slow = np.where(t < 2.0, -1.2 * np.sin(np.pi * t / 2.0), 0.2 * (t - 2.0))
     ((_, torque, way),) = withstood(rests, resting, slow, q, np.ones(STEPS), 1e-4, 0)
     assert way == 1.0
     assert torque == pytest.approx(0.4, abs=0.01)
     fast = np.where(t < 3.99, slow, np.minimum(0.4 + 40.0 * (t - 3.99), 2.0))
     ((_, torque, _),) = withstood(rests, resting, fast, q, np.ones(STEPS), 1e-4, 0)
-    assert torque == pytest.approx(0.7, abs=0.01)
+    assert torque == pytest.approx(1.2, abs=0.01)

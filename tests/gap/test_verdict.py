@@ -36,6 +36,14 @@ def test_what_happens_only_in_the_fitted_part_is_not_passed_over():
     assert of(0.01) == ()
 
 
+def test_what_a_reference_log_leaves_as_well_is_no_change():
+    of = lambda earlier: unexplained_joints(
+        [0.3], [0.3], [(0.7, 0.07)], [2.0], [1.0], [0.02], [earlier]
+    )
+    assert of(0.25) == ()
+    assert of(0.1) == (0,)
+
+
 def found(confidence: float, name: str = "viscous_friction") -> Finding:
     cls = CATALOGUE[name]
     effect = build(cls, 0, 1, dict.fromkeys(cls.parameters, 0.1), {})
