@@ -24,13 +24,13 @@ from jaxidl.gap.diagnosis import (
 from jaxidl.gap.find import Found, Watch, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.held_out import aside
-from jaxidl.gap.library import Library, Reference, library, own_residual, residual, rms
+from jaxidl.gap.library import Library, library, own_residual, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import check
 from jaxidl.gap.notes import notes_of
+from jaxidl.gap.reference import left_by, reference_of
 from jaxidl.gap.rivals import Tie
 from jaxidl.gap.rows import Rows, instants_of, rows_of
-from jaxidl.gap.score import Score
 from jaxidl.gap.shape import present
 from jaxidl.gap.swings import swings
 from jaxidl.gap.values import Value
@@ -119,7 +119,7 @@ def diagnose(
         envelope.torque_rms,
         rows.spread.tolist(),
         rows.floor.tolist(),
-        None if before is None else _left(before),
+        None if before is None else left_by(before),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -217,35 +217,9 @@ def _search(
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
     rows = rows_of(signals, effects, held_out)
-    reference = None if before is None else _reference(before)
+    reference = None if before is None else reference_of(before)
     watch("computing what each effect would add", 0.0)
     return find(library(rows, names, present(effects), reference), min_gain, watch, resample)
-
-
-def _reference(before: Found) -> Reference:
-    """Return the evidence of a log about common effects and its findings, at the values found."""
-    rows, score, named = before.library.rows, before.score, before.named
-    taken = {m.group for m in named}
-    members = [
-        *named,
-        *(m for m in before.library.envelope.members if not m.always and m.group not in taken),
-    ]
-    fresh = Score(
-        rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
-    )
-    gram, right = fresh.normal(members)
-    known, _ = fresh.known(members)
-    at = [
-        before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
-        for m in members
-    ]
-    return Reference(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
-
-
-def _left(found: Found) -> list[float]:
-    """Return the residual (J,) of what was found [N or Nm]."""
-    rows = found.library.rows
-    return rms(residual(rows, found.solution), rows.used).tolist()
 
 
 def _values(found: Found) -> list[Value]:

@@ -81,11 +81,11 @@ def withstood(
         later = without_noise(way * torque[start + broke - 1 : start + last + 1], width)
         rise = later.max(initial=held[-1]) - held.max()
         found.append((still[-1], way, held.max(), np.abs(held).max(), rise))
-    at, way, there, most, rise = np.array(found, float).reshape(-1, 5).T
+    at, way, final, most, rise = np.array(found, float).reshape(-1, 5).T
     known = rise < SHARP * np.std(torque)
-    against = np.sum(known & (there < 0.0)) > AGAINST * len(at)
+    against = np.sum(known & (final < 0.0)) > AGAINST * len(at)
     counted = known if against else slice(None)
-    return np.stack([at, way * np.where(known, there, most), way], axis=1)[counted]
+    return np.stack([at, way * np.where(known, final, most), way], axis=1)[counted]
 
 
 def gone(away: np.ndarray, distance: float) -> int:

@@ -73,6 +73,7 @@ def test_the_torque_withstood_is_the_one_that_broke_the_joint_away(rate, kept, e
     q += noise * np.random.default_rng(1).standard_normal(STEPS)
     torque = rate * np.maximum(t - 2.0, 0.0)
     sight = np.flatnonzero(q > seen)[0]
+    assert kept == 0.0 or torque[sight] > 1.05 * LEVEL
     rests, resting = t < t[sight] + 0.2, t < broke - 0.1
     rests[0] = resting[0] = False
     ((last, peak, way),) = withstood(rests, resting, torque, q, np.sign(np.gradient(q)), seen, 0)
