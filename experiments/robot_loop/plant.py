@@ -22,9 +22,10 @@ class Plant:
     Args:
         file: MJCF of the model that the controller has, too.
         hidden: what this robot has beyond it, by name; J numbers each: ``viscous`` [Nm s/rad],
-            ``coulomb`` [Nm], ``load_friction`` (friction over torque), ``mass`` of the links [kg],
-            ``ripple`` [Nm] and its ``period`` [rad]; ``payload`` [kg] and ``payload_com`` [m] in
-            the last link's frame; ``noise`` and ``count`` of the encoders [rad].
+            ``coulomb`` [Nm], ``load_friction`` (friction over the torque that other friction
+            leaves), ``mass`` of the links [kg], ``ripple`` [Nm] and its ``period`` [rad];
+            ``payload`` [kg] and ``payload_com`` [m] in the last link's frame; ``noise`` and
+            ``count`` of the encoders [rad].
         home: position (J,) [rad] where it begins at rest.
         seed: of the encoders' noise.
     """
@@ -44,7 +45,8 @@ class Plant:
         self.spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
         self.model = self.spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.model.dof_damping[:] = hidden["viscous"]
+        self.viscous = np.array(hidden["viscous"])
+        self.model.dof_damping[:] = self.viscous
         self.data.qpos[:] = home
         names = ("coulomb", "load_friction", "ripple")
         self.coulomb, self.load, self.ripple = (np.array(hidden[name]) for name in names)
@@ -73,7 +75,9 @@ class Plant:
         Closed brakes take the drives' torque away.
         """
         tau = np.zeros(self.joints) if self.braked else np.clip(command, -self.limit, self.limit)
-        friction = self.coulomb + self.load * np.abs(tau)
+        qd = self.data.qvel
+        passed = tau - self.viscous * qd - self.coulomb * np.sign(qd)
+        friction = self.coulomb + self.load * np.abs(passed)
         self.model.dof_frictionloss[:] = BRAKE * self.limit if self.braked else friction
         for _ in range(FINER):
             self.data.qfrc_applied[:] = tau + self.ripple * np.sin(self.wave * self.data.qpos)

@@ -116,9 +116,11 @@ class Effect(struct.PyTreeNode):
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         """Return the level (J,) >= 0 [N or Nm] of dry friction.
 
-        It is the largest torque with which the effect opposes motion or prevents it. ``direction``
-        (J,) is the velocity that the joint would have without dry friction [m/s or rad/s]; where
-        ``qd`` is zero its sign is that of the impending motion.
+        It is the largest torque with which the effect opposes motion or prevents it. ``tau`` (J,)
+        is the torque that passes the gear: what friction that needs no load leaves of the delivered
+        one (:func:`jaxidl.effects.load.load`). ``direction`` (J,) is the velocity that the joint
+        would have without dry friction [m/s or rad/s]; where ``qd`` is zero its sign is that of the
+        impending motion.
         """
         return jnp.zeros_like(qd)
 

@@ -16,7 +16,8 @@ from jaxidl.types import Joints, Scalar
 class DirectionalLoadFriction(Effect):
     """−μ·|tau|·sign(qd) with different μ for driving and for being driven.
 
-    One holds where the motor drives the joint, the other where the joint drives the motor.
+    One holds where the motor drives the joint, the other where the joint drives the motor; tau is
+    the torque that passes the gear (:mod:`jaxidl.effects.load`).
     """
 
     driving: Joints  # (J,) μ where torque and motion have the same sign [1]

@@ -157,7 +157,10 @@ class CoupledFriction(Effect):
 
 
 class LoadDependentFriction(Effect):
-    """−μ·|tau|·sign(qd), tau being the delivered torque: gears and screws under load."""
+    """−μ·|tau|·sign(qd): gears and screws under load.
+
+    tau is the torque that passes the gear (:mod:`jaxidl.effects.load`).
+    """
 
     coefficient: Joints  # (J,) μ [1]
 

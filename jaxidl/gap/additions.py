@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects.load import dissipates, unloaded_friction
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
@@ -33,6 +34,7 @@ class Drive(NamedTuple):
     qdd: Any
     tau: Any  # command as logged
     predicted: Any  # command as predicted by the model
+    load: Any  # the torque that passes the gear
     table: Tables
 
 
@@ -54,6 +56,7 @@ def additions(
     tau: np.ndarray,
     predicted: np.ndarray,
     undone: bool = False,
+    unloaded: np.ndarray | float = 0.0,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
 
@@ -64,13 +67,15 @@ def additions(
             same static fields.
         signals: the log, N rows of T instants.
         tau: commands (T, J) that arrive at their ``actuate`` [N or Nm].
-        predicted: commands (T, J) that their ``torque`` and ``dry`` read [N or Nm].
+        predicted: commands (T, J) that their ``torque`` reads [N or Nm].
         undone: true if the effects' changes of the encoders are already undone in the signals, so
             that they are not counted again.
+        unloaded: torques (T, J) of :func:`unloaded_along`. With them, ``predicted`` is the load
+            that their ``dry`` reads.
     """
     joints = signals.q.shape[1]
     columns, inner, places = narrowed(effects)
-    drive, starts = driven(signals, tau, predicted, columns)
+    drive, starts = driven(signals, tau, predicted, predicted + unloaded, columns)
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(inner), SIDE_BY_SIDE):
         part = inner[first : first + SIDE_BY_SIDE]
@@ -91,6 +96,23 @@ def additions(
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
     return out, delivered
+
+
+def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray) -> np.ndarray:
+    """Return the torque (T, J) [N or Nm] along a log of all friction that needs no load.
+
+    ``tau`` (T, J) are the commands that the motors deliver. A joint at rest breaks away the way
+    that the model's torque pushes it.
+    """
+    friction = [effect for effect in effects if dissipates(effect)]
+    if not friction:
+        return np.zeros_like(signals.q)
+    at = np.clip(np.searchsorted(signals.rows, np.arange(len(signals.q))), 0, len(signals.rows) - 1)
+    impending = np.where(signals.pushed[at], 1.0, -1.0)
+    direction = np.where(signals.resting, impending, signals.qd)
+    speed = np.where(signals.resting, 0.0, signals.qd)
+    along = jax.vmap(partial(unloaded_friction, friction))
+    return np.asarray(along(signals.q, speed, tau, direction))
 
 
 Columns = slice | list[int]  # joints
@@ -144,15 +166,15 @@ def _sliced(table: Tables, columns: Columns) -> Tables:
 
 
 def driven(
-    signals: Signals, tau: np.ndarray, predicted: np.ndarray, columns: Columns
+    signals: Signals, tau: np.ndarray, predicted: np.ndarray, load: np.ndarray, columns: Columns
 ) -> tuple[Drive, np.ndarray]:
     """Return the inputs of effects on some joints, and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
     q, qd, qdd, *torques = (
-        x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted)
+        x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted, load)
     )
-    return Drive(q, qd, qdd, torques[0], torques[1], _sliced(signals.tables, columns)), starts
+    return Drive(q, qd, qdd, *torques, _sliced(signals.tables, columns)), starts
 
 
 @partial(jit_quickly, static_argnames=("structure", "dt"))
@@ -185,18 +207,18 @@ def along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
         command = effect.seen(drive.tau, drive.predicted)
         change = _delivered(effect, drive._replace(tau=command), starts, dt) - command
 
-    def instant(q: Any, qd: Any, qdd: Any, tau: Any, table: Any) -> Any:
+    def instant(q: Any, qd: Any, qdd: Any, tau: Any, load: Any, table: Any) -> Any:
         body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
         rest, one = jnp.zeros_like(q), jnp.ones_like(q)
         levels = (
-            effect.dry(q, qd, tau, qd),
-            effect.dry(q, rest, tau, one),
-            effect.dry(q, rest, tau, -one),
+            effect.dry(q, qd, load, qd),
+            effect.dry(q, rest, load, one),
+            effect.dry(q, rest, load, -one),
         )
         return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
 
     torque, level, up, down, inertia = jax.vmap(instant)(
-        drive.q, drive.qd, drive.qdd, drive.predicted, drive.table
+        drive.q, drive.qd, drive.qdd, drive.predicted, drive.load, drive.table
     )
     return Terms(
         change,

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.effects import CATALOGUE, Effect
-from jaxidl.gap.additions import additions
+from jaxidl.gap.additions import additions, unloaded_along
 from jaxidl.gap.library import alignments, noise_of, residual, upsampled
 from jaxidl.gap.rows import Rows, rows_of
 from jaxidl.gap.score import Score
@@ -35,10 +35,13 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
+    unloaded = rows.unloaded + unloaded_along(more, signals, tau)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
-            added, tau = additions([effect], signals, tau, predicted + tau - rows.tau)
+            added, tau = additions(
+                [effect], signals, tau, predicted + tau - rows.tau, unloaded=unloaded
+            )
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)

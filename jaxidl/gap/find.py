@@ -12,7 +12,7 @@ from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.confirm import confirmed
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
-from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled
+from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled, with_friction
 from jaxidl.gap.objections import nameable
 from jaxidl.gap.prior import compact
 from jaxidl.gap.rivals import Tie, contested, tied
@@ -91,7 +91,7 @@ def find(
     ties: list[Tie] = []
     if resample:
         anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
-        anew = seen_anew(anew, now, rows, load_of(rows, now), reads_load)
+        anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
         ties = tied(anew, now, library, predicted)
     return Found(library, narrow, now, whole, predicted, said, ties, banned | weak)
 
@@ -142,7 +142,7 @@ def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
         reading = [s for s in shapes if reads_load(s) and not movable(s)]
         if not reading:
             break
-        fresh = items_of(reading, rows, load_of(rows, now), score.items)
+        fresh = items_of(reading, with_friction(rows, now), load_of(rows, now), score.items)
         score, members = exchanged(score, now, fresh, rows)
         now, before = score.solve(members), now
         if np.allclose(now.x, before.x, rtol=STEADY):
@@ -186,7 +186,8 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
         if movable(m.shape):
             fresh.append(fitted(m, now, rows, predicted, library.score))
         elif reads_load(m.shape):
-            fresh += items_of([m.shape], rows, load_of(rows, now), library.score.items)
+            load = load_of(rows, now)
+            fresh += items_of([m.shape], with_friction(rows, now), load, library.score.items)
         elif (load := compact(m, now, rows, score, predicted)) is not None:
             fresh.append(load)
     return fresh

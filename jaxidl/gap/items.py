@@ -66,7 +66,11 @@ def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> li
     out: list[np.ndarray] = [np.zeros(0)] * len(jobs)
     for numbers in together.values():
         added, _ = additions(
-            [p for n in numbers for p in jobs[n][1]], rows.signals, rows.tau, predicted
+            [p for n in numbers for p in jobs[n][1]],
+            rows.signals,
+            rows.tau,
+            predicted,
+            unloaded=rows.unloaded,
         )
         for n, part in zip(
             numbers,

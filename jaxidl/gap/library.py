@@ -13,6 +13,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Scale
+from jaxidl.gap.additions import unloaded_along
 from jaxidl.gap.gram import Anchor, Item, samples_alike
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import links_of
@@ -21,7 +22,7 @@ from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.recurrence import copies
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution, correlation_time
-from jaxidl.gap.shape import Present, shapes_of
+from jaxidl.gap.shape import Present, effect_at, shapes_of, vector
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
 
@@ -160,6 +161,7 @@ def library(
     rows = rows.evened(left)
     noise, effective = noise_of(rows, left)
     predicted = upsampled(rows, rows.command - left)
+    rows = with_friction(rows, envelope)
     alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
     common = [plausible(i, links, alike) for i in common]
     shared = (
@@ -260,6 +262,16 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
     acting = [m for m in found.members if m.actuates]
     held_back = rows.gap - residual_on(rows, found, range(rows.gap.shape[1]), acting)
     return upsampled(rows, rows.command - residual(rows, found) - held_back)
+
+
+def with_friction(rows: Rows, found: Solution) -> Rows:
+    """Return the rows with the friction of a set that needs no load; it reduces the load."""
+    own = [
+        effect_at(m.shape, vector(m.shape, found.x[found.of(m)]))
+        for m in found.members
+        if m.shape is not None and m.shape.cls.friction
+    ]
+    return rows._replace(unloaded=unloaded_along([*rows.effects, *own], rows.signals, rows.tau))
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
-from jaxidl.gap.additions import additions
+from jaxidl.gap.additions import additions, unloaded_along
 from jaxidl.gap.recurrence import returns
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
@@ -42,6 +42,7 @@ class Rows(NamedTuple):
     spread: Float[np.ndarray, " J"]  # spread of the command [N or Nm]
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     friction: Float[np.ndarray, "N J"]  # torque that the model's own friction needs [N or Nm]
+    unloaded: Float[np.ndarray, "T J"]  # torque of friction that needs no load [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
     # (J,) by how much later torques are assumed to be logged [s]
@@ -107,9 +108,9 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     for j, peaks in enumerate(signals.peaks):
         at = np.searchsorted(rows, peaks[:, 0])
         gap[at, j], used[at, j] = peaks[:, 1], True
-    friction = np.zeros_like(gap)
+    friction, unloaded = np.zeros_like(gap), unloaded_along(effects, signals, tau)
     for effect in effects:
-        added, tau = additions([effect], signals, tau, tau, undone=True)
+        added, tau = additions([effect], signals, tau, tau, undone=True, unloaded=unloaded)
         gap = gap - added[0]
         friction += added[0] if inner(effect).friction else 0.0
     command = signals.command(tau)[rows]
@@ -127,6 +128,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         spread,
         tau,
         friction,
+        unloaded,
         signals,
         tuple(effects),
         returns=returns(signals),

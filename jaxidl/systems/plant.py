@@ -8,6 +8,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects.load import dissipates, load
 from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
 
@@ -80,7 +81,8 @@ class Plant(struct.PyTreeNode):
         if not dry:
             return qdd
         free = qd + dt * qdd
-        return qdd - mobility @ friction_torque(free / dt, mobility, self.grip(q, qd, tau, free))
+        grip = self.grip(q, qd, load(self.effects, q, qd, tau, free), free)
+        return qdd - mobility @ friction_torque(free / dt, mobility, grip)
 
     def damping(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         """Return by how much (J,) [N s/m] a joint's own speed reduces the torque on it, or zero."""
@@ -90,12 +92,12 @@ class Plant(struct.PyTreeNode):
 
         return jnp.maximum(-jnp.diagonal(jax.jacfwd(torque)(qd)), 0.0)
 
-    def grip(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+    def grip(self, q: Joints, qd: Joints, load: Joints, direction: Joints) -> Joints:
         """Return the level (J,) [N or Nm] of all dry friction together.
 
-        See :meth:`jaxidl.effects.Effect.dry`.
+        See :meth:`jaxidl.effects.Effect.dry`; ``load`` (J,) is what passes the gears.
         """
-        levels = (effect.dry(q, qd, tau, direction) for effect in self.effects if _grips(effect))
+        levels = (effect.dry(q, qd, load, direction) for effect in self.effects if _grips(effect))
         return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
@@ -104,17 +106,19 @@ class Plant(struct.PyTreeNode):
         A corrected model can thus command as a body does. Friction of a joint at rest is overcome
         in the direction of ``qdd``. What the motor and the encoders do to a command over time (lag,
         delay, hidden states) has no inverse at one instant and is left out; friction that depends
-        on the torque is that of the torque without it.
+        on the load is that of the torque without it.
         """
-        body, torque = self.body, jnp.zeros_like(qd)
+        body = self.body
+        torque, rubbed = jnp.zeros_like(qd), jnp.zeros_like(qd)
         for effect in self.effects:
             body = effect.alter(body)
         needed = body.inverse_dynamics(q, qd, qdd)
         for effect in self.effects:
-            torque = torque + effect.torque(q, qd, needed)
-        needed = needed - torque
+            added = effect.torque(q, qd, needed)
+            torque, rubbed = torque + added, rubbed + (added if dissipates(effect) else 0.0)
         direction = jnp.where(jnp.abs(qd) > 0.0, qd, qdd)
-        return needed + self.grip(q, qd, needed, direction) * jnp.sign(direction)
+        grip = self.grip(q, qd, needed - torque + rubbed, direction)
+        return needed - torque + grip * jnp.sign(direction)
 
     def step(
         self,

@@ -93,6 +93,24 @@ def test_load_dependent_friction_takes_a_share_of_the_delivered_torque():
     assert q[-1] == pytest.approx(4.0 / 2.0 * 0.5**2 / 2.0)
 
 
+@pytest.mark.parametrize(("tau", "load"), [(10.0, 5.0), (-5.0, -10.0)])
+def test_friction_under_load_reads_what_other_friction_leaves(tau, load):
+    """3 Nm of viscous and 2 Nm of dry friction; a spring acts behind the gear."""
+    other = (
+        fx.ViscousFriction(one(3.0)),
+        fx.Spring(one(4.0), one(0.0)),
+        fx.CoulombFriction(one(2.0)),
+    )
+    plant = Plant(point_mass(2.0, 1), (*other, fx.LoadDependentFriction(one(0.2))))
+    state = State(one(0.5), one(1.0))
+    (qdd,) = plant.acceleration(state, one(tau), DT)
+    assert qdd == pytest.approx((tau - 3.0 - 2.0 - 2.0 - 0.2 * abs(load)) / 2.0)
+    # inverse dynamics reads the load without the friction that depends on it
+    without = 2.0 * qdd + 2.0
+    (needed,) = plant.inverse_dynamics(*state, one(qdd))
+    assert needed == pytest.approx(without + 3.0 + 2.0 + 0.2 * abs(without))
+
+
 @pytest.mark.parametrize(
     ("effect", "speed"),
     [

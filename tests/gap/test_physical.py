@@ -228,6 +228,7 @@ def test_where_ties_are_sought_effects_read_the_predicted_command(
     lib = library(rows, ("viscous_friction", "load_dependent_friction"), {})
     before = lib.score
     torque = 3.0 * lib.predicted
+    rows = lib.rows._replace(unloaded=3.0 * lib.rows.unloaded)
     assert seen_anew(before, before.solve([]), rows, torque, acts_on_predicted) is before
     after = seen_anew(before, before.solve([]), rows, torque, reads_load)
     for old, new in zip(

@@ -71,7 +71,7 @@ def rows_with(gap, seed=0):
     used[100:140:2, 1] = False
     command = rng.normal(0.0, 2.0, (N, JOINTS))
     floor, spread = np.full(JOINTS, 1e-3), np.ones(JOINTS)
-    return Rows(gap, command, used, block, floor, spread, command, 0.0 * gap, SIGNALS)  # type: ignore[arg-type]
+    return Rows(gap, command, used, block, floor, spread, command, 0.0 * gap, 0.0 * gap, SIGNALS)  # type: ignore[arg-type]
 
 
 def item(name, columns, joints=(0,), low=-FAR, high=FAR, **more):

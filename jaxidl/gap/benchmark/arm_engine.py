@@ -166,8 +166,9 @@ class _Arm:
             effect.start(step, float(position[effect.joint]), float(command[effect.joint]))
         number = list(enumerate(hidden))
         self.motor = [(n, e.joint, e.actuate) for n, e in number if has(e, "actuate")]
-        self.smooth = [(n, e.joint, e.torque) for n, e in number if has(e, "torque")]
-        self.rough = [(n, e.joint, e.dry) for n, e in number if has(e, "dry")]
+        self.smooth = [(n, e.joint, e.torque, e.friction) for n, e in number if has(e, "torque")]
+        self.rough = [(n, e.joint, e.dry) for n, e in number if has(e, "dry") and not e.loaded]
+        self.loaded = [(n, e.joint, e.dry) for n, e in number if e.loaded]
         self.gears = [(n, e.joint, e.transmit) for n, e in number if isinstance(e, JointElasticity)]
         self.spreads = [(n, e.spread) for n, e in number if has(e, "spread")]
         self.wrong = [(e.joint, e.misread) for e in hidden if has(e, "misread")]
@@ -222,17 +223,21 @@ class _Arm:
                 force[j] = transmit(q[j], qd[j], delivered[j])
                 if noting is not None:
                     noting[n, j] += force[j] - delivered[j]
-            for n, j, torque in self.smooth:
+            load = delivered.copy()
+            for n, j, torque, friction in self.smooth:
                 more = torque(t, q, qd, delivered[j])
                 force[j] += more
+                load[j] += more if friction else 0.0
                 if noting is not None:
                     noting[n, j] += more
-            if self.rough:
-                self._rub(q, qd, delivered, noting, rest)
-            if noting is not None:
+            if self.loaded or noting is not None:
                 for n, passive in self.both:
                     for j, more in passive(qd).items():
-                        noting[n, j] += more
+                        load[j] += more
+                        if noting is not None:
+                            noting[n, j] += more
+            if self.rough or self.loaded:
+                self._rub(q, qd, load, noting, rest)
             data.qfrc_applied[:] = force
             mujoco.mj_step(model, data)
             self.count += 1
@@ -244,22 +249,25 @@ class _Arm:
         self,
         q: list[float],
         qd: list[float],
-        delivered: list[float],
+        load: list[float],
         noting: Array | None,
         joints: range,
     ) -> None:
         """Set the levels of dry friction for this step.
 
-        Levels of several effects on one joint are added.
+        Levels of several effects on one joint are added. ``load`` is what other friction leaves of
+        the motors' torques; dry friction that needs no load reduces it further.
         """
         sliding, bears = [0.0] * len(q), [0.0] * len(q)
-        for n, j, dry in self.rough:
-            forward, backward, rest = dry(q[j], qd[j], delivered[j])
-            level = forward if qd[j] > 0 else backward
-            sliding[j] += level
-            bears[j] = max(bears[j], rest)
-            if noting is not None and abs(qd[j]) > 1e-3:
-                noting[n, j] -= math.copysign(level, qd[j])
+        for group in (self.rough, self.loaded):
+            left = [x - math.copysign(s, v) for x, s, v in zip(load, sliding, qd, strict=True)]
+            for n, j, dry in group:
+                forward, backward, rest = dry(q[j], qd[j], left[j])
+                level = forward if qd[j] > 0 else backward
+                sliding[j] += level
+                bears[j] = max(bears[j], rest)
+                if noting is not None and abs(qd[j]) > 1e-3:
+                    noting[n, j] -= math.copysign(level, qd[j])
         still = 1e-5  # rad/s
         self.model.dof_frictionloss[:] = [
             max(sliding[j], bears[j]) if abs(qd[j]) < still else sliding[j] for j in joints

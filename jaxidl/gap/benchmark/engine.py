@@ -121,8 +121,10 @@ class _Plant:
             effect.start(step, float(position[effect.joint]), float(command[effect.joint]))
         self.step, self.count = step, 0
         self.motor = [(e.joint, e.actuate) for e in hidden if has(e, "actuate")]
-        self.smooth = [(e.joint, e.torque) for e in hidden if has(e, "torque")]
-        self.rough = [(e.joint, e.dry) for e in hidden if has(e, "dry")]
+        self.smooth = [(e.joint, e.torque, e.friction) for e in hidden if has(e, "torque")]
+        self.rough = [(e.joint, e.dry) for e in hidden if has(e, "dry") and not e.loaded]
+        self.loaded = [(e.joint, e.dry) for e in hidden if e.loaded]
+        self.both = [e.passive for e in hidden if has(e, "passive")] if self.loaded else []
         self.spreads = [e.spread for e in hidden if has(e, "spread")]
         self.wrong = [(e.joint, e.misread) for e in hidden if has(e, "misread")]
         self.gears = [(e.joint, e.transmit) for e in hidden if isinstance(e, JointElasticity)]
@@ -153,24 +155,39 @@ class _Plant:
             force = delivered.copy()
             for j, transmit in self.gears:
                 force[j] = transmit(position[j], speed[j], delivered[j])
-            for j, torque in self.smooth:
-                force[j] += torque(t, position, speed, delivered[j])
-            if self.rough:
-                self._rub(position, speed, delivered, force)
+            load = delivered.copy()
+            for j, torque, friction in self.smooth:
+                more = torque(t, position, speed, delivered[j])
+                force[j] += more
+                load[j] += more if friction else 0.0
+            if self.rough or self.loaded:
+                self._rub(position, speed, load, force)
             applied[:] = force
             second(model, data)
             self.count += 1
             path.append(q.tolist())
 
-    def _rub(self, q: Floats, qd: Floats, delivered: Floats, force: Floats) -> None:
-        """Add dry friction to ``force``; levels of several effects on one joint are added."""
+    def _rub(self, q: Floats, qd: Floats, load: Floats, force: Floats) -> None:
+        """Add dry friction to ``force``; levels of several effects on one joint are added.
+
+        ``load`` is what smooth friction leaves of the motors' torques; other dry friction reduces
+        the load before friction under load reads it.
+        """
         levels: dict[int, Level] = {}
-        for j, dry in self.rough:
-            more, (forward, backward, rest) = (
-                dry(q[j], qd[j], delivered[j]),
-                levels.get(j, (0.0, 0.0, 0.0)),
-            )
+
+        def add(j: int, more: Level) -> None:
+            forward, backward, rest = levels.get(j, (0.0, 0.0, 0.0))
             levels[j] = forward + more[0], backward + more[1], max(rest, more[2])
+
+        for j, dry in self.rough:
+            add(j, dry(q[j], qd[j], load[j]))
+        for passive in self.both:
+            for j, more in passive(qd).items():
+                load[j] += more
+        for j, (forward, backward, _) in levels.items():
+            load[j] -= forward if qd[j] > 0 else -backward
+        for j, dry in self.loaded:
+            add(j, dry(q[j], qd[j], load[j]))
         net = [f - b for f, b in zip(force, self.data.qfrc_bias.tolist(), strict=True)]
         m = self.data.M.tolist()  # lower triangle, row after row
         friction = rub(levels, qd, net, [m] if len(m) == 1 else [m[:2], m[1:]], self.step)

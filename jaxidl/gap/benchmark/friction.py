@@ -2,12 +2,14 @@
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jaxidl.gap.benchmark.injected import Floats, Injected
 
 
 @dataclass
 class ViscousFriction(Injected):
+    friction: ClassVar[bool] = True
     coefficient: float
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
@@ -16,6 +18,7 @@ class ViscousFriction(Injected):
 
 @dataclass
 class QuadraticDrag(Injected):
+    friction: ClassVar[bool] = True
     coefficient: float
 
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
@@ -24,38 +27,42 @@ class QuadraticDrag(Injected):
 
 @dataclass
 class CoulombFriction(Injected):
+    friction: ClassVar[bool] = True
     level: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         return self.level, self.level, 0.0
 
 
 @dataclass
 class AsymmetricFriction(Injected):
+    friction: ClassVar[bool] = True
     positive: float
     negative: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         return self.positive, self.negative, 0.0
 
 
 @dataclass
 class StribeckFriction(Injected):
+    friction: ClassVar[bool] = True
     sliding: float
     excess: float
     speed: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         level = self.sliding + self.excess * math.exp(-((qd / self.speed) ** 2))
         return level, level, self.sliding + self.excess
 
 
 @dataclass
 class Stiction(Injected):
+    friction: ClassVar[bool] = True
     breakaway: float
     sliding: float = 0.0
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         return self.sliding, self.sliding, self.breakaway
 
 
@@ -66,6 +73,7 @@ class PositionDependentFriction(Injected):
     It is viscous with ``kind="viscous"``.
     """
 
+    friction: ClassVar[bool] = True
     level: float
     variation: float
     period: float
@@ -80,17 +88,18 @@ class PositionDependentFriction(Injected):
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         return -self.coefficient(q[self.joint]) * qd[self.joint] if self.kind == "viscous" else 0.0
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         level = 0.0 if self.kind == "viscous" else self.coefficient(q)
         return level, level, 0.0
 
 
 @dataclass
 class LoadDependentFriction(Injected):
+    loaded: ClassVar[bool] = True
     coefficient: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        level = self.coefficient * abs(delivered)
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
+        level = self.coefficient * abs(load)
         return level, level, 0.0
 
 
@@ -98,6 +107,7 @@ class LoadDependentFriction(Injected):
 class CoupledFriction(Injected):
     """Viscous friction whose coefficient is a sine of another joint's position."""
 
+    friction: ClassVar[bool] = True
     other: int
     level: float
     variation: float

@@ -5,6 +5,7 @@ They can be imitated, which makes them the harder half.
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from jaxidl.gap.benchmark.injected import Floats, Injected
 
@@ -36,9 +37,10 @@ class AccelerationFriction(_Accelerated):
     Gear teeth are pressed together by the inertia behind them.
     """
 
+    friction: ClassVar[bool] = True
     coefficient: float = 0.0
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         level = self.coefficient * abs(self.feel(qd))
         return level, level, 0.0
 
@@ -74,10 +76,11 @@ class TorqueDeadband(Injected):
 class RootLoadFriction(Injected):
     """Dry friction in proportion to the square root of the load."""
 
+    loaded: ClassVar[bool] = True
     coefficient: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        level = self.coefficient * math.sqrt(abs(delivered))
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
+        level = self.coefficient * math.sqrt(abs(load))
         return level, level, 0.0
 
 
@@ -96,6 +99,7 @@ class ElasticCoupling(Injected):
 class CableDrag(Injected):
     """Drag of a cable that grows the further two joints together are from the middle."""
 
+    friction: ClassVar[bool] = True
     other: int
     coefficient: float
 

@@ -7,7 +7,7 @@ Positions in m or rad, torques in N or Nm, times in s.
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import mujoco as _mujoco
 import numpy as np
@@ -51,6 +51,8 @@ class Injected:
     """One hidden effect; this base class changes nothing."""
 
     joint: int
+    friction: ClassVar[bool] = False  # whether it is friction that needs no load
+    loaded: ClassVar[bool] = False  # whether it is friction under load
 
     def alter(self, spec: Any) -> None:
         """Change the true mechanism before it is compiled."""
@@ -84,10 +86,11 @@ class Injected:
         """Return a smooth torque on the joint."""
         return 0.0
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
         """Return dry friction: its level when moving forward, backward, and at rest.
 
-        The last one is the level that it withstands at rest if that is larger.
+        The last one is the level that it withstands at rest if that is larger. ``load`` is the
+        torque that passes the gear.
         """
         return 0.0, 0.0, 0.0
 

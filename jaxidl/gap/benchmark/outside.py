@@ -5,6 +5,7 @@ Naming an effect of the catalogue for one of them is wrong.
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 from jaxidl.gap.benchmark.imitable import IMITABLE
 from jaxidl.gap.benchmark.injected import Floats, Injected
@@ -75,6 +76,7 @@ class CubicSpring(Injected):
 class MemoryDrag(Injected):
     """Drag of a fluid that has to be accelerated: it follows the speed with a lag."""
 
+    friction: ClassVar[bool] = True
     coefficient: float
     memory: float
     _speed: float = field(default=0.0, init=False, repr=False)

@@ -5,7 +5,7 @@ It has errors of links, a tilted base, and friction and motors of real gears.
 
 import math
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -73,15 +73,13 @@ class DirectionalLoadFriction(Injected):
     The share where the motor drives differs from that where it is driven.
     """
 
+    loaded: ClassVar[bool] = True
     driving: float
     driven: float
 
-    def dry(self, q: float, qd: float, delivered: float) -> tuple[float, float, float]:
-        load = abs(delivered)
-        forward, backward = (
-            (self.driving, self.driven) if delivered > 0 else (self.driven, self.driving)
-        )
-        return forward * load, backward * load, 0.0
+    def dry(self, q: float, qd: float, load: float) -> tuple[float, float, float]:
+        forward, backward = (self.driving, self.driven) if load > 0 else (self.driven, self.driving)
+        return forward * abs(load), backward * abs(load), 0.0
 
 
 @dataclass
@@ -92,6 +90,7 @@ class ThermalFriction(Injected):
     has done.
     """
 
+    friction: ClassVar[bool] = True
     excess: float
     warm: float = 0.0
     time_constant: float = math.inf
@@ -131,6 +130,7 @@ class SublinearFriction(Injected):
     It is ``coefficient`` · |speed|^``power``, against the motion.
     """
 
+    friction: ClassVar[bool] = True
     coefficient: float
     power: float = 0.5
 
@@ -151,6 +151,7 @@ class CoupledJointFriction(Injected):
     It is the engine's own tendon.
     """
 
+    friction: ClassVar[bool] = True
     other: int
     coefficient: float
     level: float = 0.0

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from jaxidl.gap.benchmark.arm_engine import Sensors, run_arm
 from jaxidl.gap.benchmark.believed import (
     NOISE,
     QUANTUM,
@@ -139,6 +140,32 @@ def test_effect_is_the_torque_of_its_formula(name):
     assert np.dot(wanted, found) / np.dot(wanted, wanted) == pytest.approx(1, abs=0.03)
     # what is left is where the joint turns round
     assert np.linalg.norm(wanted - found) < 0.16 * np.linalg.norm(wanted)
+
+
+def test_friction_under_load_reads_what_other_friction_leaves():
+    """In both engines, the same on one joint."""
+    xml = MECHANISMS["pendulum"]
+    hidden = [
+        make("viscous_friction", 0, {"coefficient": 0.4}),
+        make("coulomb_friction", 0, {"level": 0.6}),
+        make("load_dependent_friction", 0, {"coefficient": 0.3}),
+    ]
+
+    def formula(qd, tau, left):
+        other = -0.4 * qd - 0.6 * np.sign(qd)
+        return other - 0.3 * np.abs(tau + left * other) * np.sign(qd)
+
+    log = run(xml, hidden, 4, SHORT)
+    speed = np.gradient(log.wanted, 0.002, axis=0)
+    wanted = log.wanted, speed, np.gradient(speed, 0.002, axis=0)
+    arm = run_arm(xml, hidden, wanted, 500.0, Sensors(np.full(1, 1e-6), np.zeros(1), 0))
+    for each in (log, arm):
+        error, _ = residual(xml, each)
+        _, qd, tau = motion(each)
+        moving = np.abs(qd) > 0.05
+        far = [np.linalg.norm((low(formula(qd, tau, left)) + error)[moving]) for left in (1.0, 0.0)]
+        assert far[0] < 0.12 * np.linalg.norm(error[moving])
+        assert far[0] < 0.7 * far[1]  # the motor's own torque as the load
 
 
 def test_inertia_that_varies_with_position_keeps_the_energy():
