@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects.load import dissipates
 from jaxidl.gap.additions import Drive, along, narrowed, reaches
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.mujoco_body import MujocoBody
@@ -28,6 +29,7 @@ class Family(NamedTuple):
     where: np.ndarray
     whole: bool  # they see all joints
     sensors: bool  # they change what the encoders read
+    friction: bool
     places: tuple[int, ...]  # (G,) in the list that they come from
 
 
@@ -119,7 +121,13 @@ def _family(effects: list[Any], places: tuple[int, ...]) -> Family:
         for each in zip(*map(jax.tree.leaves, alone), strict=True)
     )
     return Family(
-        jax.tree.structure(alone[0]), leaves, where, whole, any(map(on_encoders, effects)), places
+        jax.tree.structure(alone[0]),
+        leaves,
+        where,
+        whole,
+        any(map(on_encoders, effects)),
+        dissipates(first),
+        places,
     )
 
 
@@ -129,12 +137,18 @@ def driven(
     """Return what drives effects along a motion (T, J) sampled every ``dt`` [s].
 
     The torque is that of the ``body`` and of the model's ``own`` effects, friction included, whose
-    sign changes within about ``rest`` (J,) [m/s or rad/s].
+    sign changes within about ``rest`` (J,) [m/s or rad/s]; the load is that torque without
+    friction.
     """
     tables = jax.vmap(lambda *x: table(body, *x))(q, qd, qdd)
-    drive = Drive(q, qd, qdd, tables.torque, tables.torque, tables)
-    more = sum((added(f, drive, body, rest, dt).sum(0) for f in own), jnp.zeros_like(q))
-    return drive._replace(tau=drive.tau + more, predicted=drive.predicted + more)
+    torque = tables.torque
+    drive = Drive(q, qd, qdd, torque, torque, torque, tables)
+    load = torque
+    for f in own:
+        more = added(f, drive, body, rest, dt).sum(0)
+        torque = torque + more
+        load = load + (0.0 if isinstance(f, Family) and f.friction else more)
+    return drive._replace(tau=torque, predicted=torque, load=load)
 
 
 def added(
@@ -172,8 +186,7 @@ def _of(drive: Drive, where: Any) -> Drive:
     T, n = len(drive.q), where.shape[0]
     sizes = ((n,), *((n, n),) * 4, (n, n, 10), (n, 10), (n, 3), (n, 2))
     blank = Tables(*(jnp.zeros((T, *size)) for size in sizes))
-    q, qd, qdd, tau, predicted = (x[:, where] for x in drive[:5])
-    return Drive(q, qd, qdd, tau, predicted, blank)
+    return Drive._make([*(x[:, where] for x in drive[:-1]), blank])
 
 
 def _net(effect: Any, drive: Drive, starts: Any, rest: Any, dt: float) -> jax.Array:

@@ -111,8 +111,8 @@ def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray)
     impending = np.where(signals.pushed[at], 1.0, -1.0)
     direction = np.where(signals.resting, impending, signals.qd)
     speed = np.where(signals.resting, 0.0, signals.qd)
-    along = jax.vmap(partial(unloaded_friction, friction))
-    return np.asarray(along(signals.q, speed, tau, direction))
+    at_once: Any = jax.vmap(partial(unloaded_friction, friction))
+    return np.asarray(at_once(signals.q, speed, tau, direction))
 
 
 Columns = slice | list[int]  # joints
@@ -171,10 +171,9 @@ def driven(
     """Return the inputs of effects on some joints, and at which instants (T,) a run begins."""
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
-    q, qd, qdd, *torques = (
-        x[:, columns] for x in (signals.q, signals.qd, signals.qdd, tau, predicted, load)
-    )
-    return Drive(q, qd, qdd, *torques, _sliced(signals.tables, columns)), starts
+    each = (signals.q, signals.qd, signals.qdd, tau, predicted, load)
+    tables = _sliced(signals.tables, columns)
+    return Drive._make([*(x[:, columns] for x in each), tables]), starts
 
 
 @partial(jit_quickly, static_argnames=("structure", "dt"))
