@@ -45,4 +45,3 @@ def test_friction_with_another_law_is_not_named(tmp_path, friction, right):
     assert {f.joint for f in of_load} == {0, 1}
     assert all((f.signs["bent"] == 0.0) is right for f in of_load)
     assert all((f.confidence > 0.9) is right for f in of_load)
-    assert all((f.confidence > 0.85) is right for f in of_load)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxidl.effects import Effect
+from jaxidl.effects.load import dissipates
 from jaxidl.errors import ConfigurationError
 from jaxidl.robot.c.expressions import Writer, symbols, trace
 from jaxidl.robot.c.text import commented
@@ -19,17 +20,21 @@ _HIDDEN = (
 _PROGRAM = """/* adds to the torque of the rigid body what friction and other effects take of it */
 static void effects(const real q[J], const real qd[J], const real qdd[J], real tau[J])
 {{
-    real given[J] = {{0}};
+    real given[J] = {{0}}, rubbed[J] = {{0}};
 {dry_arrays}    int j;
     (void)q;
     (void)qd;
     (void)qdd;
 
-{torque}    for (j = 0; j < J; j++) tau[j] -= given[j];
+{torque}{load}    for (j = 0; j < J; j++) tau[j] -= given[j] + rubbed[j];
 {dry}}}
 """
 
 _DRY_ARRAYS = "    real grip[J] = {0}, direction[J];\n"
+
+_LOAD_ARRAY = "    real load[J];\n"
+
+_LOAD = "    for (j = 0; j < J; j++) load[j] = tau[j] - given[j]; /* what passes the gears */\n"
 
 _DRY = """    for (j = 0; j < J; j++) direction[j] = qd[j] != 0 ? qd[j] : qdd[j];
 
@@ -46,22 +51,28 @@ def effects(given: Sequence[Effect], joints: int) -> str:
     Raises:
         ConfigurationError: for an effect that is not a function of the state at one instant.
     """
-    q, qd, tau, direction = (symbols(name, joints) for name in ("q", "qd", "tau", "direction"))
+    names = ("q", "qd", "tau", "load", "direction")
+    q, qd, tau, load, direction = (symbols(name, joints) for name in names)
     writer, torques, grips = Writer("effect"), [], []
     for number, effect in enumerate(given):
         own = inner(effect)
         _refuse_hidden(own, effect, joints)
         if type(own).torque is not Effect.torque:
             traced = trace(effect.torque, q, qd, tau, what=own.name)
-            torques.append(_lines(writer, effect, traced, "given", number))
+            to = "rubbed" if dissipates(effect) else "given"
+            torques.append(_lines(writer, effect, traced, to, number))
         if type(own).dry is not Effect.dry:
-            traced = trace(effect.dry, q, qd, tau, direction, what=own.name)
+            traced = trace(effect.dry, q, qd, load, direction, what=own.name)
             grips.append(_lines(writer, effect, traced, "grip", number))
     if not torques and not grips:
         return ""
     dry = _DRY.format(grip="".join(grips)) if grips else ""
+    loaded = "load[" in dry
     program = _PROGRAM.format(
-        torque="".join(torques), dry=dry, dry_arrays=_DRY_ARRAYS if grips else ""
+        torque="".join(torques),
+        load=_LOAD if loaded else "",
+        dry=dry,
+        dry_arrays=(_DRY_ARRAYS if grips else "") + (_LOAD_ARRAY if loaded else ""),
     )
     return f"{''.join(writer.tables)}\n{program}".lstrip("\n")
 
