@@ -25,19 +25,18 @@ def load(
         tau: torques (J,) that the motors deliver.
         direction: velocities (J,) without dry friction, as for :meth:`Effect.dry`.
     """
-    return tau + unloaded_friction(effects, q, qd, tau, direction)
+    smooth, level = jnp.zeros_like(qd), jnp.zeros_like(qd)
+    for effect in filter(dissipates, effects):
+        torque, dry = unloaded(effect, q, qd, tau, direction)
+        smooth, level = smooth + torque, level + dry
+    return tau + smooth - jnp.maximum(level, 0.0) * jnp.sign(direction)
 
 
-def unloaded_friction(
-    effects: Sequence[Effect], q: Joints, qd: Joints, tau: Joints, direction: Joints
-) -> Joints:
-    """Return the torque (J,) [N or Nm] of all friction that needs no load, as for :func:`load`."""
-    total, level, none = jnp.zeros_like(qd), jnp.zeros_like(qd), jnp.zeros_like(tau)
-    for effect in effects:
-        if dissipates(effect):
-            total = total + effect.torque(q, qd, tau)
-            level = level + effect.dry(q, qd, none, direction)
-    return total - jnp.maximum(level, 0.0) * jnp.sign(direction)
+def unloaded(
+    effect: Effect, q: Joints, qd: Joints, tau: Joints, direction: Joints
+) -> tuple[Joints, Joints]:
+    """Return the torque (J,) and the level of dry friction (J,) of an effect without a load."""
+    return effect.torque(q, qd, tau), effect.dry(q, qd, jnp.zeros_like(tau), direction)
 
 
 def dissipates(effect: Effect) -> bool:

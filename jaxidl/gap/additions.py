@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.effects.load import dissipates, unloaded_friction
+from jaxidl.effects.load import dissipates, unloaded
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
@@ -56,7 +56,7 @@ def additions(
     tau: np.ndarray,
     predicted: np.ndarray,
     undone: bool = False,
-    unloaded: np.ndarray | float = 0.0,
+    friction: np.ndarray | float = 0.0,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
 
@@ -70,12 +70,12 @@ def additions(
         predicted: commands (T, J) that their ``torque`` reads [N or Nm].
         undone: true if the effects' changes of the encoders are already undone in the signals, so
             that they are not counted again.
-        unloaded: torques (T, J) of :func:`unloaded_along`. With them, ``predicted`` is the load
+        friction: torques (T, J) of :func:`unloaded_along`. With them, ``predicted`` is the load
             that their ``dry`` reads.
     """
     joints = signals.q.shape[1]
     columns, inner, places = narrowed(effects)
-    drive, starts = driven(signals, tau, predicted, predicted + unloaded, columns)
+    drive, starts = driven(signals, tau, predicted, predicted + friction, columns)
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(inner), SIDE_BY_SIDE):
         part = inner[first : first + SIDE_BY_SIDE]
@@ -104,15 +104,31 @@ def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray)
     ``tau`` (T, J) are the commands that the motors deliver. A joint at rest breaks away the way
     that the model's torque pushes it.
     """
-    friction = [effect for effect in effects if dissipates(effect)]
-    if not friction:
-        return np.zeros_like(signals.q)
     at = np.clip(np.searchsorted(signals.rows, np.arange(len(signals.q))), 0, len(signals.rows) - 1)
     impending = np.where(signals.pushed[at], 1.0, -1.0)
-    direction = np.where(signals.resting, impending, signals.qd)
-    speed = np.where(signals.resting, 0.0, signals.qd)
-    at_once: Any = jax.vmap(partial(unloaded_friction, friction))
-    return np.asarray(at_once(signals.q, speed, tau, direction))
+    motion = (
+        signals.q,
+        np.where(signals.resting, 0.0, signals.qd),
+        tau,
+        np.where(signals.resting, impending, signals.qd),
+    )
+    smooth, level = np.zeros_like(signals.q), np.zeros_like(signals.q)
+    for effect in filter(dissipates, effects):
+        columns, (alone,), (where,) = narrowed([effect])
+        if isinstance(alone, OnJoint):
+            alone = alone.replace(joint=where)
+        leaves, structure = jax.tree.flatten(alone)
+        torque, dry = _unloaded(structure, leaves, *(x[:, columns] for x in motion))
+        smooth[:, columns] += np.asarray(torque)
+        level[:, columns] += np.asarray(dry)
+    return smooth - np.maximum(level, 0.0) * np.sign(motion[-1])
+
+
+@partial(jit_quickly, static_argnames="structure")
+def _unloaded(structure: Any, leaves: Any, q: Any, qd: Any, tau: Any, direction: Any) -> Any:
+    """Return torque and level (T, J) of an effect without a load."""
+    effect = jax.tree.unflatten(structure, leaves)
+    return jax.vmap(partial(unloaded, effect))(q, qd, tau, direction)
 
 
 Columns = slice | list[int]  # joints

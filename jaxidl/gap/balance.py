@@ -35,12 +35,12 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    unloaded = rows.unloaded + unloaded_along(more, signals, tau)
+    unloaded = unloaded_along([*own, *more], signals, tau)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
             added, tau = additions(
-                [effect], signals, tau, predicted + tau - rows.tau, unloaded=unloaded
+                [effect], signals, tau, predicted + tau - rows.tau, friction=unloaded
             )
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)

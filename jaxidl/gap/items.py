@@ -70,7 +70,7 @@ def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> li
             rows.signals,
             rows.tau,
             predicted,
-            unloaded=rows.unloaded,
+            friction=rows.unloaded,
         )
         for n, part in zip(
             numbers,

@@ -110,7 +110,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         gap[at, j], used[at, j] = peaks[:, 1], True
     friction, unloaded = np.zeros_like(gap), unloaded_along(effects, signals, tau)
     for effect in effects:
-        added, tau = additions([effect], signals, tau, tau, undone=True, unloaded=unloaded)
+        added, tau = additions([effect], signals, tau, tau, undone=True, friction=unloaded)
         gap = gap - added[0]
         friction += added[0] if inner(effect).friction else 0.0
     command = signals.command(tau)[rows]

@@ -150,7 +150,7 @@ def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) 
     size = np.maximum(SMALL * np.abs(theta), 1e-7 * np.max(np.abs(theta), initial=0.0) + 1e-12)
     step = np.where(theta + size <= upper, size, -size)
     every = [effect_at(shape, row) for row in (theta, *(theta + s for s in np.diag(step)))]
-    added, _ = additions(every, rows.signals, rows.tau, predicted, unloaded=rows.unloaded)
+    added, _ = additions(every, rows.signals, rows.tau, predicted, friction=rows.unloaded)
     return Tangent(added[0], (added[1:] - added[0]) / step[:, None, None])
 
 
