@@ -115,7 +115,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
         return "its standard error does not exclude zero"
     if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
-    other = score.solve(without(now, m))
+    other = score.solve([*without(now, m), *plain(score, now, m)])
     interval = rows.signals.dt
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return "it is hardly more than a sampling interval"
@@ -130,6 +130,21 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if gain(score, other, now)[pick].max() < min_gain:
         return f"it removes less than {min_gain:.0%} of the error"
     return ""
+
+
+def plain(score: Score, now: Solution, m: Item) -> list[Item]:
+    """Return the common friction on a member's joint that the set does without.
+
+    Friction that is not common has to improve on it: two rare laws that bend opposite ways are a
+    straight line, too.
+    """
+    if m.common or not m.shape.cls.friction:
+        return []
+    return [
+        i
+        for i in score.items
+        if i.common and i.shape.cls.friction and i.joints == m.joints and i not in now.members
+    ]
 
 
 def held(m: Item, x: np.ndarray) -> bool:

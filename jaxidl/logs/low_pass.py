@@ -1,8 +1,9 @@
-"""The low-pass H of a log, derivatives, and the band that the encoders' noise allows.
+"""The low-pass H of a log, derivatives, and the band that noise allows.
 
-H is a zero-phase Butterworth of fourth order, forwards and backwards. Its band is where the
+H is a zero-phase Butterworth of fourth order, forwards and backwards. Its band ends where the
 encoder's noise, twice differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the
-commanded torque.
+commanded torque, and not much beyond where no command stands out of its own noise. That noise is
+the encoder's, too, through the controller: in a longer band it would be taken for delays.
 """
 
 from collections.abc import Callable
@@ -16,6 +17,8 @@ from scipy.interpolate import make_interp_spline
 NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
 BAND = (4.0, 100.0)  # least and largest band [Hz]
 HIGHEST_BAND = 0.2  # largest band over the sampling rate
+STANDS_OUT = 4.0  # power of a command over that of its noise
+BEYOND = 1.5  # largest band over the frequency up to which the command stands out
 
 
 @lru_cache(maxsize=16)
@@ -78,11 +81,24 @@ def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
     return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
 
 
-def choose_band(reach: np.ndarray, tau: np.ndarray, dt: float) -> float:
+def heard_to(tau: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
+    """Return up to which frequency [Hz] some joint's command (T, J) stands out of its noise.
+
+    Its noise is what is left above 0.6 of the Nyquist frequency: of the sensor, or of the encoder
+    through the controller.
+    """
+    run = max((tau[s] for s in slices), key=len)
+    frequency, power = signal.welch(run, 1.0 / dt, nperseg=min(4096, len(run) // 8), axis=0)
+    noise = np.median(power[frequency > 0.6 * frequency[-1]], axis=0)
+    above = np.any(power > STANDS_OUT * noise, axis=1)
+    return float(frequency[above].max(initial=0.0))
+
+
+def choose_band(reach: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
     """Return the band [Hz], the same for all joints."""
     spread = np.std(tau, axis=0)
     free = (reach > 0.0) & (spread > 0.0)
-    widest = min(BAND[1], HIGHEST_BAND / dt)
+    widest = min(BAND[1], HIGHEST_BAND / dt, max(BAND[0], BEYOND * heard_to(tau, slices, dt)))
     if not free.any():
         return widest
     unit = noise_torque(reach[free], 1.0, dt)

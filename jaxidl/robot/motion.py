@@ -54,9 +54,10 @@ def moved(
     if qd is not None and qdd is not None:
         return Moved(qd, qdd, wanted)
     if motion == "offline":
-        sigma = encoder_noise(q, (slice(0, len(q)),))
+        whole = (slice(0, len(q)),)
+        sigma = encoder_noise(q, whole)
         reach = np.sqrt(typical_inertia(q, model.plant.body) ** 2 @ sigma**2)
-        band = choose_band(reach, signals["tau"], dt)
+        band = choose_band(reach, signals["tau"], whole, dt)
         smooth = low_pass(q, band, dt)
         slope = derivative(smooth, dt)
         return Moved(
