@@ -22,6 +22,7 @@ from jaxidl.gap.find import find, reread, seen_anew
 from jaxidl.gap.items import beside, items_of
 from jaxidl.gap.library import library, load_of, pushed, residual, rms, scales, upsampled
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
+from jaxidl.gap.objections import objection
 from jaxidl.gap.prior import plausible
 from jaxidl.gap.rows import rows_of
 from jaxidl.gap.shape import acts_on_predicted, reads_load, shapes_of
@@ -364,6 +365,27 @@ def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(two_link):
         assert isinstance(fitted["coulomb_friction", j].effect.effect, CoulombFriction)
 
 
+def test_two_laws_that_bend_opposite_ways_are_no_finding_where_a_straight_one_does(two_link):
+    rub = lambda qd: np.array([0.4, 0.2]) * np.tanh(qd / 1e-3) + np.array([0.5, 0.0]) * qd
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + rub(qd))
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    names = ("viscous_friction", "coulomb_friction", "quadratic_drag", "sublinear_friction")
+    lib = library(rows, names, {})
+    by = {i.key: i for i in lib.score.items if not i.always}
+    aligned = [i for i in lib.score.items if i.always]
+    bent = [by[name, 0] for name in ("quadratic_drag", "sublinear_friction", "coulomb_friction")]
+    now = lib.score.solve([*aligned, *bent, by["coulomb_friction", 1]])
+    straight = lib.score.solve(
+        [*aligned, by["viscous_friction", 0], bent[-1], by["coulomb_friction", 1]]
+    )
+    assert now.error[:, 0].sum() < 1.1 * straight.error[:, 0].sum()  # they explain as much
+    for m in bent[:2]:  # and neither can go
+        without = lib.score.solve([o for o in now.members if o is not m])
+        assert without.error[:, 0].sum() > 3.0 * now.error[:, 0].sum()
+    assert objection(lib.score, now, bent[0], 0.05, lib.rows)
+    assert not objection(lib.score, straight, by["viscous_friction", 0], 0.05, lib.rows)
+
+
 def test_the_rest_of_a_spring_takes_up_an_offset(two_link):
     """Beside an offset any rest fits as well, and both would be reported."""
     pull = lambda q: np.array([1.5, 0.0]) * (q - 0.7)
@@ -378,10 +400,12 @@ def test_the_rest_of_a_spring_takes_up_an_offset(two_link):
 
 def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_commands(two_link):
     """Otherwise smoothing the noise on a logged torque would count as explaining the motion."""
-    clean = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    # dry friction reverses: the command stands out of its noise at all frequencies
+    dry = lambda qd: np.array([3.0, 0.3]) * np.sign(qd)
+    clean = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + dry(qd))
     noise = np.random.default_rng(0).normal(size=clean[2].shape) * clean[2].std(0)
     rows = rows_of(
-        prepare(from_arrays(clean[0], clean[1], clean[2] + 0.2 * noise), two_link.plant.body)
+        prepare(from_arrays(clean[0], clean[1], clean[2] + 0.02 * noise), two_link.plant.body)
     )
     shape = shapes_of(CATALOGUE["actuator_lag"], scales(rows.signals, np.ones(2))[0])[0]
     shape = shape._replace(values={"time_constant": np.asarray(0.03)})

@@ -1,0 +1,51 @@
+"""The band of a log."""
+
+import numpy as np
+import pytest
+
+from jaxidl.logs.low_pass import BAND, HIGHEST_BAND, choose_band, heard_to
+
+DT = 1e-3
+T = DT * np.arange(20_000)
+WHOLE = (slice(0, len(T)),)
+MOTION = 5.0 * np.sin(2 * np.pi * 0.5 * T) + 2.0 * np.sin(2 * np.pi * 7.0 * T)
+
+
+def torque(size, noise=0.05):
+    """Commands (T, 2), the second one without the fast part; the first has noise of ``size``."""
+    rng = np.random.default_rng(0)
+    slow = 5.0 * np.sin(2 * np.pi * 0.5 * T)
+    scatter = np.array([size, noise]) * rng.standard_normal((len(T), 2))
+    return np.stack([MOTION, slow], 1) + scatter
+
+
+def test_a_command_is_heard_up_to_where_it_stands_out_of_its_noise():
+    assert heard_to(torque(0.05), WHOLE, DT) == pytest.approx(7.0, abs=2.0)
+    # noise that drowns the fast part leaves the slow one
+    assert heard_to(torque(20.0), WHOLE, DT) == pytest.approx(0.5, abs=3.0)
+
+
+def test_the_longest_run_is_listened_to():
+    runs = (slice(0, 2000), slice(2000, len(T)))
+    late = torque(0.05)
+    late[:2000] = 0.0
+    assert heard_to(late, runs, DT) == pytest.approx(7.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("noise", "band"), [(0.05, 1.5 * 7.0), (0.0, BAND[1])], ids=["noisy", "clean"]
+)
+def test_noise_of_the_command_ends_the_band(noise, band):
+    """Encoders without noise would allow the widest one."""
+    quiet = np.zeros(2)
+    clean = torque(noise, noise)
+    # what jumps is heard at all frequencies
+    clean[:, 0] += 3.0 * np.sign(np.sin(2 * np.pi * 0.5 * T)) if noise == 0.0 else 0.0
+    assert BAND[1] < HIGHEST_BAND / DT
+    assert choose_band(quiet, clean, WHOLE, DT) == pytest.approx(band, abs=3.0)
+
+
+def test_encoder_noise_ends_the_band_where_it_comes_first():
+    reach = np.full(2, 1e-4)
+    wide, narrow = (choose_band(k * reach, torque(0.0, 0.0), WHOLE, DT) for k in (1.0, 8.0))
+    assert narrow == pytest.approx(wide / 8.0**0.4, rel=1e-6)
