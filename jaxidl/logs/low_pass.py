@@ -81,24 +81,36 @@ def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
     return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
 
 
-def heard_to(tau: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
-    """Return up to which frequency [Hz] some joint's command (T, J) stands out of its noise.
+def heard_to(x: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
+    """Return up to which frequency [Hz] some joint's command ``x`` (T, J) stands out of its noise.
 
     Its noise is what is left above 0.6 of the Nyquist frequency: of the sensor, or of the encoder
     through the controller.
     """
-    run = max((tau[s] for s in slices), key=len)
-    frequency, power = signal.welch(run, 1.0 / dt, nperseg=min(4096, len(run) // 8), axis=0)
+    run = max((x[s] for s in slices), key=len)
+    length = min(4096, max(len(run) // 8, min(len(run), 16)))
+    frequency, power = signal.welch(run, 1.0 / dt, nperseg=length, axis=0)
     noise = np.median(power[frequency > 0.6 * frequency[-1]], axis=0)
     above = np.any(power > STANDS_OUT * noise, axis=1)
     return float(frequency[above].max(initial=0.0))
 
 
-def choose_band(reach: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
-    """Return the band [Hz], the same for all joints."""
+def choose_band(
+    reach: np.ndarray, q: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float
+) -> float:
+    """Return the band [Hz], the same for all joints.
+
+    Args:
+        reach: (J,) encoder noise times inertia.
+        q: positions (T, J), which tell where the motion of a joint without a drive ends.
+        tau: commands (T, J).
+        slices: the runs.
+        dt: sampling interval [s].
+    """
     spread = np.std(tau, axis=0)
     free = (reach > 0.0) & (spread > 0.0)
-    widest = min(BAND[1], HIGHEST_BAND / dt, max(BAND[0], BEYOND * heard_to(tau, slices, dt)))
+    heard = heard_to(np.where(spread > 0.0, tau, q), slices, dt)
+    widest = min(BAND[1], HIGHEST_BAND / dt, max(BAND[0], BEYOND * heard))
     if not free.any():
         return widest
     unit = noise_torque(reach[free], 1.0, dt)

@@ -130,7 +130,7 @@ def prepare(
     sigma = encoder_noise(log.q, slices)
     inertia = typical_inertia(true_positions(effects, log.q, slices, dt), body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
-    band = narrower * choose_band(reach, log.tau, slices, dt)
+    band = narrower * choose_band(reach, log.q, log.tau, slices, dt)
     q = by_run(log.q, slices, lambda part: low_pass(part, band, dt))
     smooth = lambda x: by_run(x, slices, lambda part: low_pass(part, band, dt))
     slope = lambda x: by_run(x, slices, lambda part: derivative(part, dt))

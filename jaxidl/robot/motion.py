@@ -57,7 +57,7 @@ def moved(
         whole = (slice(0, len(q)),)
         sigma = encoder_noise(q, whole)
         reach = np.sqrt(typical_inertia(q, model.plant.body) ** 2 @ sigma**2)
-        band = choose_band(reach, signals["tau"], whole, dt)
+        band = choose_band(reach, q, signals["tau"], whole, dt)
         smooth = low_pass(q, band, dt)
         slope = derivative(smooth, dt)
         return Moved(

@@ -19,6 +19,9 @@ def torque(size, noise=0.05):
     return np.stack([MOTION, slow], 1) + scatter
 
 
+CLEAN = torque(0.0, 0.0)
+
+
 def test_a_command_is_heard_up_to_where_it_stands_out_of_its_noise():
     assert heard_to(torque(0.05), WHOLE, DT) == pytest.approx(7.0, abs=2.0)
     # noise that drowns the fast part leaves the slow one
@@ -42,10 +45,19 @@ def test_noise_of_the_command_ends_the_band(noise, band):
     # what jumps is heard at all frequencies
     clean[:, 0] += 3.0 * np.sign(np.sin(2 * np.pi * 0.5 * T)) if noise == 0.0 else 0.0
     assert BAND[1] < HIGHEST_BAND / DT
-    assert choose_band(quiet, clean, WHOLE, DT) == pytest.approx(band, abs=3.0)
+    assert choose_band(quiet, clean, clean, WHOLE, DT) == pytest.approx(band, abs=3.0)
 
 
 def test_encoder_noise_ends_the_band_where_it_comes_first():
     reach = np.full(2, 1e-4)
-    wide, narrow = (choose_band(k * reach, torque(0.0, 0.0), WHOLE, DT) for k in (1.0, 8.0))
+    wide, narrow = (choose_band(k * reach, CLEAN, CLEAN, WHOLE, DT) for k in (1.0, 8.0))
     assert narrow == pytest.approx(wide / 8.0**0.4, rel=1e-6)
+
+
+def test_a_joint_without_a_drive_is_heard_by_its_motion():
+    slow = torque(0.05)[:, 1:]
+    swinging = MOTION[:, None] + 0.01 * np.random.default_rng(1).standard_normal((len(T), 1))
+    q, tau = np.concatenate([slow, swinging], 1), np.concatenate([slow, 0.0 * slow], 1)
+    both = choose_band(np.zeros(2), q, tau, WHOLE, DT)
+    assert 1.5 * 7.0 <= both < 3.0 * 7.0
+    assert choose_band(np.zeros(1), q[:, :1], slow, WHOLE, DT) == BAND[0]
