@@ -60,4 +60,4 @@ def test_a_joint_without_a_drive_is_heard_by_its_motion():
     q, tau = np.concatenate([slow, swinging], 1), np.concatenate([slow, 0.0 * slow], 1)
     both = choose_band(np.zeros(2), q, tau, WHOLE, DT)
     assert 1.5 * 7.0 <= both < 3.0 * 7.0
-    assert choose_band(np.zeros(1), q[:, :1], slow, WHOLE, DT) == BAND[0]
+    assert choose_band(np.zeros(1), q[:, :1], slow, WHOLE, DT) < 6.0
