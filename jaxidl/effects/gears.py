@@ -139,6 +139,11 @@ class SublinearFriction(Effect):
         """Return one variant over the speeds of the log."""
         return [Variant({"speed": scale.speed}, ("bend",))]
 
+    @classmethod
+    def contains(cls, free: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Return drag that bends the other way: beside it, viscous friction would be its sum."""
+        return ("quadratic_drag",)
+
 
 class CoupledJointFriction(Effect):
     """Friction on the sum or the difference w of the speeds of two joints.

@@ -97,7 +97,8 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     """Return sets of effects that predict the log equally well in each other's place.
 
     Their priors do not matter; the one found comes first. An effect may replace several: members
-    that are not needed beside it are dropped.
+    that are not needed beside it are dropped. What another member contains is not looked for beside
+    it.
     """
     sets: dict[tuple[Group, ...], dict[Group, float]] = {}
     for m in [m for m in now.members if not m.always]:
@@ -107,7 +108,9 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         near = [
             i
             for i in score.items
-            if promise.get(id(i), -np.inf) - i.odds > likely and not part(m, i)
+            if promise.get(id(i), -np.inf) - i.odds > likely
+            and not part(m, i)
+            and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
         near = [
             i

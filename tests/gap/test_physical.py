@@ -386,6 +386,20 @@ def test_two_laws_that_bend_opposite_ways_are_no_finding_where_a_straight_one_do
     assert not objection(lib.score, straight, by["viscous_friction", 0], 0.05, lib.rows)
 
 
+def test_beside_friction_that_bends_one_way_none_that_bends_the_other_is_an_equal(two_link):
+    """Viscous friction and a bend are the sum of drag and another bend."""
+    speed = 3.0
+    bend = lambda s: -0.6 * (6.0 * s * (s - 1.0) + 1.0)
+    level = lambda qd: 1.0 + 0.8 * np.abs(qd) + bend(np.minimum(np.abs(qd) / speed, 1.0))
+    rub = lambda qd: np.array([1.0, 0.0]) * level(qd) * np.tanh(qd / 1e-3)
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + rub(qd))
+    names = ("viscous_friction", "coulomb_friction", "quadratic_drag", "sublinear_friction")
+    _, found = found_in(two_link, log, names)
+    named = {m.key for m in found.named}
+    assert named == {(n, 0) for n in names if n != "quadratic_drag"}
+    assert not any("quadratic_drag" in {g[0] for g in tie.instead} for tie in found.ties)
+
+
 def test_the_rest_of_a_spring_takes_up_an_offset(two_link):
     """Beside an offset any rest fits as well, and both would be reported."""
     pull = lambda q: np.array([1.5, 0.0]) * (q - 0.7)
