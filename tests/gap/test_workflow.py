@@ -11,6 +11,7 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import Payload
 from jaxidl.errors import ConfigurationError
+from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
@@ -278,3 +279,12 @@ def test_measured_drives_mass_is_found_from_a_wrong_one(emps, tmp_path):
     (inertia,) = [f for f in found.findings if f.name == "inertia_error"]
     assert 80 + next(iter(inertia.parameters.values())).value == pytest.approx(95.1, rel=0.01)
     json.loads(found.to_json())
+
+
+@pytest.mark.slow
+def test_friction_that_becomes_like_its_part_while_it_reads_its_load_is_no_error(tmp_path):
+    """The share where the motor is driven is lost on the way, and with it a coefficient."""
+    case = next(c for c in all_cases(7707) if c.id == "slider-896bf952")
+    case.write(tmp_path)
+    found = gap.diagnose(tmp_path / case.log, tmp_path / "model.xml", rollouts=False)
+    assert ("directional_load_friction", 0) in named(found)
