@@ -158,7 +158,7 @@ def library(
     first = Score(rows, common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
-    rows = rows.evened(left)
+    rows = rows.evened(left).drifting(left)
     noise, effective = noise_of(rows, left)
     predicted = upsampled(rows, rows.command - left)
     rows = with_friction(rows, envelope)
@@ -213,9 +213,10 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
 def noise_of(rows: Rows, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of a residual.
 
-    The residual ``left`` is (N, J); training rows count.
+    The residual ``left`` is (N, J); training rows count, and drift is weighted down.
     """
     use = rows.used & rows.training[:, None]
+    left = np.stack([rows.steady(part, j) for j, part in enumerate(left.T)], 1)
     noise = np.maximum(rms(left, use), rows.floor)
     effective, at = np.zeros(len(noise)), rows.signals.rows
     for j, here in enumerate(use.T):

@@ -25,6 +25,7 @@ from jaxtyping import Float
 from jaxidl.gap.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
+DILUTED = 3  # steps against regression dilution
 
 
 class Solution(NamedTuple):
@@ -76,6 +77,8 @@ class Score(Gram):
             np.concatenate([wanted[None], wanted - w * right]),
         )
         x = self._bounded(*left, at)
+        for _ in range(DILUTED if any(m.actuates for m in members) else 0):
+            x = self._bounded(left[0], left[1] + self._dilution(members, at, x[0], own), at)
         error = np.zeros((len(gram), len(self.which)))
         for j, (here, g, h) in enumerate(own):
             part = x[1:, here]
@@ -88,6 +91,37 @@ class Score(Gram):
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
+
+    def dilution(self, found: Solution) -> np.ndarray:
+        """Return what to add to the right side (P,) of a set's normal equations for its score.
+
+        Least squares make the error small also by making the command small: the log's own command,
+        which actuators read, has the residual in it (regression dilution, Fuller 1987). With this
+        added, coefficients instead make the error small relative to what arrives of the command.
+        """
+        at = self.indices(found.members)
+        own = self._normal(at)[2]
+        return self._dilution(found.members, at, found.x * self.scale[at], own) * self.scale[at]
+
+    def _dilution(
+        self,
+        members: Sequence[Item],
+        at: np.ndarray,
+        x: np.ndarray,
+        own: Sequence[tuple[np.ndarray, ...]],
+    ) -> np.ndarray:
+        """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
+        out = np.zeros(len(x))
+        for j, (here, g, h) in enumerate(own):
+            if (found := self._arriving(members, at, x, j)) is None:
+                continue
+            share, slope, places, _ = found
+            part = x[here]
+            left = self.weights @ (
+                self.square[: len(g), j] + np.einsum("bpq,p,q->b", g, part, part) - 2 * h @ part
+            )
+            out[places] += 0.5 * max(left, 0.0) * slope / share
+        return out
 
     def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
         """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
@@ -115,23 +149,34 @@ class Score(Gram):
         is least, and the share of informative samples (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
-        for j, (places, ((xx, xc, cc), (pushes, deaf))) in enumerate(self.spread):
-            acting = [m for m in members if id(m) in places]
-            if not acting:
-                continue
-            there = np.concatenate(
-                [np.arange(places[id(m)].start, places[id(m)].stop) for m in acting]
-            )
-            own = np.concatenate([self.place[id(m)] for m in acting])
-            values = x[np.searchsorted(at, own)] / self.scale[own]
-            quadratic = lambda a, values=values, there=there: (
-                values @ a[np.ix_(there, there)] @ values
-            )
-            variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
-            more = [1.0 - 2 * values @ mean[there] + quadratic(pp) for pp, mean in pushes]
-            passed[j] = max(min([variance, *more]), 1e-9)
-            heard[j] = np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0)
+        for j in range(len(self.which)):
+            if (found := self._arriving(members, at, x, j)) is not None:
+                passed[j], _, _, heard[j] = found
         return passed, heard
+
+    def _arriving(
+        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray, j: int
+    ) -> tuple[float, np.ndarray, np.ndarray, float] | None:
+        """Return how much of joint j's command actuators let through; None if there are none.
+
+        It is the share of its variance, the slope (A,) of that by their coefficients, where those
+        are in ``at`` (A,), and the share of informative samples.
+        """
+        places, ((xx, xc, cc), (pushes, deaf)) = self.spread[j]
+        acting = [m for m in members if id(m) in places]
+        if not acting:
+            return None
+        there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
+        own = np.searchsorted(at, np.concatenate([self.place[id(m)] for m in acting]))
+        scale = self.scale[at[own]]
+        values, inside, size = x[own] / scale, np.ix_(there, there), max(cc, 1e-300)
+        ways = [(cc / size, xc[there] / size, xx[inside] / size)]
+        ways += [(1.0, mean[there], pp[inside]) for pp, mean in pushes]
+        shares = [one - 2 * values @ mean + values @ pp @ values for one, mean, pp in ways]
+        least = int(np.argmin(shares))
+        _, mean, pp = ways[least]
+        heard = float(np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0))
+        return max(float(shares[least]), 1e-9), 2 * (pp @ values - mean) / scale, own, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return solutions (F, P) of F normal equations within the bounds.
@@ -141,7 +186,7 @@ class Score(Gram):
         lower, upper = self.bounds[0][at], self.bounds[1][at]
         if not len(at):
             return right
-        own, right = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at]
+        own, right, gram = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at], gram.copy()
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
         gram[:, np.arange(len(at)), np.arange(len(at))] += steady
         if self.anchor is not None:
