@@ -12,7 +12,7 @@ from jaxidl.cli.arguments import Names, optional
 from jaxidl.cli.plugins import load
 from jaxidl.errors import ConfigurationError, needs_checkout
 
-_FAMILIES = ("single", "none", "pair", "outside", "robot")
+_FAMILIES = ("single", "none", "pair", "outside", "robot", "worn")
 
 
 def gap(
@@ -140,7 +140,7 @@ def gap_benchmark(
         out: folder for the cases, their reports, benchmark.json, the confusion matrix and the
             reliability diagram.
         families: kinds of cases: one hidden effect, none, two, one that the catalogue lacks, whole
-            robots.
+            robots, worn robots.
         severities: how strong single effects are.
         every: take only each n-th case of each kind.
         every_robot: the same for whole robots, which take much longer.

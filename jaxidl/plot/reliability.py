@@ -11,6 +11,7 @@ MARKS = {
     "single": ("o", "single effects"),
     "pair": ("s", "pairs"),
     "robot": ("^", "whole robots"),
+    "worn": ("v", "worn robots"),
     "outside": ("x", "outside the catalogue"),
 }
 

@@ -24,7 +24,7 @@ def is_right(truth: Record, report: Record, effect: Record) -> bool:
 
     For a whole robot the equivalences of :mod:`.robot_judge` apply.
     """
-    if truth["family"] == "robot":
+    if truth["mechanism"] == "robot":
         return robot_judge.right(truth, report, effect)
     hidden = {judge.key(h) for h in truth["hidden"]}
     beside = {(name, joint) for whole, joint in hidden for name in judge.COMPANIONS.get(whole, ())}

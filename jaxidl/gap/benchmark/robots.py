@@ -30,7 +30,8 @@ RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
 COARSE = 50.0  # Hz; rate of the motion on which effects are sized
 # instants of a run for the links' regressor, and for the strength of a changed body
 INSTANTS, DENSE = 300, 1500
-SCALE, MOST = 0.015, 0.029  # standard deviation and largest error of a joint's torque constant
+# standard deviation and largest error of a joint's torque constant; those of a worn robot
+SCALE, MOST = {False: 0.015, True: 0.05}, {False: 0.029, True: 0.15}
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,8 @@ class Drawn:
 class Robot:
     """A whole robot as a case.
 
-    The identity says nothing about what is hidden; ``number`` is that of the draw.
+    The identity says nothing about what is hidden; ``number`` is that of the draw. The family is
+    "robot" or "worn".
     """
 
     root: int
@@ -60,7 +62,7 @@ class Robot:
 
     @property
     def id(self) -> str:
-        return f"robot-{zlib.crc32(f'{self.root} robot {self.number}'.encode()):08x}"
+        return f"robot-{zlib.crc32(f'{self.root} {self.family} {self.number}'.encode()):08x}"
 
     @property
     def log(self) -> str:
@@ -70,7 +72,7 @@ class Robot:
     def draw(self, attempt: int = 0) -> Drawn:
         """Draw arm, motion, sensors and hidden effects."""
         rng = np.random.default_rng(
-            [self.root, zlib.crc32(f"robot {self.number}".encode()), attempt]
+            [self.root, zlib.crc32(f"{self.family} {self.number}".encode()), attempt]
         )
         arm = random_arm(rng)
         joints, rate, duration = (
@@ -85,11 +87,12 @@ class Robot:
         coarse = excitation(np.random.default_rng(motions), joints, duration, COARSE)
         need = inverse_dynamics(altered(arm.xml, []), *coarse)
         motion = Motion(np.arange(len(need)) / COARSE, *coarse, need)
-        hidden, remainder = draw(rng, arm, motion, self.number % 3)
+        worn = self.family == "worn"
+        hidden, remainder = draw(rng, arm, motion, self.number % 3, worn)
         known = {part.joint for part in hidden if part.effect == "torque_scale"}
         for j in range(joints):
             if j not in known:
-                off = float(np.clip(rng.normal(0, SCALE), -MOST, MOST))
+                off = float(np.clip(rng.normal(0, SCALE[worn]), -MOST[worn], MOST[worn]))
                 hidden.append(Part("torque_scale", j, {"scale": 1 + off}))
         quantum = np.asarray(2 * math.pi / 2.0 ** rng.integers(17, 22, joints), np.float64)
         noise = rms(need).max() * 0.02 + rms(need)
@@ -137,6 +140,11 @@ class Robot:
 def robots(root: int, count: int) -> list[Robot]:
     """Return the first ``count`` robots of a root; a larger count does not change them."""
     return [Robot(root, number) for number in range(count)]
+
+
+def worn(root: int, count: int) -> list[Robot]:
+    """Return the first ``count`` worn robots of a root; a larger count does not change them."""
+    return [Robot(root, number, family="worn") for number in range(count)]
 
 
 def write_log(path: Path, log: Mapping[str, Array]) -> None:

@@ -17,12 +17,13 @@ from jaxidl.files import as_json, write_bytes
 from jaxidl.gap.benchmark.believed import Diverged
 from jaxidl.gap.benchmark.calibration import training_rows
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
-from jaxidl.gap.benchmark.robots import Robot, robots, store
+from jaxidl.gap.benchmark.robots import Robot, robots, store, worn
 from jaxidl.gap.benchmark.score import score
 from jaxidl.jobs.pool import each
 from jaxidl.jobs.provenance import revision
 
-FAMILIES = ("single", "none", "pair", "outside", "robot")
+WHOLE = ("robot", "worn")  # whole robots
+FAMILIES = ("single", "none", "pair", "outside", *WHOLE)
 SEVERITIES = ("weak", "medium", "clear")
 DEVELOPMENT = 2026  # the root to develop with; another one is run once, at the end
 ROBOTS = 60
@@ -54,8 +55,8 @@ def chosen(
         if step < 1:
             raise ConfigurationError(f"{option} of at least 1", str(step), "give 1 for all cases")
     groups: dict[tuple[str, str | None], list[AnyCase]] = {}
-    small = all_cases(root) if set(families) - {"robot"} else []
-    for case in [*small, *robots(root, ROBOTS)]:
+    small = all_cases(root) if set(families) - set(WHOLE) else []
+    for case in [*small, *robots(root, ROBOTS), *worn(root, ROBOTS)]:
         if case.family in families and (case.family != "single" or case.severity in severities):
             groups.setdefault((case.family, case.severity), []).append(case)
     order = sorted(
@@ -64,7 +65,7 @@ def chosen(
     found = [
         case
         for key in order
-        for case in groups[key][:: steps["--every-robot" if key[0] == "robot" else "--every"]]
+        for case in groups[key][:: steps["--every-robot" if key[0] in WHOLE else "--every"]]
     ]
     if not found:
         raise ConfigurationError("at least one case", "none", "name families and severities")

@@ -28,7 +28,7 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
         reports: the ``report.json`` of each case.
     """
     families: dict[str, list[Pair]] = {
-        name: [] for name in ("single", "none", "outside", "pair", "robot")
+        name: [] for name in ("single", "none", "outside", "pair", "robot", "worn")
     }
     for name, record in truth.items():
         families[record["family"]].append((record, reports.get(name)))
@@ -40,6 +40,7 @@ def score(truth: Mapping[str, Record], reports: Mapping[str, Record | None]) -> 
         "outside": _outside(families["outside"]),
         "pairs": _pairs(families["pair"]),
         "robots": _robots(families["robot"]),
+        "worn": _robots(families["worn"]),
         "calibration": {name: calibration(pairs, share) for name, pairs in families.items()},
         "parameters": _parameters(families["single"]),
         "gap_removed": _gap_removed(families),

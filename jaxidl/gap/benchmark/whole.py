@@ -1,6 +1,7 @@
 """What is hidden in a whole robot.
 
-These are all common effects on every joint at once, up to two exotic effects, and a remainder.
+These are all common effects on every joint at once, up to two exotic effects, and a remainder. A
+worn robot has friction under load on half of its joints, too, and a larger remainder.
 """
 
 import math
@@ -14,13 +15,15 @@ from jaxidl.gap.benchmark.exotic import EXOTIC, uncommon
 from jaxidl.gap.benchmark.parts import Part, at, listed, log_uniform
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
+# size of each part of the remainder, as a share of the command; of a worn robot
+REMAINS = {False: (0.007, 0.025), True: (0.015, 0.06)}
 # share of the largest joint torque that even an unloaded joint needs, for the sizes of its
 # friction
 TINY = 0.03
 
 
 def draw(
-    rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int
+    rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int, worn: bool = False
 ) -> tuple[list[Part], list[Part]]:
     """Draw the hidden effects and the remainder for the ``motion`` of the believed ``arm``.
 
@@ -32,6 +35,10 @@ def draw(
     common = [
         part for j in range(len(need)) for part in _common(rng, arm, motion, j, float(need[j]))
     ]
+    if worn:
+        loaded = np.flatnonzero(rng.uniform(size=len(need)) < 0.5).tolist()
+        level = rng.uniform(0.03, 0.15, len(need)).tolist()
+        common += [Part("load_dependent_friction", j, {"coefficient": level[j]}) for j in loaded]
     whole = _command(arm, motion, common)
     odd: list[Part] = []
     for name in rng.permutation(EXOTIC):
@@ -39,7 +46,8 @@ def draw(
             break
         joint = int(rng.integers(len(need)))
         odd += uncommon(rng, str(name), arm, whole, joint, common)
-    return common + odd, [part for j in range(len(need)) for part in _remainder(rng, arm, whole, j)]
+    left = [_remainder(rng, arm, whole, j, REMAINS[worn]) for j in range(len(need))]
+    return common + odd, [part for parts in left for part in parts]
 
 
 def _common(rng: np.random.Generator, arm: Arm, motion: Motion, j: int, need: float) -> list[Part]:
@@ -85,8 +93,10 @@ def _command(arm: Arm, motion: Motion, parts: list[Part]) -> Motion:
     )
 
 
-def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> list[Part]:
-    """Return what no effect covers, of 0.7 to 2.5 % of the command each.
+def _remainder(
+    rng: np.random.Generator, arm: Arm, motion: Motion, j: int, sizes: tuple[float, float]
+) -> list[Part]:
+    """Return what no effect covers, each of a size between two shares of the command.
 
     These are hysteresis, drift and a ripple of two positions together.
     """
@@ -108,7 +118,7 @@ def _remainder(rng: np.random.Generator, arm: Arm, motion: Motion, j: int) -> li
     parts = []
     for kind in rng.permutation(list(shapes))[: rng.integers(1, 4)]:
         shape = {"kind": str(kind)} | shapes[str(kind)]
-        aim = log_uniform(rng, 0.007, 0.025)
+        aim = log_uniform(rng, *sizes)
         size = aim * float(rms(motion.tau)[j])
         parts.append(
             Part("outside", j, at(shape, size * math.sqrt(1 if kind == "hysteresis" else 2)))
