@@ -72,7 +72,7 @@ def find(
         strong |= doubtful
         banned |= strong
         if number == ROUNDS or (
-            not strong
+            not doubtful
             and all(m in fit or m.shape is None or not movable(m.shape) for m in now.members)
         ):
             break
