@@ -30,8 +30,8 @@ RATES = (100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)  # Hz
 COARSE = 50.0  # Hz; rate of the motion on which effects are sized
 # instants of a run for the links' regressor, and for the strength of a changed body
 INSTANTS, DENSE = 300, 1500
-# standard deviation and largest error of a joint's torque constant; those of a worn robot
-SCALE, MOST = {False: 0.015, True: 0.05}, {False: 0.029, True: 0.15}
+# standard deviation and largest error of a joint's torque constant, by the robot's family
+CONSTANTS = {"robot": (0.015, 0.029), "worn": (0.05, 0.15)}
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,12 @@ class Robot:
         coarse = excitation(np.random.default_rng(motions), joints, duration, COARSE)
         need = inverse_dynamics(altered(arm.xml, []), *coarse)
         motion = Motion(np.arange(len(need)) / COARSE, *coarse, need)
-        worn = self.family == "worn"
-        hidden, remainder = draw(rng, arm, motion, self.number % 3, worn)
+        hidden, remainder = draw(rng, arm, motion, self.number % 3, self.family)
+        scatter, most = CONSTANTS[self.family]
         known = {part.joint for part in hidden if part.effect == "torque_scale"}
         for j in range(joints):
             if j not in known:
-                off = float(np.clip(rng.normal(0, SCALE[worn]), -MOST[worn], MOST[worn]))
+                off = float(np.clip(rng.normal(0, scatter), -most, most))
                 hidden.append(Part("torque_scale", j, {"scale": 1 + off}))
         quantum = np.asarray(2 * math.pi / 2.0 ** rng.integers(17, 22, joints), np.float64)
         noise = rms(need).max() * 0.02 + rms(need)
@@ -137,14 +137,9 @@ class Robot:
         return truth(self, drawn, run)
 
 
-def robots(root: int, count: int) -> list[Robot]:
+def robots(root: int, count: int, family: str = "robot") -> list[Robot]:
     """Return the first ``count`` robots of a root; a larger count does not change them."""
-    return [Robot(root, number) for number in range(count)]
-
-
-def worn(root: int, count: int) -> list[Robot]:
-    """Return the first ``count`` worn robots of a root; a larger count does not change them."""
-    return [Robot(root, number, family="worn") for number in range(count)]
+    return [Robot(root, number, family=family) for number in range(count)]
 
 
 def write_log(path: Path, log: Mapping[str, Array]) -> None:

@@ -17,7 +17,7 @@ from jaxidl.files import as_json, write_bytes
 from jaxidl.gap.benchmark.believed import Diverged
 from jaxidl.gap.benchmark.calibration import training_rows
 from jaxidl.gap.benchmark.cases import Case, all_cases, truth
-from jaxidl.gap.benchmark.robots import Robot, robots, store, worn
+from jaxidl.gap.benchmark.robots import Robot, robots, store
 from jaxidl.gap.benchmark.score import score
 from jaxidl.jobs.pool import each
 from jaxidl.jobs.provenance import revision
@@ -56,7 +56,7 @@ def chosen(
             raise ConfigurationError(f"{option} of at least 1", str(step), "give 1 for all cases")
     groups: dict[tuple[str, str | None], list[AnyCase]] = {}
     small = all_cases(root) if set(families) - set(WHOLE) else []
-    for case in [*small, *robots(root, ROBOTS), *worn(root, ROBOTS)]:
+    for case in [*small, *(r for family in WHOLE for r in robots(root, ROBOTS, family))]:
         if case.family in families and (case.family != "single" or case.severity in severities):
             groups.setdefault((case.family, case.severity), []).append(case)
     order = sorted(

@@ -15,15 +15,15 @@ from jaxidl.gap.benchmark.exotic import EXOTIC, uncommon
 from jaxidl.gap.benchmark.parts import Part, at, listed, log_uniform
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
-# size of each part of the remainder, as a share of the command; of a worn robot
-REMAINS = {False: (0.007, 0.025), True: (0.015, 0.06)}
+# least and largest part of the remainder, as a share of the command, by the robot's family
+REMAINS = {"robot": (0.007, 0.025), "worn": (0.015, 0.06)}
 # share of the largest joint torque that even an unloaded joint needs, for the sizes of its
 # friction
 TINY = 0.03
 
 
 def draw(
-    rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int, worn: bool = False
+    rng: np.random.Generator, arm: Arm, motion: Motion, exotic: int, family: str
 ) -> tuple[list[Part], list[Part]]:
     """Draw the hidden effects and the remainder for the ``motion`` of the believed ``arm``.
 
@@ -35,7 +35,7 @@ def draw(
     common = [
         part for j in range(len(need)) for part in _common(rng, arm, motion, j, float(need[j]))
     ]
-    if worn:
+    if family == "worn":
         loaded = np.flatnonzero(rng.uniform(size=len(need)) < 0.5).tolist()
         level = rng.uniform(0.03, 0.15, len(need)).tolist()
         common += [Part("load_dependent_friction", j, {"coefficient": level[j]}) for j in loaded]
@@ -46,7 +46,7 @@ def draw(
             break
         joint = int(rng.integers(len(need)))
         odd += uncommon(rng, str(name), arm, whole, joint, common)
-    left = [_remainder(rng, arm, whole, j, REMAINS[worn]) for j in range(len(need))]
+    left = [_remainder(rng, arm, whole, j, REMAINS[family]) for j in range(len(need))]
     return common + odd, [part for parts in left for part in parts]
 
 

@@ -16,7 +16,7 @@ from jaxidl.gap.benchmark.believed import inverse_dynamics
 from jaxidl.gap.benchmark.catalogue import INJECTED, make
 from jaxidl.gap.benchmark.exotic import EXOTIC
 from jaxidl.gap.benchmark.links import Links, load
-from jaxidl.gap.benchmark.robots import Robot, robots, store, truth, worn
+from jaxidl.gap.benchmark.robots import Robot, robots, store, truth
 from jaxidl.gap.benchmark.run import chosen, generate, make_case, training_table
 from jaxidl.gap.benchmark.score import score
 from jaxidl.gap.benchmark.translate import errors, expected
@@ -135,14 +135,16 @@ def test_cases_do_not_depend_on_each_other(measured):
 
 @pytest.mark.slow
 def test_worn_robots_hide_more():
-    drawn = [(Robot(2026, n).draw(), worn(2026, n + 1)[n].draw()) for n in range(3)]
+    drawn = [(Robot(2026, n).draw(), Robot(2026, n, family="worn").draw()) for n in range(3)]
     off = lambda d: np.std([p.parameters["scale"] for p in d.hidden if p.effect == "torque_scale"])
     assert np.mean([off(w) for _, w in drawn]) > 2.0 * np.mean([off(r) for r, _ in drawn])
     loaded = [p for _, w in drawn for p in w.hidden if p.effect == "load_dependent_friction"]
     joints = sum(len(w.arm.masses) for _, w in drawn)
     assert 0.25 * joints < len(loaded) < 0.75 * joints
-    assert len({one.id for one in robots(1, 50) + worn(1, 50)}) == 100
-    assert [case.id for case in chosen(("worn",), (), 20, 7)] == [o.id for o in worn(7, 60)[::20]]
+    assert len({one.id for one in robots(1, 50) + robots(1, 50, "worn")}) == 100
+    assert [case.id for case in chosen(("worn",), (), 20, 7)] == [
+        o.id for o in robots(7, 60, "worn")[::20]
+    ]
 
 
 def test_regressor_of_links_is_their_torque():
