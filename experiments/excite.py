@@ -135,7 +135,9 @@ def measured_arm(folder: Path, steps: int) -> dict[str, Any] | None:
     rows = library(
         rows_of(signals, model.plant.effects, 0.1), common(), present(model.plant.effects)
     )
-    noise, effective = noise_of(rows.rows, residual(rows.rows, rows.envelope))
+    noise, effective = noise_of(
+        rows.rows, residual(rows.rows, rows.envelope), rows.envelope.members
+    )
     top = lambda x: np.quantile(np.abs(x), 0.999, axis=0)
     reached = {
         "lower": signals.q.min(0),

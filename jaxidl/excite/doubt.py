@@ -172,7 +172,7 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
         made = library(rows, names, present(model.plant.effects))
         solved = [_solved(made, keys) for keys in sets]
     rest = residual(made.rows, solved[0])
-    noise, effective = noise_of(made.rows, rest)
+    noise, effective = noise_of(made.rows, rest, made.envelope.members)
     seconds = max(float(made.rows.training.mean()) * len(signals.q) * signals.dt, 1e-9)
     measured = Noise(noise, np.maximum(effective / seconds, 1e-3), signals.sigma)
     return Doubt(

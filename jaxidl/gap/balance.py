@@ -45,7 +45,7 @@ def balance(
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)
-    noise, effective = noise_of(rest, left)
+    noise, effective = noise_of(rest, left, ())
     items = alignments(rest, predicted)
     return rest, residual(rest, Score(rest, items, noise, effective).solve(items))
 

@@ -95,6 +95,7 @@ def physical_fits(
         return None
     gram, right = score.normal(members)
     known, pull = score.known(members)
+    pull = pull + score.dilution(found)
     lower, upper = (
         np.concatenate([np.zeros(0), *(getattr(m, side) for m in members)])
         for side in ("lower", "upper")

@@ -57,9 +57,7 @@ def findings(
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
         bent = max(b for b, at in zip(bends, where, strict=True) if at == j)
-        a, b = (
-            np.sqrt(aside(found.score, s)[j]) * found.score.noise[j] for s in (found.solution, bare)
-        )
+        a, b = (aside(rows, s, j) for s in (found.solution, bare))
         support = min(found.support.share[m.group] for m in value.items)
         evidence, share = found.solution.value - bare.value, float(added_shares[j])
         kind = known.kinds[joint if joint is not None else j]
@@ -69,7 +67,7 @@ def findings(
             for n, (v, e) in resampled(value, draws).parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
-        gain, stderr = worse_by(found.score, bare, found.solution, j)
+        gain, stderr = worse_by(rows, bare, found.solution, j)
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
         margin = found.solution.value - instead
         left = float(a) / max(rows.floor[j], 1e-300)

@@ -126,8 +126,8 @@ class Gram:
             x = np.concatenate(
                 [np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)]
             )
-            x = (x * weights[:, j] / self.scale[which, None]).T  # (N, p)
-            y = rows.gap[:, j] * weights[:, j]
+            x = rows.steady(x * weights[:, j] / self.scale[which, None], j).T  # (N, p)
+            y = rows.steady(rows.gap[:, j] * weights[:, j], j)
             parts = [rows.block == b for b in order]
             g = np.empty((len(order), len(which), len(which)))
             kept = np.flatnonzero(same[which] >= 0)

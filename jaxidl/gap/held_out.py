@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from jaxidl.gap.library import residual_on
+from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 
 
@@ -16,26 +18,29 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
     return bool(len(rise) > 1 and rise.sum() > np.std(rise, ddof=1) * np.sqrt(len(rise)))
 
 
-def worse_by(score: Score, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
+def worse_by(rows: Rows, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
     """Return the share of a joint's root mean square held-out error that is removed.
 
     Also return its standard error.
     """
-    a, b = (score.aside(s)[:, joint] / s.passed[joint] for s in (after, before))
+    a, b = (squares(rows, s, joint) / s.passed[joint] for s in (after, before))
     share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))
     return float(share(a.sum(), b.sum())), float(jackknife(share(a.sum() - a, b.sum() - b)))
 
 
-def aside(score: Score, found: Solution) -> np.ndarray:
-    """Return the mean squared error (J,) on held-out rows [noise^2].
+def squares(rows: Rows, found: Solution, joint: int) -> np.ndarray:
+    """Return sums of squares (A,) of a joint's residual on the held-out blocks, drift and all."""
+    left = residual_on(rows, found, [joint])[:, 0] ** 2 * rows.used[:, joint]
+    return np.array([left[rows.block == b].sum() for b in np.unique(rows.block[rows.block < 0])])
+
+
+def aside(rows: Rows, found: Solution, joint: int) -> float:
+    """Return the root mean square error of a joint on held-out rows [N or Nm].
 
     It is relative to what actuators let through.
     """
-    return (
-        score.aside(found).sum(0)
-        / np.maximum(score.count[~score.training].sum(0), 1.0)
-        / found.passed
-    )
+    count = max(int(rows.used[~rows.training, joint].sum()), 1)
+    return float(np.sqrt(squares(rows, found, joint).sum() / count / found.passed[joint]))
 
 
 def gain(score: Score, before: Solution, after: Solution) -> np.ndarray:

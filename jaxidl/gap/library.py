@@ -21,7 +21,7 @@ from jaxidl.gap.prior import plausible
 from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.recurrence import copies
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Score, Solution, correlation_time
+from jaxidl.gap.score import Score, Solution, correlation_beside
 from jaxidl.gap.shape import Present, effect_at, shapes_of, vector
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
@@ -158,8 +158,8 @@ def library(
     first = Score(rows, common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
-    rows = rows.evened(left)
-    noise, effective = noise_of(rows, left)
+    rows = rows.evened(left).drifting(left)
+    noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
     rows = with_friction(rows, envelope)
     alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
@@ -210,18 +210,25 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     )
 
 
-def noise_of(rows: Rows, left: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
     """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of a residual.
 
-    The residual ``left`` is (N, J); training rows count.
+    The residual ``left`` is (N, J), that of ``items``. Training rows count, and drift is weighted
+    down.
     """
     use = rows.used & rows.training[:, None]
+    left = np.stack([rows.steady(part, j) for j, part in enumerate(left.T)], 1)
     noise = np.maximum(rms(left, use), rows.floor)
     effective, at = np.zeros(len(noise)), rows.signals.rows
     for j, here in enumerate(use.T):
         if here.any():
+            beside = [
+                rows.steady(i.columns[:, :, i.joints.index(j)], j) for i in items if j in i.joints
+            ]
+            columns = np.concatenate([np.zeros((0, len(left))), *beside])[:, here]
             alike = copies(rows.returns, left[here, j], at[here])
-            effective[j] = here.sum() / (alike * correlation_time(left[here, j]))
+            alike *= correlation_beside(left[here, j], columns)
+            effective[j] = here.sum() / alike
     return noise, effective
 
 

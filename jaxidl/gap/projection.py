@@ -24,16 +24,17 @@ class Projection:
 
     def __init__(self, rows: Rows, common: Sequence[Item], noise: np.ndarray):
         self.use, self.noise, self.bases = rows.used & rows.training[:, None], noise, []
+        self.rows = rows
         for j in range(len(noise)):
-            on = [
-                i.columns[:, :, i.joints.index(j)][:, self.use[:, j]]
-                for i in common
-                if j in i.joints
-            ]
+            on = [self._of(i.columns[:, :, i.joints.index(j)], j) for i in common if j in i.joints]
             x = np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T
             x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
             u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
             self.bases.append(u[:, s > 1e-5 * s.max(initial=1e-300)])
+
+    def _of(self, x: np.ndarray, j: int) -> np.ndarray:
+        """Return what is fitted of torques (..., N) of a joint."""
+        return self.rows.steady(x, j)[..., self.use[:, j]]
 
     def left_of(self, rows: Rows) -> np.ndarray:
         """Return minus the log likelihood (J,) of the residual of all common effects."""
@@ -51,7 +52,7 @@ class Projection:
 
     def residuals(self, rows: Rows) -> list[np.ndarray]:
         """Return the residual of all common effects on the training rows of each joint."""
-        gaps = [rows.gap[use, j] for j, use in enumerate(self.use.T)]
+        gaps = [self._of(gap, j) for j, gap in enumerate(rows.gap.T)]
         return [y - basis @ (basis.T @ y) for y, basis in zip(gaps, self.bases, strict=True)]
 
     def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
@@ -68,9 +69,9 @@ class Projection:
     def _promise(self, i: Item, left: np.ndarray, effective: np.ndarray) -> float:
         parts, wanted = [], []
         for k, j in enumerate(i.joints):
-            x = i.columns[:, self.use[:, j], k].T / self.noise[j]
+            x = self._of(i.columns[:, :, k], j).T / self.noise[j]
             parts.append(x - self.bases[j] @ (self.bases[j].T @ x))
-            wanted.append(left[self.use[:, j], j] / self.noise[j])
+            wanted.append(self._of(left[:, j], j) / self.noise[j])
         x, y = np.concatenate(parts), np.concatenate(wanted)
         gram = x.T @ x
         step = np.linalg.solve(

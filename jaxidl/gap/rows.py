@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions, unloaded_along
+from jaxidl.gap.drift import slower, weighted, weights_of
 from jaxidl.gap.recurrence import returns
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
@@ -48,6 +49,8 @@ class Rows(NamedTuple):
     # (J,) by how much later torques are assumed to be logged [s]
     shift: float | np.ndarray = 0.0
     returns: tuple[int, ...] = ()  # after how many instants the motion is there again
+    # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.drift`
+    slow: np.ndarray | None = None
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
@@ -83,6 +86,26 @@ class Rows(NamedTuple):
             BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1
         ).astype(int)
         return self._replace(block=np.where(self.training, number, self.block))
+
+    def drifting(self, left: np.ndarray) -> "Rows":
+        """Return the rows in which drift, as in a residual ``left`` (N, J), counts little."""
+        use = self.used & self.training[:, None]
+        each = [weights_of(left[on, j]) for j, on in enumerate(use.T)]
+        return self._replace(slow=np.stack(each))
+
+    def steady(self, x: np.ndarray, joint: int) -> np.ndarray:
+        """Return torques (..., N) of a joint with less weight on slow components.
+
+        Those of held-out rows, which are a shorter time, are fewer.
+        """
+        if self.slow is None:
+            return x
+        out, use = np.array(x, float), self.used[:, joint]
+        here, there = use & self.training, use & ~self.training
+        out[..., here] = weighted(out[..., here], self.slow[joint])
+        shorter = there.sum() / max(here.sum(), 1)
+        out[..., there] = weighted(out[..., there], slower(self.slow[joint], shorter))
+        return out
 
     def whole(self) -> "Rows":
         """Return the rows with none held out."""

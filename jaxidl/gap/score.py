@@ -8,7 +8,8 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
   command's variance that they let through. At samples where a little more command would deliver no
   more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
-  residual (Bartlett 1946), and of motions that are repeated (:mod:`jaxidl.gap.recurrence`).
+  residual and of its columns (Bartlett 1946), and for motions that are repeated
+  (:mod:`jaxidl.gap.recurrence`).
 * p is the effect's prior.
 * s is how large a coefficient x may plausibly be, if something is known about it: changes of links
   (:mod:`jaxidl.gap.prior`).
@@ -21,10 +22,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
 
 from jaxidl.gap.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
+DILUTED = 3  # steps against regression dilution
+SMOOTH = 9  # neighbouring frequencies over which a residual's spectrum is averaged
+TINY = 1e-6  # share of a column's energy below which it is a constant
 
 
 class Solution(NamedTuple):
@@ -75,7 +80,11 @@ class Score(Gram):
             np.concatenate([whole[None], whole - w[:, :, None] * gram]),
             np.concatenate([wanted[None], wanted - w * right]),
         )
-        x = self._bounded(*left, at)
+        more, acting = 0.0, self._acting(members, own)
+        for _ in range(DILUTED if acting else 0):
+            first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
+            more = self._dilution(members, at, first, acting)
+        x = self._bounded(left[0], left[1] + more, at)
         error = np.zeros((len(gram), len(self.which)))
         for j, (here, g, h) in enumerate(own):
             part = x[1:, here]
@@ -88,6 +97,39 @@ class Score(Gram):
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
+
+    def dilution(self, found: Solution) -> np.ndarray:
+        """Return what to add to the right side (P,) of a set's normal equations for its score.
+
+        Least squares make the error small also by making the command small: the log's own command,
+        which actuators read, has the residual in it (regression dilution, Fuller 1987). With this
+        added, coefficients instead make the error small relative to what arrives of the command.
+        """
+        at = self.indices(found.members)
+        acting = self._acting(found.members, self._normal(at)[2])
+        return self._dilution(found.members, at, found.x * self.scale[at], acting) * self.scale[at]
+
+    def _acting(self, members: Sequence[Item], own: Sequence[tuple[np.ndarray, ...]]) -> list[Any]:
+        """Return each joint on which a set acts, and its normal equations on all blocks."""
+        joints = {j for m in members if m.actuates for j in m.joints}
+        return [
+            (j, here, np.tensordot(self.weights, g, 1), self.weights @ h)
+            for j, (here, g, h) in enumerate(own)
+            if j in joints
+        ]
+
+    def _dilution(
+        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray, acting: list[Any]
+    ) -> np.ndarray:
+        """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
+        out, blocks = np.zeros(len(x)), len(self.weights)
+        for j, here, gram, right in acting:
+            if (found := self._arriving(members, at, x, j)) is not None:
+                share, slope, places, _ = found
+                part = x[here]
+                left = self.weights @ self.square[:blocks, j] + part @ (gram @ part - 2 * right)
+                out[places] += 0.5 * max(float(left), 0.0) * slope / share
+        return out
 
     def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
         """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
@@ -115,23 +157,34 @@ class Score(Gram):
         is least, and the share of informative samples (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
-        for j, (places, ((xx, xc, cc), (pushes, deaf))) in enumerate(self.spread):
-            acting = [m for m in members if id(m) in places]
-            if not acting:
-                continue
-            there = np.concatenate(
-                [np.arange(places[id(m)].start, places[id(m)].stop) for m in acting]
-            )
-            own = np.concatenate([self.place[id(m)] for m in acting])
-            values = x[np.searchsorted(at, own)] / self.scale[own]
-            quadratic = lambda a, values=values, there=there: (
-                values @ a[np.ix_(there, there)] @ values
-            )
-            variance = (cc - 2 * values @ xc[there] + quadratic(xx)) / max(cc, 1e-300)
-            more = [1.0 - 2 * values @ mean[there] + quadratic(pp) for pp, mean in pushes]
-            passed[j] = max(min([variance, *more]), 1e-9)
-            heard[j] = np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0)
+        for j in range(len(self.which)):
+            if (found := self._arriving(members, at, x, j)) is not None:
+                passed[j], _, _, heard[j] = found
         return passed, heard
+
+    def _arriving(
+        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray, j: int
+    ) -> tuple[float, np.ndarray, np.ndarray, float] | None:
+        """Return how much of joint j's command actuators let through; None if there are none.
+
+        It is the share of its variance, the slope (A,) of that by their coefficients, where those
+        are in ``at`` (A,), and the share of informative samples.
+        """
+        places, ((xx, xc, cc), (pushes, deaf)) = self.spread[j]
+        acting = [m for m in members if id(m) in places]
+        if not acting:
+            return None
+        there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
+        own = np.searchsorted(at, np.concatenate([self.place[id(m)] for m in acting]))
+        scale = self.scale[at[own]]
+        values, inside, size = x[own] / scale, np.ix_(there, there), max(cc, 1e-300)
+        ways = [(cc / size, xc[there] / size, xx[inside] / size)]
+        ways += [(1.0, mean[there], pp[inside]) for pp, mean in pushes]
+        shares = [one - 2 * values @ mean + values @ pp @ values for one, mean, pp in ways]
+        least = int(np.argmin(shares))
+        _, mean, pp = ways[least]
+        heard = float(np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0))
+        return max(float(shares[least]), 1e-9), 2 * (pp @ values - mean) / scale, own, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return solutions (F, P) of F normal equations within the bounds.
@@ -141,7 +194,7 @@ class Score(Gram):
         lower, upper = self.bounds[0][at], self.bounds[1][at]
         if not len(at):
             return right
-        own, right = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at]
+        own, right, gram = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at], gram.copy()
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
         gram[:, np.arange(len(at)), np.arange(len(at))] += steady
         if self.anchor is not None:
@@ -256,3 +309,20 @@ def correlation_time(x: np.ndarray) -> float:
         return 1.0
     end = int(np.argmax(a < 0.05 * a[0])) or len(x)
     return float(max(1 + 2 * (a[1:end] / a[0]).sum(), 1.0))
+
+
+def correlation_beside(left: np.ndarray, columns: np.ndarray) -> float:
+    """Return by which factor samples of a residual (N,) count for less beside columns (P, N).
+
+    It is 1 + 2 sum ρ(k) ρ'(k), where ρ and ρ' are the autocorrelations of the residual and of the
+    column for which it is largest (Bartlett 1946), at least 1. In other words it is the residual's
+    spectrum where the column has its own, over its mean. The spectrum is smoothed, since at these
+    frequencies the fit has removed what it could.
+    """
+    power = lambda x: np.abs(np.fft.rfft(x - x.mean(-1, keepdims=True))) ** 2
+    weight = power(columns)
+    weight = weight[weight.sum(1) > TINY * (columns**2).sum(1) * columns.shape[1]]
+    own = uniform_filter1d(power(left), SMOOTH)
+    if not len(weight) or own.mean() <= 0.0:
+        return 1.0
+    return float(max(np.max(weight @ own / weight.sum(1)) / own.mean(), 1.0))

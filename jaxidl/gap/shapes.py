@@ -42,16 +42,16 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     bases, left = {}, {}
     for j in m.joints:
         others = [
-            o.columns[:, :, o.joints.index(j)][:, use[j]]
+            rows.steady(o.columns[:, :, o.joints.index(j)], j)[:, use[j]]
             for o in found.members
             if o is not m and j in o.joints and not taken_up(o, m)
         ]
         bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
-        left[j] = rows.gap[use[j], j] / noise[j]
+        left[j] = rows.steady(rows.gap[:, j], j)[use[j]] / noise[j]
 
     def projected(x: np.ndarray) -> np.ndarray:
         """Return stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
-        parts = [x[:, use[j], j].T / noise[j] for j in m.joints]
+        parts = [rows.steady(x[:, :, j], j)[:, use[j]].T / noise[j] for j in m.joints]
         return np.concatenate(
             [p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)]
         )

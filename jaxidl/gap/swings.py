@@ -1,21 +1,25 @@
-"""Whether what remains swings at one frequency of its own: a cause in time, not in the state."""
+"""Whether what remains drifts, or swings at one frequency of its own.
+
+Then it has a cause in time, not in the state.
+"""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from jaxidl.gap.diagnosis import MUCH
+from jaxidl.gap.drift import SLOW, components
 from jaxidl.gap.library import rms
 from jaxidl.gap.rows import Rows
 
-MOST = 0.5  # share of the residual's energy that makes a swing worth mentioning
+MOST = 0.5  # share of the residual's energy that makes a swing or a drift worth mentioning
 FINER = 16  # frequencies per one over the log's duration
 
 
 def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
-    """Return a sentence for each joint whose large residual is mostly one swing.
+    """Return a sentence for each joint whose large residual is mostly one swing, or drift.
 
-    A frequency that the motion has, too, is none of its own.
+    A frequency that the motion has, too, is none of its own; a slow motion hides drift.
 
     Args:
         rows: N rows of the log.
@@ -37,7 +41,21 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
                 f"{names[j]}: {share[peak]:.0%} of what remains swings at {frequency[peak]:.3g} Hz,"
                 " which the motion does not: a vibration or a torque from outside"
             )
+        use = rows.used[:, j]
+        drift, moves = (_drift(x[use]) for x in (left[:, j], signals.q[signals.rows, j]))
+        if drift > MOST and moves < 0.5 * drift:
+            share = size[j] / rows.spread[j]
+            said.append(
+                f"{names[j]}: {drift:.0%} of what remains is slow drift, {share:.0%} of the"
+                " command: let the machine warm up, or check the zero of its torque sensor"
+            )
     return said
+
+
+def _drift(x: np.ndarray) -> float:
+    """Return the share of the energy of ``x`` (N,) about its mean in slow components."""
+    x = x - x.mean()
+    return float(np.sum((components(len(x), SLOW).T @ x) ** 2) / max(float(x @ x), 1e-300))
 
 
 def _lines(x: np.ndarray) -> np.ndarray:

@@ -30,6 +30,8 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
     torque = rows.command if score.anchor is None else rows.gap
     noise = np.where(score.noise > 1e-150, score.noise, np.inf)  # a joint without a residual
     torque = SHARE * torque * (rows.used & rows.training[:, None]) / noise**2
+    for j in range(torque.shape[1]):  # weighted twice: like a column, and like what it is fitted to
+        torque[:, j] = rows.steady(rows.steady(torque[:, j], j), j)
     right = np.zeros((len(own), torque.shape[1]))
     for m in found.members:
         for k, j in enumerate(m.joints):

@@ -91,13 +91,15 @@ def values(
     starts = [
         v if _plain(m) else vector(m.shape, v) for m, v in zip(clean.members, clean.x, strict=True)
     ]
-    tangents, gap = [], rows.gap.copy()
+    tangents, gap, command = [], rows.gap.copy(), rows.command.copy()
     for m, theta in zip(clean.members, starts, strict=True):
         if _plain(m):
             tangents.append(m)
             continue
         t = tangent(m.shape, theta, rows, predicted)
-        gap -= t.value - np.tensordot(theta, t.columns, 1)
+        base = t.value - np.tensordot(theta, t.columns, 1)
+        gap -= base
+        command -= base * m.actuates
         lower, upper = limits(m.shape)
         tangents.append(
             replace(
@@ -110,14 +112,14 @@ def values(
                 deaf=None,
             )
         )
-    near = rows._replace(gap=gap)
-    fit = _fitted(tangents, near, score)
+    near = rows._replace(gap=gap, command=command)
+    fit = _fitted(tangents, near, rows, score)
     if any(map(noisy, members)):
         pinned = [
             replace(t, lower=theta, upper=theta) if noisy(m) else t
             for m, t, theta in zip(members, tangents, starts, strict=True)
         ]
-        value = _fitted(pinned, near, score).x
+        value = _fitted(pinned, near, rows, score).x
         fit = fit._replace(x=value, folds=fit.folds + value - fit.x)
     groups: dict[Key, list[int]] = {}
     for n, m in enumerate(members):
@@ -165,10 +167,10 @@ class _Fit(NamedTuple):
     covariance: np.ndarray  # (P, P)
 
 
-def _fitted(members: Sequence[Item], rows: Rows, score: Score) -> _Fit:
-    fresh = Score(rows, members, score.noise, score.effective, score.anchor)
+def _fitted(members: Sequence[Item], near: Rows, rows: Rows, score: Score) -> _Fit:
+    fresh = Score(near, members, score.noise, score.effective, score.anchor)
     best = fresh.solve(members)
-    x = physical_fits(fresh, best, rows)
+    x = physical_fits(fresh, best, near)
     x = np.concatenate([best.x[None], best.folds]) if x is None else x
     covariance = fresh.covariance(best) + swayed(fresh, best, rows)
     return _Fit([best.of(m) for m in members], x[0], x[1:], covariance)

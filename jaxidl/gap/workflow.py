@@ -263,7 +263,8 @@ def _gap(
 
 
 def _envelope(made: Library, compared: Gap) -> Envelope:
-    left = np.sqrt(aside(made.score, made.envelope)) * made.score.noise
+    joints = range(len(compared.before.torque_rms))
+    left = np.array([aside(made.rows, made.envelope, j) for j in joints])
     command = np.array(compared.before.torque_rms) / np.maximum(
         compared.before.torque_relative, 1e-300
     )

@@ -1,0 +1,59 @@
+"""Slow drift of a joint's torque: a motor that warms up, a current sensor whose zero wanders.
+
+Drift is no effect on the motion, and one log shows only a few independent samples of it. If it
+stands beside everything else in a residual, evidence about friction would count as little as
+evidence about an offset. So the slowest components of all torques of a joint are weighted down
+until drift is no larger than what the residual has at somewhat higher frequencies: generalised
+least squares (Aitken 1935) with that spectrum. An offset is a component, too, the slowest.
+"""
+
+import numpy as np
+
+# components of half a wave, two half waves, ... over the log; blocks that are left out are shorter
+SLOW = 4
+BESIDE = 4 * SLOW  # the next components, up to this one, show what is no drift
+LEAST = 4 * BESIDE  # samples for which that can be said
+
+
+def components(count: int, most: int) -> np.ndarray:
+    """Return an orthonormal basis (N, most + 1) of slow cosines of ``count`` samples N."""
+    turns = (np.arange(count)[:, None] + 0.5) / max(count, 1) * np.arange(most + 1)
+    basis = np.sqrt(2.0 / max(count, 1)) * np.cos(np.pi * turns)
+    basis[:, 0] /= np.sqrt(2.0)
+    return basis
+
+
+def weights_of(left: np.ndarray) -> np.ndarray:
+    """Return weights (K,) of slow components, at most 1, for a joint's residual ``left`` (N,).
+
+    A component counts with the mean power of those that are slower, and itself.
+    """
+    if len(left) < LEAST:
+        return np.ones(SLOW + 1)
+    power = (components(len(left), BESIDE).T @ left) ** 2
+    slow = np.cumsum(power[1 : SLOW + 1]) / np.arange(1, SLOW + 1)
+    # two at least, since one alone says little; the offset as the slowest of them
+    slow = np.concatenate([[slow[1]] * 3, slow[2:]])
+    usual = power[SLOW + 1 :].mean()
+    return np.sqrt(usual / np.maximum(np.maximum(slow, usual), 1e-300))
+
+
+def weighted(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Return samples (..., N) with their slow components times ``weights`` (K,)."""
+    if np.all(weights == 1.0):
+        return x
+    basis = components(x.shape[-1], len(weights) - 1)
+    return x - ((x @ basis) * (1.0 - weights)) @ basis.T
+
+
+def slower(weights: np.ndarray, shorter: float) -> np.ndarray:
+    """Return the weights in a time that is ``shorter`` by that factor, up to the same frequency."""
+    return (
+        weights[:1]
+        if shorter <= 0.0
+        else weights[
+            np.round(np.arange(int((len(weights) - 1) * min(shorter, 1.0)) + 1) / shorter).astype(
+                int
+            )
+        ]
+    )
