@@ -226,8 +226,8 @@ def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.nd
                 rows.steady(i.columns[:, :, i.joints.index(j)], j) for i in items if j in i.joints
             ]
             columns = np.concatenate([np.zeros((0, len(left))), *beside])[:, here]
-            alike = copies(rows.returns, left[here, j], at[here])
-            alike *= correlation_beside(left[here, j], columns)
+            alike, repeated = copies(rows.returns, left[here, j], at[here])
+            alike *= correlation_beside(left[here, j], columns, repeated)
             effective[j] = here.sum() / alike
     return noise, effective
 

@@ -35,17 +35,18 @@ def returns(signals: Signals) -> tuple[int, ...]:
     return tuple(step * (a + int(np.argmin(apart[a:b]))) for a, b in edges.tolist())
 
 
-def copies(lags: Sequence[int], left: np.ndarray, rows: np.ndarray) -> float:
+def copies(lags: Sequence[int], left: np.ndarray, rows: np.ndarray) -> tuple[float, float]:
     """Return how many samples of a residual ``left`` (N,) at instants ``rows`` (N,) count as one.
 
     Of M repetitions, each some of ``lags`` after another, with a correlation c between any two it
-    is 1 + (M - 1) c.
+    is 1 + (M - 1) c. The second value is M.
     """
-    found = 1.0
+    found = repeated = 1.0
     for lag in lags:
         later = np.searchsorted(rows, rows + lag)
         both = later < len(rows)
         a, b = left[both], left[later[both]]
         alike = float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-300)
         found += 2.0 * float(np.mean(both)) * max(alike, 0.0)
-    return found
+        repeated += 2.0 * float(np.mean(both))
+    return found, repeated

@@ -311,18 +311,19 @@ def correlation_time(x: np.ndarray) -> float:
     return float(max(1 + 2 * (a[1:end] / a[0]).sum(), 1.0))
 
 
-def correlation_beside(left: np.ndarray, columns: np.ndarray) -> float:
+def correlation_beside(left: np.ndarray, columns: np.ndarray, repeated: float = 1.0) -> float:
     """Return by which factor samples of a residual (N,) count for less beside columns (P, N).
 
     It is 1 + 2 sum ρ(k) ρ'(k), where ρ and ρ' are the autocorrelations of the residual and of the
     column for which it is largest (Bartlett 1946), at least 1. In other words it is the residual's
     spectrum where the column has its own, over its mean. The spectrum is smoothed, since at these
-    frequencies the fit has removed what it could.
+    frequencies the fit has removed what it could. If the motion is there ``repeated`` times, the
+    spectrum consists of lines, and the smoothing covers as many of them.
     """
     power = lambda x: np.abs(np.fft.rfft(x - x.mean(-1, keepdims=True))) ** 2
     weight = power(columns)
     weight = weight[weight.sum(1) > TINY * (columns**2).sum(1) * columns.shape[1]]
-    own = uniform_filter1d(power(left), SMOOTH)
+    own = uniform_filter1d(power(left), round(SMOOTH * repeated))
     if not len(weight) or own.mean() <= 0.0:
         return 1.0
     return float(max(np.max(weight @ own / weight.sum(1)) / own.mean(), 1.0))
