@@ -486,6 +486,34 @@ def test_each_objection_is_raised_where_it_holds(planted):
     assert objection(odd, odd.solve(truth), pool[0], 0.05, other) == ""
 
 
+@pytest.mark.parametrize(("own", "right"), [(0.0, False), (1.0, True)], ids=["sum", "more"])
+def test_a_rare_effect_has_to_improve_on_common_ones_together(own, right):
+    """One motor constant looks like the errors of several links at once."""
+    rng = np.random.default_rng(4)
+    links, other = rng.normal(size=(3, N, 1)), rng.normal(size=(N, 1))
+    common = [item(f"link{k}", x, common=True, odds=-2.0) for k, x in enumerate(links)]
+    rare = item("constant", links.sum(0) + own * other, odds=-2.0)
+    gap = 0.1 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += rare.columns[0]
+    rows = rows_with(gap)
+    score = score_of(rows, [*common, rare])
+    now = search(score, [])
+    assert now.members == (rare,)
+    assert (objection(score, now, rare, 0.05, rows) == "") is right
+
+
+def test_what_promises_next_to_nothing_is_not_tried(planted):
+    rows, _, truth, _ = planted
+    left = rows.gap[:, :1] - truth[0].columns[0]
+    draw = np.random.default_rng(6).normal(size=(N, 1))
+    little, more = (item(name, draw + x * left) for name, x in (("little", 0.1), ("more", 1.0)))
+    score = score_of(rows, [*truth, little, more])
+    score.effective[:] = N  # enough samples for both
+    promise = estimates.promise(score, truth)
+    assert promise[id(little)] == -np.inf
+    assert promise[id(more)] > 0.0
+
+
 def test_a_joint_without_noise_and_command_has_a_residual_in_units_of_nothing():
     rows = rows_with(np.zeros((N, JOINTS)))._replace(spread=np.zeros(JOINTS))
     left = np.zeros((N, JOINTS))
