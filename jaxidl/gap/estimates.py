@@ -11,7 +11,6 @@ import numpy as np
 from jaxidl.gap.gram import Item
 from jaxidl.gap.score import RIDGE, Score, Solution
 
-LEAST = 0.02  # least share of the squared error that an effect must promise to remove
 ALIKE = 1e-6  # share of what columns add below which others imitate them
 
 
@@ -47,7 +46,6 @@ def _promise(score: Score, members: Iterable[Item]) -> dict[int, float]:
         rate = np.clip(gain / (on @ left), 0.0, 1.0 - 1e-6)
         odds = np.array([i.odds for i in items])
         worth = -0.5 * (on @ score.effective) * np.log(1.0 - rate) - 0.5 * where.shape[1] + odds
-        worth[rate * on.sum(1) < LEAST] = -np.inf
         out |= zip(map(id, items), worth.tolist(), strict=True)
     for m in now.members:
         out.pop(id(m), None)

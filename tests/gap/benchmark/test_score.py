@@ -329,7 +329,14 @@ def test_the_whole_score_of_made_up_reports_is_as_they_were_made():
     }
     result = score(truth, reports)
     json.dumps(result)
-    assert result["cases"] == {"single": 3, "none": 3, "outside": 2, "pair": 2, "robot": 0, "worn": 0}
+    assert result["cases"] == {
+        "single": 3,
+        "none": 3,
+        "outside": 2,
+        "pair": 2,
+        "robot": 0,
+        "worn": 0,
+    }
     assert result["failed"] == 1
     singles = result["singles"]
     assert singles["right"]["share"] == pytest.approx(0.5)
