@@ -40,6 +40,7 @@ def findings(
     """
     rows, out = found.library.rows, []
     draws = found.support.moves if found.score.anchor is None else []
+    elsewhere = [(t.likely / (1.0 + t.likely), t.moves) for t in found.ties]
     command, whole = (
         rms(rows.command, rows.used),
         rms(rows.gap, rows.used & ~rows.training[:, None]),
@@ -64,7 +65,7 @@ def findings(
         cls = CATALOGUE[name]
         parameters = {
             n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
-            for n, (v, e) in resampled(value, draws).parameters.items()
+            for n, (v, e) in resampled(value, draws, elsewhere).parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(rows, bare, found.solution, j)

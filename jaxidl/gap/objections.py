@@ -133,15 +133,18 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
 
 
 def plain(score: Score, now: Solution, m: Item) -> list[Item]:
-    """Return the common effects on a rare member's joints that the set does without.
+    """Return the common friction on a member's joint that the set does without.
 
-    A rare effect has to improve on them: two rare laws that bend opposite ways are a straight line,
-    too, and one motor constant stands for the errors of several links.
+    Friction that is not common has to improve on it: two rare laws that bend opposite ways are a
+    straight line, too.
     """
-    if m.common:
+    if m.common or not m.shape.cls.friction:
         return []
-    at = set(m.joints)
-    return [i for i in score.items if i.common and at & set(i.joints) and i not in now.members]
+    return [
+        i
+        for i in score.items
+        if i.common and i.shape.cls.friction and i.joints == m.joints and i not in now.members
+    ]
 
 
 def held(m: Item, x: np.ndarray) -> bool:

@@ -3,7 +3,8 @@
 They are better ones, once their shapes are fitted, and equally good ones.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +33,8 @@ class Tie(NamedTuple):
     instead: tuple[Group, ...]  # each in place of all that was found
     # highest prior probability among them, relative to what was found; at most 1
     likely: float
+    # by how much the coefficients of the other members are different beside the likeliest of them
+    moves: Mapping[Group, np.ndarray] = MappingProxyType({})
 
 
 def contested(
@@ -100,7 +103,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     that are not needed beside it are dropped. What another member contains is not looked for beside
     it.
     """
-    sets: dict[tuple[Group, ...], dict[Group, float]] = {}
+    sets: dict[tuple[Group, ...], dict[Group, tuple[float, Solution]]] = {}
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
         promise = estimates.promise(score, rest)
@@ -115,7 +118,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         near = [
             i
             for i in near
-            if set(i.joints) & set(m.joints) and i.key not in {n.key for n in now.members}
+            if set(i.joints) & set(m.joints) and i.group not in {n.group for n in now.members}
         ]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
         best: dict[Group, Item] = {}  # best shape of each effect
@@ -138,5 +141,13 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
                 and at.value - odds > now.value - least - close
             ):
                 gone = tuple(n.group for n in now.members if n not in at.members)
-                sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0)))
-    return [Tie(gone, tuple(instead), max(instead.values())) for gone, instead in sets.items()]
+                sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0))), at
+    return [_tie(now, gone, instead) for gone, instead in sets.items()]
+
+
+def _tie(
+    now: Solution, gone: tuple[Group, ...], instead: Mapping[Group, tuple[float, Solution]]
+) -> Tie:
+    likely, at = max(instead.values(), key=lambda found: found[0])
+    moves = {m.group: at.x[at.of(m)] - now.x[now.of(m)] for m in now.members if m in at.members}
+    return Tie(gone, tuple(instead), likely, moves)

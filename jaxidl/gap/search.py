@@ -109,7 +109,8 @@ def single(score: Score, now: Solution) -> list[Move]:
 def replaced(score: Score, now: Solution) -> list[Move]:
     """Return the moves of one for another on its joints.
 
-    They are also those of one for several that it can imitate, and of one for its part.
+    They are also those of one for several that it can imitate, of one for its part, and of a rare
+    one for all common ones: one motor constant looks like the errors of several links.
     """
     moves = [
         (frozenset(alike), frozenset([i]))
@@ -120,6 +121,10 @@ def replaced(score: Score, now: Solution) -> list[Move]:
     for m in filter(lambda m: not m.always, now.members):
         less = [i for i in score.items if len(i.lower) < len(m.lower) and i.group not in taken]
         moves += [(frozenset([m]), frozenset([i])) for i in estimates.imitated(score, less, m)]
+        if not m.common:
+            on = set(m.joints)
+            common = [i for i in score.items if i.common and on & set(i.joints)]
+            moves += [(frozenset([m]), frozenset(i for i in common if i.group not in taken))]
         rest = after(now.members, [m], [])
         fresh = promising(score, rest, now.value, set(m.joints), [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]

@@ -49,12 +49,22 @@ class Value(NamedTuple):
     moved: Callable[[np.ndarray], Mapping[str, np.ndarray]] = lambda by: {}
 
 
-def resampled(value: Value, draws: Sequence[Mapping[Group, np.ndarray]]) -> Value:
+def resampled(
+    value: Value,
+    draws: Sequence[Mapping[Group, np.ndarray]],
+    others: Sequence[tuple[float, Mapping[Group, np.ndarray]]] = (),
+) -> Value:
     """Return an effect with standard errors that cover the choice of the set, too.
 
-    ``draws`` are by how much coefficients are off on resampled logs. Those of fitted shapes, and
-    what was found on less than two draws, stay as they are. Changes since a reference log have no
-    draws: on these, part of a load is taken for changes of links that the search rejects.
+    Those of fitted shapes, and what was found on less than two draws, stay as they are. Changes
+    since a reference log have no draws: on these, part of a load is taken for changes of links that
+    the search rejects.
+
+    Args:
+        value: the effect.
+        draws: by how much coefficients are off on resampled logs.
+        others: the probability of sets that explain the log as well, and by how much coefficients
+            are off in these.
     """
     off = [
         np.concatenate([d[i.group] for i in value.items])
@@ -64,10 +74,16 @@ def resampled(value: Value, draws: Sequence[Mapping[Group, np.ndarray]]) -> Valu
     if len(off) < 2 or not all(map(_plain, value.items)):
         return value
     moved = [value.moved(by) for by in off]
+    elsewhere = [
+        (share, value.moved(np.concatenate([by[i.group] for i in value.items])))
+        for share, by in others
+        if all(i.group in by for i in value.items)
+    ]
     parameters = {}
     for n, (v, e) in value.parameters.items():
-        square = np.mean([(m[n] - v) ** 2 for m in moved], axis=0)
-        parameters[n] = v, np.sqrt(e**2 + np.maximum(square - value.scatter[n] ** 2, 0.0))
+        square = np.mean([(m[n] - v) ** 2 for m in moved], axis=0) - value.scatter[n] ** 2
+        apart = np.max([0.0 * v, *(share * (m[n] - v) ** 2 for share, m in elsewhere)], axis=0)
+        parameters[n] = v, np.sqrt(e**2 + np.maximum(square, 0.0) + apart)
     return value._replace(parameters=parameters)
 
 
