@@ -48,12 +48,7 @@ def weighted(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 def slower(weights: np.ndarray, shorter: float) -> np.ndarray:
     """Return the weights in a time that is ``shorter`` by that factor, up to the same frequency."""
-    return (
-        weights[:1]
-        if shorter <= 0.0
-        else weights[
-            np.round(np.arange(int((len(weights) - 1) * min(shorter, 1.0)) + 1) / shorter).astype(
-                int
-            )
-        ]
-    )
+    if shorter <= 0.0:
+        return weights[:1]
+    most = int((len(weights) - 1) * min(shorter, 1.0))
+    return weights[np.round(np.arange(most + 1) / shorter).astype(int)]

@@ -21,7 +21,8 @@ from jaxidl.gap.prior import plausible
 from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.recurrence import copies
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Score, Solution, correlation_beside
+from jaxidl.gap.samples import correlation_beside
+from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Present, effect_at, shapes_of, vector
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals

@@ -10,7 +10,7 @@ import numpy as np
 
 from jaxidl.gap.gram import Item
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import correlation_time
+from jaxidl.gap.samples import correlation_time
 
 SHAPES = 3  # shapes kept of each effect on a joint
 ALIGNMENT = "alignment"

@@ -8,7 +8,7 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
   command's variance that they let through. At samples where a little more command would deliver no
   more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
-  residual and of its columns (Bartlett 1946), and for motions that are repeated
+  residual and of its columns (:mod:`jaxidl.gap.samples`), and for motions that are repeated
   (:mod:`jaxidl.gap.recurrence`).
 * p is the effect's prior.
 * s is how large a coefficient x may plausibly be, if something is known about it: changes of links
@@ -22,14 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-from scipy.ndimage import uniform_filter1d
 
 from jaxidl.gap.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
 DILUTED = 3  # steps against regression dilution
-SMOOTH = 9  # neighbouring frequencies over which a residual's spectrum is averaged
-TINY = 1e-6  # share of a column's energy below which it is a constant
 
 
 class Solution(NamedTuple):
@@ -296,34 +293,3 @@ class Score(Gram):
         other.__dict__.update({**self.__dict__, **changes})
         other.__dict__.pop("whole", None)
         return other
-
-
-def correlation_time(x: np.ndarray) -> float:
-    """Return by which factor samples ``x`` (N,) count for less due to autocorrelation.
-
-    It is in [samples], at least 1.
-    """
-    f = np.fft.rfft(x - x.mean(), 2 * len(x))
-    a = np.fft.irfft(np.abs(f) ** 2)[: len(x)]
-    if a[0] <= 0.0:
-        return 1.0
-    end = int(np.argmax(a < 0.05 * a[0])) or len(x)
-    return float(max(1 + 2 * (a[1:end] / a[0]).sum(), 1.0))
-
-
-def correlation_beside(left: np.ndarray, columns: np.ndarray, repeated: float = 1.0) -> float:
-    """Return by which factor samples of a residual (N,) count for less beside columns (P, N).
-
-    It is 1 + 2 sum ρ(k) ρ'(k), where ρ and ρ' are the autocorrelations of the residual and of the
-    column for which it is largest (Bartlett 1946), at least 1. In other words it is the residual's
-    spectrum where the column has its own, over its mean. The spectrum is smoothed, since at these
-    frequencies the fit has removed what it could. If the motion is there ``repeated`` times, the
-    spectrum consists of lines, and the smoothing covers as many of them.
-    """
-    power = lambda x: np.abs(np.fft.rfft(x - x.mean(-1, keepdims=True))) ** 2
-    weight = power(columns)
-    weight = weight[weight.sum(1) > TINY * (columns**2).sum(1) * columns.shape[1]]
-    own = uniform_filter1d(power(left), round(SMOOTH * repeated))
-    if not len(weight) or own.mean() <= 0.0:
-        return 1.0
-    return float(max(np.max(weight @ own / weight.sum(1)) / own.mean(), 1.0))

@@ -26,7 +26,8 @@ from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rows import Rows
-from jaxidl.gap.score import Score, correlation_time
+from jaxidl.gap.samples import correlation_time
+from jaxidl.gap.score import Score
 from jaxidl.gap.search import REPLACED, promising, replaced, search
 from jaxidl.gap.shape import Shape
 from jaxidl.gap.torque_constants import SHARE, swayed
