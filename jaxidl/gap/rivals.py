@@ -115,10 +115,11 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             and not part(m, i)
             and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
+        taken = {n.group for n in now.members}
         near = [
             i
             for i in near
-            if set(i.joints) & set(m.joints) and i.group not in {n.group for n in now.members}
+            if set(i.joints) & set(m.joints) and i.key != m.key and i.group not in taken
         ]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
         best: dict[Group, Item] = {}  # best shape of each effect

@@ -21,10 +21,11 @@ from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.held_out import aside, gain, worse_by
-from jaxidl.gap.library import own_residual
+from jaxidl.gap.library import Library, own_residual
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection
 from jaxidl.gap.projection import ALIGNMENT
+from jaxidl.gap.rivals import tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.samples import correlation_time
 from jaxidl.gap.score import Score
@@ -699,6 +700,30 @@ def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
     np.testing.assert_allclose(error(0.3, 0.3), error(0.3, -0.3))  # off on one side, too
     np.testing.assert_allclose(error(0.05, -0.05), 0.2)
     np.testing.assert_allclose(error(0.3), 0.2)  # a single draw says nothing
+    # 0.4 more in another set, which explains the log as well with a probability of a quarter
+    (_, either) = resampled(value, draws(0.0, 0.0), [(0.25, *draws(0.4))]).parameters["offset"]
+    np.testing.assert_allclose(either, np.sqrt(0.2**2 + 0.25 * 0.4**2))
+
+
+def test_another_part_of_the_same_effect_may_explain_as_much():
+    """A mass in place of a wrong centre: then the rotor, part of the mass's effect, is lighter."""
+    rng = np.random.default_rng(7)
+    gravity, rotor, small = rng.normal(size=(3, N, 1))
+    extra, mass = (
+        replace(item("inertia", x), group=("inertia", 0, part))
+        for part, x in (("extra", rotor), ("mass", gravity + 0.3 * rotor + 0.02 * small))
+    )
+    centre = item("centre", gravity)
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += gravity + 1.0 * rotor
+    rows = rows_with(gap)
+    score = score_of(rows, [extra, mass, centre])
+    now = score.solve([extra, centre])
+    made = Library(rows, score, now, rows.command, ())
+    (tie,) = tied(score, now, made, rows.command)
+    assert (tie.found, tie.instead) == ((centre.group,), (mass.group,))
+    np.testing.assert_allclose(tie.moves[extra.group], -0.3, atol=0.02)
+    assert centre.group not in tie.moves
 
 
 def test_likelihood_of_coefficients_is_that_of_their_residual(planted):
