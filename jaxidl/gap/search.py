@@ -36,7 +36,7 @@ TRIED = 6
 REPLACED = 4  # number of a member's replacements tried
 NEAR = 5.0  # difference in score by which a promise may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled
-LEAST = 0.02  # least share of the squared error that an addition must promise to remove
+LEAST = 0.02  # least share of the squared error that what is tried must promise to remove
 PASSES = 40
 
 
