@@ -159,7 +159,7 @@ def doubt(folder: Path, model: Model, logs: Sequence[Path] = ()) -> Doubt:
     model = part if reading.get("joints") else model
     with jax.enable_x64(True):
         signals = prepare(log, model.plant.body, model.plant.effects)
-        rows = rows_of(signals, model.plant.effects, report["options"]["held_out"])
+        rows = rows_of(signals.thinned(), model.plant.effects, report["options"]["held_out"])
         wanted = [name for keys in sets for name, _ in keys]
         unknown = [name for name in wanted if name not in CATALOGUE]
         if unknown:

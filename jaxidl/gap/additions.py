@@ -24,6 +24,7 @@ from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program
+OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
 
 
 class Drive(NamedTuple):
@@ -76,6 +77,8 @@ def additions(
     joints = signals.q.shape[1]
     columns, inner, places = narrowed(effects)
     drive, starts = driven(signals, tau, predicted, predicted + friction, columns)
+    times = signals.dt, round(signals.dt / signals.interval)
+    many = _often if signals.q.size * joints > OFTEN else _seldom
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(inner), SIDE_BY_SIDE):
         part = inner[first : first + SIDE_BY_SIDE]
@@ -85,7 +88,7 @@ def additions(
             for each in zip(*map(jax.tree.leaves, filled), strict=True)
         ]
         where = np.resize(np.asarray(places[first : first + SIDE_BY_SIDE]), SIDE_BY_SIDE)
-        terms = _many(jax.tree.structure(part[0]), leaves, where, drive, starts, signals.dt)
+        terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
             added = _rows(terms, signals, columns, drive, undone)
@@ -192,8 +195,9 @@ def driven(
     return Drive._make([*(x[:, columns] for x in each), tables]), starts
 
 
-@partial(jit_quickly, static_argnames=("structure", "dt"))
-def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+def _many(
+    structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float, finer: int
+) -> Terms:
     """Return terms (G, T, J) of G effects of one structure.
 
     Where they reach other joints, each is on joint ``where`` (G,).
@@ -206,21 +210,29 @@ def _many(structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt
             drive,
             starts,
             dt,
+            finer,
         )
 
     return jax.vmap(one)(leaves, where)
 
 
-def along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
+_seldom, _often = (
+    jit_quickly(_many, often, static_argnames=("structure", "dt", "finer"))
+    for often in (False, True)
+)
+
+
+def along(effect: Any, drive: Drive, starts: Any, dt: float, finer: int = 1) -> Terms:
     """Return the terms (T, J) of one effect along a motion; differentiable by the motion.
 
-    ``starts`` (T,) says at which instants a run begins.
+    ``starts`` (T,) says at which instants a run begins. A hidden state takes ``finer`` steps in
+    each ``dt``.
     """
     inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
     change = drive.tau * 0.0
     if inner.actuate is not Effect.actuate:
         command = effect.seen(drive.tau, drive.predicted)
-        change = _delivered(effect, drive._replace(tau=command), starts, dt) - command
+        change = _delivered(effect, drive._replace(tau=command), starts, dt, finer) - command
 
     def instant(q: Any, qd: Any, qdd: Any, tau: Any, load: Any, table: Any) -> Any:
         body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
@@ -246,19 +258,31 @@ def along(effect: Any, drive: Drive, starts: Any, dt: float) -> Terms:
     )
 
 
-def _delivered(effect: Any, drive: Drive, starts: Any, dt: float) -> Any:
-    """Return the command after the effect.
+def _delivered(effect: Any, drive: Drive, starts: Any, dt: float, finer: int) -> Any:
+    """Return the command after the effect, its mean over each step.
 
     Its hidden state follows the measured motion and restarts with each run.
     """
+    memory = effect.start(drive.q[0])
+    finer = finer if jax.tree.leaves(memory) else 1
+    last = jnp.append(starts[1:], True)[:, None]
+    ahead = lambda x: jnp.where(last, 0.0, jnp.concatenate([x[1:] - x[:-1], 0.0 * x[:1]]))
 
     def step(memory: Any, now: Any) -> Any:
-        q, qd, tau, begins = now
+        q, qd, tau, begins, further, faster, stronger = now
         memory = jax.tree.map(lambda old, new: jnp.where(begins, new, old), memory, effect.start(q))
-        delivered, memory = effect.actuate(memory, q, qd, tau, dt)
-        return memory, delivered
+        total = 0.0
+        for k in np.arange(finer) / finer:
+            command = tau + (k + 0.5 / finer - 0.5) * stronger
+            motion = q + k * further, qd + k * faster
+            delivered, memory = effect.actuate(memory, *motion, command, dt / finer)
+            total = total + delivered
+        return memory, total / finer
 
-    return jax.lax.scan(step, effect.start(drive.q[0]), (drive.q, drive.qd, drive.tau, starts))[1]
+    further, faster, stronger = map(ahead, (drive.q, drive.qd, drive.tau))
+    before = jnp.where(starts[:, None], 0.0, jnp.roll(stronger, 1, 0))
+    inputs = drive.q, drive.qd, drive.tau, starts, further, faster, 0.5 * (before + stronger)
+    return jax.lax.scan(step, memory, inputs)[1]
 
 
 def _rows(

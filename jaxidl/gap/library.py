@@ -89,7 +89,7 @@ def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
             float(inertia[j]),
             float(residual[j]),
             signals.band,
-            signals.dt,
+            signals.interval,
             j,
             count,
             tuple(lows.tolist()),

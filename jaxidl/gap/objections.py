@@ -116,7 +116,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve([*without(now, m), *plain(score, now, m)])
-    interval = rows.signals.dt
+    interval = rows.signals.interval
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return "it is hardly more than a sampling interval"
     pick = list(m.joints)

@@ -93,7 +93,7 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
     """
     joints = rows.gap.shape[1]
     projected = Projection(rows, common, np.ones(joints))
-    steps = np.linspace(*CONVENTION, 9) * rows.signals.dt
+    steps = np.linspace(*CONVENTION, 9) * rows.signals.interval
     values = np.stack([projected.left_of(rows.shifted(s)) for s in steps])  # (S, J)
     zero, best = int(np.argmin(np.abs(steps))), values.argmin(0)
     unclear = (values[zero] - values.min(0) < CLEAR) | (best == 0) | (best == len(steps) - 1)
@@ -110,8 +110,8 @@ def alignments(rows: Rows, predicted: np.ndarray, alike: float = 1.0) -> list[It
     slope = s.smooth(s.differentiate(predicted))[s.rows]
     already = np.broadcast_to(rows.shift, rows.gap.shape[1])
     for j in np.flatnonzero(np.any(slope != 0.0, 0)).tolist():
-        lower, upper = (np.array([edge * s.dt - already[j]]) for edge in CONVENTION)
-        precision = np.array([FAINT * alike / s.dt**2])
+        lower, upper = (np.array([edge * s.interval - already[j]]) for edge in CONVENTION)
+        precision = np.array([FAINT * alike / s.interval**2])
         column = slope[None, :, j : j + 1]
         found.append(
             Item((ALIGNMENT, j, ""), None, (j,), column, lower, upper, 0.0, precision, always=True)

@@ -172,7 +172,8 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
     last = place >= 1.0 - held_out
     if not last.any():
         return ~last
-    sizes = [np.abs(x[rows]) for x in (signals.tau, signals.qd, signals.qdd)]
+    command = signals.balance + signals.tables.torque[rows]
+    sizes = [np.abs(command), *(np.abs(x[rows]) for x in (signals.qd, signals.qdd))]
     reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])
     if np.all(reach(last) <= FURTHER * reach(~last)):
         return ~last

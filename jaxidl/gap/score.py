@@ -58,6 +58,7 @@ class Score(Gram):
         self._solved: dict[frozenset[int], Solution] = {}
         # what :func:`jaxidl.gap.estimates.promise` said so far
         self.promised: dict[frozenset[int], dict[int, float]] = {}
+        self.enough: dict[int, float] = {}  # and :func:`jaxidl.gap.estimates.enough`
 
     def solve(self, members: Iterable[Item]) -> Solution:
         """Return the set fitted with and without each block, and its score."""
@@ -279,14 +280,14 @@ class Score(Gram):
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
-        return self._with(items=list(items), _solved=self._solved, promised={})
+        return self._with(items=list(items), _solved=self._solved, promised={}, enough={})
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score on blocks drawn with replacement.
 
         ``weights`` (B,) are how often each was drawn.
         """
-        return self._with(weights=weights, _solved={}, promised={})
+        return self._with(weights=weights, _solved={}, promised={}, enough={})
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)

@@ -36,7 +36,6 @@ TRIED = 6
 REPLACED = 4  # number of a member's replacements tried
 NEAR = 5.0  # difference in score by which a promise may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled
-LEAST = 0.02  # least share of the squared error that what is tried must promise to remove
 PASSES = 40
 
 
@@ -164,9 +163,10 @@ def promising(
     """
     members = tuple(members)
     promise, least = estimates.promise(score, members), value - score.solve(members).value - NEAR
+    enough = estimates.enough(score)
     taken = {m.group for m in members} if joints is not None else set()
     ranked = sorted(
-        (i for i in score.items if promise.get(id(i), -np.inf) > max(least, small(score, i))),
+        (i for i in score.items if promise.get(id(i), -np.inf) > max(least, enough[id(i)])),
         key=lambda i: -promise[id(i)],
     )
     count: dict[tuple[int, ...], int] = {}
@@ -179,15 +179,6 @@ def promising(
         if count[place] <= TRIED:
             found.append(i)
     return found
-
-
-def small(score: Score, i: Item) -> float:
-    """Return the promise of an item that removes the least share of the error on one of its joints.
-
-    Less is not worth the time: it would not be named.
-    """
-    samples = float(np.mean(score.effective[list(i.joints)]))
-    return -0.5 * samples * np.log(1.0 - LEAST) - 0.5 * len(i.lower) + i.odds
 
 
 def entangled(now: Solution) -> list[tuple[Item, Item]]:

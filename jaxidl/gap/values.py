@@ -150,7 +150,7 @@ def values(
         taken = [
             (k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key
         ]
-        value = _value(key, whole, taken, fit, rows.signals.dt)
+        value = _value(key, whole, taken, fit, rows.signals.interval)
         out.append(value._replace(share=max(clean.share.get(n, 0.0) for n in numbers)))
     return out
 

@@ -37,7 +37,7 @@ from jaxidl.gap.values import Value
 from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.words import doubt_of, summarise
 from jaxidl.logs.log import Log, read
-from jaxidl.logs.signals import prepare
+from jaxidl.logs.signals import Signals, prepare
 from jaxidl.replay.rollout import rollout_errors
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
@@ -93,10 +93,12 @@ def diagnose(
         common: tuple[Effect, ...] = ()
         if old is not None:
             watch("searching the reference", 0.0)
-            before = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
+            before, _ = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
             kept = (v.effect for v in _values(before))
             common = tuple(e for e in kept if possible(e, known.plant.effects))
-        found = _search(measured, known, common, names, held_out, min_gain, watch, before=before)
+        found, signals = _search(
+            measured, known, common, names, held_out, min_gain, watch, before=before
+        )
         rows = found.library.rows
         after = residual(rows, found.solution)
         # where nothing is found, the model is judged with the log's torques as well aligned
@@ -107,7 +109,7 @@ def diagnose(
         ties = [*found.ties, *swapping]
         tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
         named = findings(found, found.fitted, known, [n.value for n in network], tied)
-        compared = _gap(found, gap, after, known, common, rollouts, watch)
+        compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
     handed = compared.after if named else compared.before
@@ -145,7 +147,7 @@ def diagnose(
         rivals=rivals_of(found),
         network=still,
         model=known,
-        traces=_traces(measured, rows, gap, after),
+        traces=_traces(measured.time[signals.rows], rows, gap, after),
         band=rows.signals.band,
         notes=notes,
         options={
@@ -161,7 +163,7 @@ def diagnose(
         },
         common=common,
         doubt=doubt,
-        signals=rows.signals,
+        signals=signals,
     )
 
 
@@ -211,15 +213,19 @@ def _search(
     watch: Watch,
     before: Found | None = None,
     resample: bool = True,
-) -> Found:
-    """Prepare a log for the model with the ``common`` effects of two logs, and search."""
+) -> tuple[Found, Signals]:
+    """Prepare a log for the model with the ``common`` effects of two logs, and search.
+
+    Also return the log as it was prepared; the search reads it at fewer instants.
+    """
     watch("comparing with the model", 0.0)
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
-    rows = rows_of(signals, effects, held_out)
+    rows = rows_of(signals.thinned(), effects, held_out)
     reference = None if before is None else reference_of(before)
     watch("computing what each effect would add", 0.0)
-    return find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+    found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+    return found, signals
 
 
 def _values(found: Found) -> list[Value]:
@@ -229,6 +235,7 @@ def _values(found: Found) -> list[Value]:
 
 def _gap(
     found: Found,
+    signals: Signals,
     gap: np.ndarray,
     after: np.ndarray,
     known: Model,
@@ -240,7 +247,7 @@ def _gap(
 
     The parameters were fitted without these rows.
     """
-    rows, signals = found.library.rows, found.library.rows.signals
+    rows = found.library.rows
     members = [v.effect for v in _values(found)]
     behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
@@ -271,8 +278,6 @@ def _envelope(made: Library, compared: Gap) -> Envelope:
     return Envelope(left.tolist(), (left / np.maximum(command, 1e-300)).tolist())
 
 
-def _traces(log: Log, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
+def _traces(time: np.ndarray, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
     s, at = rows.signals, rows.signals.rows
-    return Traces(
-        log.time[at], ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used
-    )
+    return Traces(time, ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used)

@@ -7,6 +7,7 @@ pass it afterwards, so both sides of the comparison lose the same frequencies.
 
 import math
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,19 +29,22 @@ from jaxidl.logs.rests import classify, withstood
 from jaxidl.systems.tables import Tables, tables
 
 ROWS_PER_HERTZ = 3.0  # rows kept per second, over the band
+INSTANTS_PER_HERTZ = 8.0  # instants per second at which effects are simulated, at least, over it
 # most rows of a long log: more take time, and neighbours are too similar to add much
 MOST_ROWS = 8000
 # the filter blurs this range around the begin and end of a rest [periods of the band's end]
 REST_EDGE = 0.6
 REST_SPEED = 0.01  # share of a joint's top speed below which friction is anywhere within its level
 TRIM = 0.25  # at both ends of a run, for filters and hidden states to settle [s]
+CALM = 0.3  # band of a command that is read less often, over the rate at which it is
 TABLE_RATE = 40.0  # rate of the tables other than the torque [Hz]
 
 
 class Signals(NamedTuple):
     """T instants of J joints at the log's rate, of which N rows are kept."""
 
-    dt: float
+    dt: float  # between two instants [s]
+    interval: float  # between two samples of the log [s]: instants may be fewer
     band: float  # [Hz]
     slices: tuple[slice, ...]  # the runs
     q: Float[np.ndarray, "T J"]
@@ -67,6 +71,11 @@ class Signals(NamedTuple):
     late: int = 0
     # noise (J,) of the logged velocity and acceleration where those are used
     logged_noise: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+
+    @property
+    def every(self) -> int:
+        """Return after how many instants the band needs one."""
+        return spare(self.dt, self.band)
 
     @property
     def duration(self) -> float:
@@ -100,6 +109,41 @@ class Signals(NamedTuple):
         qd = self.differentiate(q) if of_qd is None else white(of_qd)
         qdd = self.differentiate(qd) if of_qdd is None else white(of_qdd)
         return self._replace(q=self.q + q, qd=self.qd + qd, qdd=self.qdd + qdd)
+
+    def thinned(self) -> "Signals":
+        """Return the signals at no more instants than the band needs, T of them again.
+
+        The kept rows are among these. A command is held for longer, and on average it is the same.
+        """
+        every = self.every
+        if every == 1:
+            return self
+        each = [np.arange(s.start, s.stop, every) for s in self.slices]
+        edges, at = np.cumsum([0, *map(len, each)]).tolist(), np.concatenate(each)
+        quiet = by_run(
+            self.tau, self.slices, lambda x: low_pass(x, CALM / every / self.dt, self.dt)
+        )
+        # the middle of a longer interval is later, by half a sample more if they are even in number
+        middle = quiet if every % 2 else by_run(quiet, self.slices, half_later)
+        last = np.repeat([s.stop - 1 for s in self.slices], [len(x) for x in each])
+        quieter = lambda noise: None if noise is None else noise / np.sqrt(every)
+        place = lambda instants: np.searchsorted(at, instants)
+        return self._replace(
+            dt=every * self.dt,
+            slices=tuple(slice(a, b) for a, b in pairwise(edges)),
+            q=self.q[at],
+            qd=self.qd[at],
+            qdd=self.qdd[at],
+            tau=middle[np.minimum(at + every // 2, last)],
+            tables=Tables(*(x[at] for x in self.tables)),
+            sigma=self.sigma / np.sqrt(every),
+            rows=place(self.rows),
+            moving=self.moving[at],
+            resting=self.resting[at],
+            peaks=tuple(np.column_stack([place(p[:, 0]), p[:, 1:]]) for p in self.peaks),
+            late=-(-self.late // every),
+            logged_noise=tuple(map(quieter, self.logged_noise)),
+        )
 
     def behind(self, effects: Sequence[Effect]) -> "Signals":
         """Return the signals with the true motion behind the encoder readings.
@@ -147,16 +191,13 @@ def prepare(
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, REST_SPEED * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
+    every = spare(dt, band)  # rows are among the instants that :meth:`Signals.thinned` keeps
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
-    edge = round(TRIM / dt)
-    rows = [
-        np.arange(
-            s.start + min(edge, (s.stop - s.start) // 5),
-            s.stop - min(edge, (s.stop - s.start) // 5),
-            step,
-        )
-        for s in slices
-    ]
+    step, edge = every * math.ceil(step / every), round(TRIM / dt)
+    rows = []
+    for s in slices:
+        skipped = min(edge, (s.stop - s.start) // 5)
+        rows.append(np.arange(s.start + skipped // every * every, s.stop - skipped, step))
     floor = noise_torque(reach, band, dt)
     rests[[s.stop - 1 for s in slices]] = False  # a rest does not continue in the next run
     heard_torque = encoder_noise(log.tau, slices)
@@ -175,9 +216,16 @@ def prepare(
         )
         for j in range(log.joints)
     )
+    for j, each in enumerate(peaks if every > 1 else ()):
+        begin = np.array([s.start for s in slices])
+        run = begin[np.searchsorted(begin, each[:, 0], side="right") - 1]
+        each[:, 0] -= (each[:, 0] - run) % every
+        resting[each[:, 0].astype(int), j] = True
+        moving[each[:, 0].astype(int), j] = False
     kept = np.unique(np.concatenate([*rows, *(p[:, 0].astype(int) for p in peaks)]))
     none = np.zeros((len(kept), log.joints))
     found = Signals(
+        dt,
         dt,
         band,
         slices,
@@ -236,6 +284,11 @@ def _in_step(
             " derived from positions instead"
         ),
     )
+
+
+def spare(dt: float, band: float) -> int:
+    """Return after how many samples, ``dt`` [s] apart, a ``band`` [Hz] needs one."""
+    return max(1, int(1.0 / dt / (INSTANTS_PER_HERTZ * band)))
 
 
 def typical_inertia(q: np.ndarray, body: Any) -> np.ndarray:

@@ -106,18 +106,28 @@ def address(site):
         server.shutdown()
 
 
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    """A browser without a window, and what it complains about."""
+@pytest.fixture(scope="session")
+def program():
+    """The program of a browser. Tests ask for it first: without one nobody waits for the site."""
     api = pytest.importorskip("playwright.sync_api", reason="pip install '.[docs]'")
     names = ("chromium", "chromium-browser", "google-chrome")
     path = os.environ.get("JAXIDL_BROWSER") or next(filter(None, map(shutil.which, names)), None)
-    with api.sync_playwright() as play:
-        path = path or play.chromium.executable_path
-        if not Path(path).exists():
-            pytest.skip("no browser: install chromium, or name one in JAXIDL_BROWSER")
+    if path is None:
+        with api.sync_playwright() as play:
+            path = play.chromium.executable_path
+    if not Path(path).exists():
+        pytest.skip("no browser: install chromium, or name one in JAXIDL_BROWSER")
+    return path
+
+
+@pytest.fixture(scope="module")
+def browser(program, tmp_path_factory):
+    """A browser without a window, and what it complains about."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
         context = play.chromium.launch_persistent_context(
-            tmp_path_factory.mktemp("browser"), executable_path=path, args=FLAGS, viewport=PHONE
+            tmp_path_factory.mktemp("browser"), executable_path=program, args=FLAGS, viewport=PHONE
         )
         yield context
         context.close()
@@ -145,6 +155,7 @@ def page(browser):
     assert not said, "\n".join(said)
 
 
+@pytest.mark.usefixtures("program")
 def test_every_page_fits_a_phone_and_shows_its_pictures(site, address, page):
     wide, missing = [], []
     page.set_viewport_size(PHONE)
@@ -163,6 +174,7 @@ def test_every_page_fits_a_phone_and_shows_its_pictures(site, address, page):
     assert not missing, "\n".join(missing)
 
 
+@pytest.mark.usefixtures("program")
 def test_nothing_is_fetched_from_elsewhere(site, address, page):
     elsewhere = []
     page.on(
@@ -174,6 +186,7 @@ def test_nothing_is_fetched_from_elsewhere(site, address, page):
     assert not elsewhere, "\n".join(elsewhere)
 
 
+@pytest.mark.usefixtures("program")
 def test_search_finds_pages(address, page):
     page.set_viewport_size(SCREEN)
     page.goto(f"{address}/search.html?q=payload", wait_until="load")
@@ -184,6 +197,7 @@ def test_search_finds_pages(address, page):
         assert any(name in link for link in found), found
 
 
+@pytest.mark.usefixtures("program")
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pictures_stand_on_white(address, page, scheme):
     page.set_viewport_size(SCREEN)

@@ -38,6 +38,7 @@ N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
 SIGNALS = SimpleNamespace(
     dt=DT,
+    interval=DT,
     band=100.0,
     noise_floor=np.zeros(JOINTS),
     body=None,
