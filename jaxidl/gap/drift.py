@@ -13,6 +13,7 @@ import numpy as np
 SLOW = 4
 BESIDE = 4 * SLOW  # the next components, up to this one, show what is no drift
 LEAST = 4 * BESIDE  # samples for which that can be said
+SHORTEST = 15.0  # period of the fastest drift [s]: motors warm up and sensors wander slowly
 
 
 def components(count: int, most: int) -> np.ndarray:
@@ -23,19 +24,22 @@ def components(count: int, most: int) -> np.ndarray:
     return basis
 
 
-def weights_of(left: np.ndarray) -> np.ndarray:
+def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
     """Return weights (K,) of slow components, at most 1, for a joint's residual ``left`` (N,).
 
-    A component counts with the mean power of those that are slower, and itself.
+    A component counts with the mean power of those that are slower, and itself. In a log of few
+    ``seconds`` nothing is slow.
     """
-    if len(left) < LEAST:
+    most = min(SLOW, int(2.0 * seconds / SHORTEST))
+    if len(left) < LEAST or most < 2:
         return np.ones(SLOW + 1)
     power = (components(len(left), BESIDE).T @ left) ** 2
-    slow = np.cumsum(power[1 : SLOW + 1]) / np.arange(1, SLOW + 1)
+    slow = np.cumsum(power[1 : most + 1]) / np.arange(1, most + 1)
     # two at least, since one alone says little; the offset as the slowest of them
     slow = np.concatenate([[slow[1]] * 3, slow[2:]])
     usual = power[SLOW + 1 :].mean()
-    return np.sqrt(usual / np.maximum(np.maximum(slow, usual), 1e-300))
+    weights = np.sqrt(usual / np.maximum(np.maximum(slow, usual), 1e-300))
+    return np.append(weights, np.ones(SLOW - most))
 
 
 def weighted(x: np.ndarray, weights: np.ndarray) -> np.ndarray:

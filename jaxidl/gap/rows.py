@@ -89,8 +89,9 @@ class Rows(NamedTuple):
 
     def drifting(self, left: np.ndarray) -> "Rows":
         """Return the rows in which drift, as in a residual ``left`` (N, J), counts little."""
-        use = self.used & self.training[:, None]
-        each = [weights_of(left[on, j]) for j, on in enumerate(use.T)]
+        use, signals = self.used & self.training[:, None], self.signals
+        seconds = signals.dt * float(np.median(np.diff(signals.rows))) * use.sum(0)
+        each = [weights_of(left[on, j], seconds[j]) for j, on in enumerate(use.T)]
         return self._replace(slow=np.stack(each))
 
     def steady(self, x: np.ndarray, joint: int) -> np.ndarray:

@@ -5,7 +5,7 @@ import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.drift import SLOW, components, slower, weighted, weights_of
+from jaxidl.gap.drift import SHORTEST, SLOW, components, slower, weighted, weights_of
 from jaxidl.logs.log import from_arrays
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics
@@ -44,9 +44,9 @@ def test_drift_is_weighted_down_to_what_is_beside_it():
     draw = np.random.default_rng(2)
     white = [draw.standard_normal(2000) for _ in range(40)]
     slow = 3.0 * np.cos(np.pi * np.linspace(0.0, 1.0, 2000)) + 1.0
-    assert np.mean([weights_of(x) for x in white]) > 0.8
+    assert np.mean([weights_of(x, SECONDS) for x in white]) > 0.8
     for x in white:
-        weights = weights_of(x + slow)
+        weights = weights_of(x + slow, SECONDS)
         left = components(2000, 1).T @ weighted(x + slow, weights)
         assert np.all(weights[:2] < 0.1)
         assert np.all(np.diff(weights[2:]) >= 0.0)
@@ -56,6 +56,15 @@ def test_drift_is_weighted_down_to_what_is_beside_it():
 def test_other_components_stay():
     x = components(1000, 3 * SLOW)[:, -1]
     np.testing.assert_allclose(weighted(x, np.zeros(SLOW + 1)), x, atol=1e-12)
+
+
+def test_a_short_log_has_none():
+    """What changes within seconds is no drift: a pendulum that swings, say."""
+    slow = 3.0 * np.cos(np.pi * np.linspace(0.0, 1.0, 2000)) + 1.0
+    x = slow + np.random.default_rng(2).standard_normal(2000)
+    assert np.all(weights_of(x, 0.9 * SHORTEST) == 1.0)
+    assert np.all(weights_of(x, 1.1 * SHORTEST)[:3] < 0.1)
+    assert np.all(weights_of(x, 1.1 * SHORTEST)[3:] == 1.0)  # waves of less than that time
 
 
 def test_a_shorter_time_has_fewer_slow_components():
