@@ -75,7 +75,7 @@ class Signals(NamedTuple):
     @property
     def every(self) -> int:
         """Return after how many instants the band needs one."""
-        return spare(self.dt, self.band)
+        return stride_for(self.dt, self.band)
 
     @property
     def duration(self) -> float:
@@ -191,7 +191,7 @@ def prepare(
     speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, REST_SPEED * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
-    every = spare(dt, band)  # rows are among the instants that :meth:`Signals.thinned` keeps
+    every = stride_for(dt, band)  # rows are among the instants that :meth:`Signals.thinned` keeps
     step = max(1, int(1.0 / dt / (ROWS_PER_HERTZ * band)), math.ceil(log.samples / MOST_ROWS))
     step, edge = every * math.ceil(step / every), round(TRIM / dt)
     rows = []
@@ -286,7 +286,7 @@ def _in_step(
     )
 
 
-def spare(dt: float, band: float) -> int:
+def stride_for(dt: float, band: float) -> int:
     """Return after how many samples, ``dt`` [s] apart, a ``band`` [Hz] needs one."""
     return max(1, int(1.0 / dt / (INSTANTS_PER_HERTZ * band)))
 
