@@ -14,7 +14,8 @@ import numpy as np
 
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
-from jaxidl.gap.additions import Drive, along, narrowed, reaches
+from jaxidl.gap.additions import Drive, along
+from jaxidl.gap.reach import narrowed, reaches
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.mujoco_body import MujocoBody
 from jaxidl.systems.regressor import inverse_dynamics, table
