@@ -50,6 +50,18 @@ def rests(swung, tmp_path_factory):
     return signals(tmp_path_factory.mktemp("rests"), *swung)
 
 
+def test_a_log_that_is_read_at_fewer_instants_has_the_same_rests(rests):
+    few = rests.thinned()
+    (every,), (some,) = rests.peaks, few.peaks
+    assert rests.every > 1
+    assert len(every) > 3
+    np.testing.assert_array_equal(some[:, 1:], every[:, 1:])
+    at, now = every[:, 0].astype(int), some[:, 0].astype(int)
+    np.testing.assert_array_equal(few.q[now], rests.q[at])
+    assert few.resting[now].all()
+    assert np.isin(now, few.rows).all()
+
+
 @pytest.mark.parametrize(
     ("rate", "kept", "error"),
     [

@@ -50,7 +50,6 @@ def test_it_keeps_the_rows_and_what_is_known_there(signals):
     assert few.interval == signals.interval == pytest.approx(DT)
     for a, b in ((few.q, signals.q), (few.qdd, signals.qdd), (few.moving, signals.moving)):
         np.testing.assert_array_equal(a[few.rows], b[signals.rows])
-    assert all(few.resting[p[:, 0].astype(int), j].all() for j, p in enumerate(few.peaks))
 
 
 def test_commands_are_those_of_all_samples(signals):
