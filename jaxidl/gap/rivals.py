@@ -14,6 +14,7 @@ from jaxidl.gap.confidence import FARTHER
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import part
 from jaxidl.gap.library import Library
+from jaxidl.gap.objections import price
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable
@@ -99,31 +100,28 @@ def outside(members: Iterable[Item], whole: Item) -> list[Item]:
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
     """Return sets of effects that predict the log equally well in each other's place.
 
-    Their priors do not matter; the one found comes first. An effect may replace several: members
-    that are not needed beside it are dropped. What another member contains is not looked for beside
-    it.
+    Their priors do not matter, but each set has to be physical; the one found comes first. An
+    effect may replace several: members that are not needed beside it are dropped. What another
+    member contains is not looked for beside it, nor an effect in place of one part of it alone.
     """
     sets: dict[tuple[Group, ...], dict[Group, tuple[float, Solution]]] = {}
+    known = now.value - price(score, now, library.rows)
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
-        promise = estimates.promise(score, rest)
-        likely = promise[id(m)] - m.odds - max(FAR / 2.0, UNFIT * (promise[id(m)] - m.odds))
+        worth = _worth(score, rest, m)
+        likely = worth[id(m)] - max(FAR / 2.0, UNFIT * worth[id(m)])
         near = [
             i
             for i in score.items
-            if promise.get(id(i), -np.inf) - i.odds > likely
-            and not part(m, i)
+            if worth.get(id(i), -np.inf) > likely
+            and (not part(m, i) or any(part(o, i) for o in rest if not o.always))
             and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
         taken = {n.group for n in now.members}
-        near = [
-            i
-            for i in near
-            if set(i.joints) & set(m.joints) and i.key != m.key and i.group not in taken
-        ]
+        near = [i for i in near if i.key != m.key and i.group not in taken]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
         best: dict[Group, Item] = {}  # best shape of each effect
-        for i in sorted(near, key=lambda i: i.odds - promise[id(i)]):
+        for i in sorted(near, key=lambda i: -worth[id(i)]):
             best.setdefault(i.group, i)
         for i in list(best.values())[: 2 * RIVALS]:
             fresh = (
@@ -139,11 +137,29 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             if (
                 fresh in at.members
                 and odds > least - FARTHER
-                and at.value - odds > now.value - least - close
+                and at.value - price(small, at, library.rows) - odds > known - least - close
             ):
                 gone = tuple(n.group for n in now.members if n not in at.members)
-                sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0))), at
+                if len(gone) > 1 or not part(m, i):
+                    sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0))), at
     return [_tie(now, gone, instead) for gone, instead in sets.items()]
+
+
+def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
+    """Return by how much a member and items near it raise the likelihood beside ``rest``.
+
+    What promises less than half as much as the member is not near; shapes that are not fitted yet
+    are estimated.
+    """
+    promise, before = estimates.promise(score, rest), score.solve(rest).value
+    exact = lambda i: score.solve([*rest, i]).value - before
+    return {
+        id(i): (promise[id(i)] if movable(i.shape) else exact(i)) - i.odds
+        for i in score.items
+        if id(i) in promise
+        and set(i.joints) & set(m.joints)
+        and promise[id(i)] - i.odds >= 0.5 * (promise[id(m)] - m.odds)
+    }
 
 
 def _tie(

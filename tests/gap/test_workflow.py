@@ -109,16 +109,39 @@ def test_torques_logged_a_part_of_a_sample_late_are_no_gap(tmp_path, late):
     assert found.gap.before.torque_rms[0] < 0.02
 
 
-def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp_path):
-    found = gap.diagnose(
-        *hidden(tmp_path, "slider", ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"})),
-        rollouts=False,
-    )
+# with a scale above one the quick estimate of what an effect is worth tells the two apart
+@pytest.mark.parametrize(
+    "effect",
+    [
+        ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"}),
+        ("torque_scale", 0, {"scale": 1.2}),
+    ],
+    ids=["inertia", "motor"],
+)
+def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp_path, effect):
+    found = gap.diagnose(*hidden(tmp_path, "slider", effect), rollouts=False)
     assert {name for a in found.ambiguous for name, _ in a.candidates} >= {
         "inertia_error",
         "torque_scale",
     }
     assert "known mass" in found.ambiguous[0].experiment
+
+
+def test_no_other_explanation_feeds_the_motion(tmp_path):
+    """Friction that brakes while driven and pushes while driving would equal a weak motor."""
+    found = gap.diagnose(
+        *hidden(tmp_path, "two_link", ("torque_scale", 1, {"scale": 0.78})), rollouts=False
+    )
+    assert named(found) == [("torque_scale", 1)]
+    assert not found.ambiguous
+
+
+def test_a_link_that_is_heavier_and_off_centre_may_be_a_load(tmp_path):
+    load = ("payload", None, {"mass": 0.2, "com": [0.05, 0.0, -0.22]})
+    found = gap.diagnose(*hidden(tmp_path, "two_link", load), rollouts=False)
+    assert set(named(found)) == {("inertia_error", 1), ("com_error", 1)}
+    (doubt,) = found.ambiguous
+    assert set(doubt.candidates) == {*named(found), ("payload", None)}
 
 
 @pytest.mark.slow

@@ -42,15 +42,22 @@ TIED = {
         "sensor_delay",
         "directional_load_friction",
     },
-    "pendulum": {"actuator_delay", "sensor_delay", "payload", "directional_load_friction"},
-    "two_link": {"payload", "directional_load_friction"},
+    "pendulum": {
+        "actuator_delay",
+        "sensor_delay",
+        "payload",
+        "directional_load_friction",
+        "position_bias",
+    },
+    "two_link": {"payload", "directional_load_friction", "position_bias"},
 }
 """Effects with an equivalent that no log of the mechanism can distinguish.
 
 A torque m·a/s is that of a different mass or of a different motor constant; with a single joint it
 is unknown on which side the time was lost; and a load on the last link is an error of that link.
 Friction under load that differs by direction is friction under load with a different motor
-constant. A report can only say so.
+constant. In a vertical plane a wrong zero of the first joint is a tilted base, and one of the last
+joint is a turned centre of mass. A report can only say so.
 """
 
 
