@@ -70,21 +70,8 @@ class MujocoBody(struct.PyTreeNode):
 
         The bias is gravity, Coriolis and centrifugal torque [N or Nm].
         """
-        q, qd = jnp.asarray(q), jnp.asarray(qd)  # MJX treats NumPy arrays as constants
-        model = _constants(self.source)
-        model = model.replace(
-            dof_armature=self.armature, opt=model.opt.replace(gravity=self.gravity)
-        )
-        # float64 only where JAX has enabled it
-        model = jax.tree.map(
-            lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model
-        )
-        with jax.numpy_rank_promotion("allow"):  # MJX relies on rank promotion
-            data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(self.source, q))
-            data = self._heavier(mjx.com_pos(model, data), q.dtype)
-            for stage in (mjx.crb, mjx.com_vel):
-                data = stage(model, data)
-            return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+        # MJX treats NumPy arrays as constants
+        return _equation_of_motion(self, jnp.asarray(q), jnp.asarray(qd))
 
     def _heavier(self, data: Any, dtype: Any) -> Any:
         """Return MJX's data with what is ``added``, in MJX's form of inertias.
@@ -145,6 +132,24 @@ class MujocoBody(struct.PyTreeNode):
         They are about the axes of :func:`level`; gravity is linear in them.
         """
         return self.replace(gravity=self.gravity + level(self.source) @ angles)
+
+
+@functools.partial(jax.jit, inline=True)  # a program asks for it several times: MJX is traced once
+def _equation_of_motion(
+    body: MujocoBody, q: Joints, qd: Joints
+) -> tuple[Float[Array, "J J"], Joints]:
+    model = _constants(body.source)
+    model = model.replace(dof_armature=body.armature, opt=model.opt.replace(gravity=body.gravity))
+    # float64 only where JAX has enabled it
+    model = jax.tree.map(
+        lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model
+    )
+    with jax.numpy_rank_promotion("allow"):  # MJX relies on rank promotion
+        data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(body.source, q))
+        data = body._heavier(mjx.com_pos(model, data), q.dtype)
+        for stage in (mjx.crb, mjx.com_vel):
+            data = stage(model, data)
+        return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
 
 
 def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
