@@ -39,7 +39,7 @@ class Rigid(NamedTuple):
 
     link: np.ndarray  # (G, J, 10) of the joints' bodies
     mass: np.ndarray  # (G, J)
-    load: np.ndarray  # (G, 10)
+    payload: np.ndarray  # (G, 10)
     rotor: np.ndarray  # (G, J)
     tilt: np.ndarray  # (G, 2)
     places: tuple[int, ...]
@@ -49,7 +49,7 @@ class _Recorder:
     """A body that records how it is altered."""
 
     def __init__(self, joints: int):
-        self.link, self.mass, self.load = np.zeros((joints, 10)), np.zeros(joints), np.zeros(10)
+        self.link, self.mass, self.payload = np.zeros((joints, 10)), np.zeros(joints), np.zeros(10)
         self.rotor, self.turn = np.zeros(joints), np.zeros(2)
 
     def add_inertia(self, extra: Any) -> "_Recorder":
@@ -65,7 +65,7 @@ class _Recorder:
         return self
 
     def add_payload(self, extra: Any) -> "_Recorder":
-        self.load = self.load + np.asarray(extra)
+        self.payload = self.payload + np.asarray(extra)
         return self
 
     def tilt(self, angles: Any) -> "_Recorder":
@@ -79,7 +79,7 @@ def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ..
     found: list[Rigid | Family] = []
     if rigid:
         records: list[Any] = [effects[n].alter(_Recorder(joints)) for n in rigid]
-        parts = ("link", "mass", "load", "rotor", "turn")
+        parts = ("link", "mass", "payload", "rotor", "turn")
         found.append(
             Rigid(
                 **{
@@ -161,7 +161,7 @@ def added(
         return (
             jnp.einsum("tijp,gjp->gti", t.by_link, family.link)
             + jnp.einsum("tij,gj->gti", t.by_mass, family.mass)
-            + jnp.einsum("tip,gp->gti", t.by_load, family.load)
+            + jnp.einsum("tip,gp->gti", t.by_payload, family.payload)
             + jnp.einsum("tj,gj->gtj", drive.qdd, family.rotor)
             + jnp.einsum("tia,ga->gti", t.by_tilt, family.tilt)
         )

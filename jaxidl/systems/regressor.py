@@ -50,7 +50,7 @@ def table(body: MujocoBody, q: Joints, qd: Joints, qdd: Joints) -> Tables:
         by_qd=none,
         by_mass=jnp.einsum("ijp,jp->ij", by_link, per_mass(source)[list(body.bodies)]),
         by_link=by_link,
-        by_load=by_body[last_moving(source)],
+        by_payload=by_body[last_moving(source)],
         by_gravity=gravity,
         by_tilt=gravity @ jnp.asarray(level(source)),
     )

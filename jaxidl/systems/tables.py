@@ -41,7 +41,7 @@ class Tables(NamedTuple):
     # derivative of the torque by the ten inertial parameters of each joint's body (second J)
     by_link: Float[Any, "*T J J 10"]
     # derivative of the torque by those of the last body that moves, maybe welded to a joint's
-    by_load: Float[Any, "*T J 10"]
+    by_payload: Float[Any, "*T J 10"]
     by_gravity: Float[Any, "*T J 3"]  # derivative of the torque by gravity
     by_tilt: Float[Any, "*T J 2"]  # derivative of the torque by small turns of the base
 
@@ -61,7 +61,7 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
     motion = _motion(body.source, q, qd, qdd)
-    by_load = _by_body(motion, last_moving(body.source), body.source)
+    by_payload = _by_body(motion, last_moving(body.source), body.source)
     by_link = np.stack([_by_body(motion, b, body.source) for b in body.bodies], 2)
     by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
     by_gravity = _by_gravity(motion, body.source)
@@ -73,7 +73,15 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     )
     by_tilt = by_gravity @ level(body.source)
     return Tables(
-        motion.torque, motion.inertia, by_q, by_qd, by_mass, by_link, by_load, by_gravity, by_tilt
+        motion.torque,
+        motion.inertia,
+        by_q,
+        by_qd,
+        by_mass,
+        by_link,
+        by_payload,
+        by_gravity,
+        by_tilt,
     )
 
 
@@ -87,12 +95,12 @@ def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
     joints = len(mass)
     eye, none = np.eye(joints), np.zeros((*qdd.shape, joints))
-    by_mass, by_link, by_load = (
+    by_mass, by_link, by_payload = (
         qdd[..., None] * eye,
         np.zeros((*none.shape, 10)),
         np.zeros((*qdd.shape, 10)),
     )
-    by_link[..., 0], by_load[..., 0] = by_mass, qdd
+    by_link[..., 0], by_payload[..., 0] = by_mass, qdd
     gravity = np.zeros((*qdd.shape, 3))
     return Tables(
         mass * qdd,
@@ -101,7 +109,7 @@ def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
         none,
         by_mass,
         by_link,
-        by_load,
+        by_payload,
         gravity,
         gravity[..., :2],
     )
@@ -270,7 +278,7 @@ class TabledBody(struct.PyTreeNode):
         return self.replace(extra=self.extra + jnp.einsum("ijp,jp->i", self.table.by_link, extra))
 
     def add_payload(self, extra: Float[Array, "10"]) -> "TabledBody":
-        return self.replace(extra=self.extra + self.table.by_load @ extra)
+        return self.replace(extra=self.extra + self.table.by_payload @ extra)
 
     def tilt(self, angles: Float[Array, "2"]) -> "TabledBody":
         return self.replace(extra=self.extra + self.table.by_tilt @ angles)

@@ -31,7 +31,7 @@ def test_regressor_is_that_of_mujoco(text, tmp_path):
     q, qd, qdd = np.random.default_rng(0).normal(size=(3, 8, len(body.names)))
     ours = jit_quickly(jax.vmap(lambda *x: table(body, *x)))(q, qd, qdd)
     theirs = tables(body, q, qd, qdd)
-    for name in ("torque", "by_mass", "by_link", "by_load", "by_gravity", "by_tilt"):
+    for name in ("torque", "by_mass", "by_link", "by_payload", "by_gravity", "by_tilt"):
         assert_allclose(getattr(ours, name), getattr(theirs, name), atol=1e-9)
 
 

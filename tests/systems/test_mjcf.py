@@ -122,7 +122,7 @@ def test_derivatives_forward_reverse_numeric_and_tabled(tmp_path):
             (table.by_qd[t], qd, "velocity"),
             (table.by_mass[t], mass, "mass"),
             (
-                table.by_load[t] @ Payload(jnp.array(1.0), jnp.array(com)).numbers(),
+                table.by_payload[t] @ Payload(jnp.array(1.0), jnp.array(com)).numbers(),
                 load[:, 0],
                 "load",
             ),
@@ -175,8 +175,8 @@ def test_payloads_add_up_each_at_its_place(tmp_path):
         *state
     )
     state = np.asarray(state)
-    by_load = tables(body, *state[:, None]).by_load[0]
-    shift = sum(by_load @ np.asarray(load.numbers()) for load in loads)
+    by_payload = tables(body, *state[:, None]).by_payload[0]
+    shift = sum(by_payload @ np.asarray(load.numbers()) for load in loads)
     np.testing.assert_allclose(heavy, inverse_dynamics(body, *state[:, None])[0] + shift, rtol=1e-9)
 
 
