@@ -90,13 +90,13 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     are estimated.
     """
     promise, before = estimates.promise(score, rest), score.solve(rest).value
-    exact = lambda i: score.solve([*rest, i]).value - before
+    likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
+    exact = lambda i: score.solve([*rest, i]).value - before - i.odds
     return {
-        id(i): (promise[id(i)] if movable(i.shape) else exact(i)) - i.odds
+        id(i): likely[id(i)] if movable(i.shape) else exact(i)
         for i in score.items
-        if id(i) in promise
-        and set(i.joints) & set(m.joints)
-        and promise[id(i)] - i.odds >= 0.5 * (promise[id(m)] - m.odds)
+        if i is m
+        or (set(i.joints) & set(m.joints) and likely.get(id(i), -np.inf) > 0.5 * likely[id(m)])
     }
 
 

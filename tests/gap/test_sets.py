@@ -727,6 +727,22 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     assert centre.group not in tie.moves
 
 
+def test_a_member_that_explains_nothing_has_no_other_explanation():
+    rng = np.random.default_rng(9)
+    cause, idle, other = (
+        item(name, x) for name, x in zip("abc", rng.normal(size=(3, N, 1)), strict=True)
+    )
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, 0] += cause.columns[0, :, 0]
+    rows = rows_with(gap)
+    score = score_of(rows, [cause, idle, other])
+    now = score.solve([cause, idle])
+    assert not [
+        t for t in tied(score, now, Library(rows, score, now, rows.command, ()), rows.command)
+        if cause.group in t.found
+    ]  # fmt: skip
+
+
 def test_likelihood_of_coefficients_is_that_of_their_residual(planted):
     rows, _, truth, _ = planted
     motor = item("motor", 0.4 * rows.command[None, :, 0, None], (0,), actuates=True)
