@@ -15,7 +15,7 @@ from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled, with_friction
 from jaxidl.gap.objections import nameable
 from jaxidl.gap.prior import compact
-from jaxidl.gap.rivals import Tie, tied
+from jaxidl.gap.rivals import Tie, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
@@ -108,7 +108,9 @@ def settled(
         score, after = renewed(score, now, fresh, rows)
         same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
-        if same:
+        if same and (better := contested(score, now, library, predicted)) is not None:
+            score, now = renewed(score, now, better, rows)
+        elif same:
             break
     return score, now, predicted
 

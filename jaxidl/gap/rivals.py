@@ -1,6 +1,9 @@
-"""Other explanations of what was found, which are equally good."""
+"""Other explanations of what was found.
 
-from collections.abc import Mapping
+They are better ones, once their shapes are fitted, and equally good ones.
+"""
+
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -13,14 +16,14 @@ from jaxidl.gap.items import part
 from jaxidl.gap.library import Library
 from jaxidl.gap.objections import price
 from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.search import search, without
+from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable
 from jaxidl.gap.shapes import fitted
 
-TRIED = 4  # other effects tried in place of a member
+RIVALS = 2  # rivals tried of each effect that is not common
 ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
 EQUAL = 2.0  # as are those that differ by less in the log likelihood
-FAR = 20.0  # what promises this much less is not tried
+FAR = 40.0  # a rival that promises this much less is not tried
 UNFIT = 0.03  # share by which an unfitted shape may promise less
 
 
@@ -35,6 +38,65 @@ class Tie(NamedTuple):
     moves: Mapping[Group, np.ndarray] = MappingProxyType({})
 
 
+def contested(
+    score: Score, now: Solution, library: Library, predicted: np.ndarray
+) -> list[Item] | None:
+    """Return better members, or None.
+
+    They are others with fitted shapes in place of one, or one without its parts. A shape that has
+    not been fitted loses against one that has; here both are fitted.
+    """
+    rows, changed = library.rows, False
+    for m in [m for m in now.members if not m.always]:
+        if m not in now.members:
+            continue
+        rest = without(now, m)
+        promise = estimates.promise(score, rest)
+        others = [
+            i
+            for i in score.items
+            if id(i) in promise and i is not m and set(i.joints) & set(m.joints)
+        ]
+        best = sorted(
+            (i for i in others if i.group not in {r.group for r in rest}),
+            key=lambda i: -promise[id(i)],
+        )[:RIVALS]
+        worth = promise[id(m)] - m.odds
+        far = UNFIT * worth if m.common else FAR
+        best = [i for i in best if promise[id(i)] - i.odds > worth - far]
+        trials = [[*rest, i] for i in best]
+        starts = (
+            [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
+            if not m.common
+            else []
+        )
+        # a simpler one
+        trials += [[*rest, i] for i in starts if len(i.lower) < len(m.lower) and movable(i.shape)]
+        trials += [
+            [*bare, i]
+            for i in (*starts, *best)
+            if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)
+        ]
+        for trial in trials:
+            at = score.solve(trial)
+            new = trial[-1]
+            fresh = fitted(new, at, rows, predicted, score) if movable(new.shape) else new
+            small = Score(
+                rows, [*now.members, fresh], score.noise, score.effective, score.anchor, score
+            )
+            after = search(small, [*trial[:-1], fresh], swap=False)
+            if after.value > small.solve(now.members).value + EPSILON:
+                score, now, changed = small, after, True
+                break
+    return list(now.members) if changed else None
+
+
+def outside(members: Iterable[Item], whole: Item) -> list[Item]:
+    """Return the members that are not parts of an effect."""
+    names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
+    return [m for m in members if m.always or m.key not in names]
+
+
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
     """Return sets of effects that predict the log equally well in each other's place.
 
@@ -47,7 +109,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
         worth = _worth(score, rest, m)
-        likely = worth[id(m)] - max(FAR, UNFIT * worth[id(m)])
+        likely = worth[id(m)] - max(FAR / 2.0, UNFIT * worth[id(m)])
         near = [
             i
             for i in score.items
@@ -61,7 +123,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         best: dict[Group, Item] = {}  # best shape of each effect
         for i in sorted(near, key=lambda i: -worth[id(i)]):
             best.setdefault(i.group, i)
-        for i in list(best.values())[:TRIED]:
+        for i in list(best.values())[: 2 * RIVALS]:
             fresh = (
                 fitted(i, score.solve([*rest, i]), library.rows, predicted, score)
                 if movable(i.shape)
@@ -86,14 +148,14 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
 def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     """Return by how much a member and items near it raise the likelihood beside ``rest``.
 
-    What promises less than half as much as the member is not near; shapes that are not fitted yet
+    What promises less than half as much as the member is not near; other shapes that can be fitted
     are estimated.
     """
     promise, before = estimates.promise(score, rest), score.solve(rest).value
     likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
     exact = lambda i: score.solve([*rest, i]).value - before - i.odds
     return {
-        id(i): likely[id(i)] if movable(i.shape) else exact(i)
+        id(i): likely[id(i)] if i is not m and movable(i.shape) else exact(i)
         for i in score.items
         if i is m
         or (set(i.joints) & set(m.joints) and likely.get(id(i), -np.inf) > 0.5 * likely[id(m)])
