@@ -727,7 +727,7 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     assert centre.group not in tie.moves
 
 
-def test_a_member_that_explains_nothing_has_no_other_explanation():
+def test_ties_are_looked_for_beside_a_member_that_explains_nothing():
     rng = np.random.default_rng(9)
     cause, idle, other = (
         item(name, x) for name, x in zip("abc", rng.normal(size=(3, N, 1)), strict=True)
