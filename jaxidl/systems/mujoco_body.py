@@ -73,16 +73,6 @@ class MujocoBody(struct.PyTreeNode):
         # MJX treats NumPy arrays as constants
         return _equation_of_motion(self, jnp.asarray(q), jnp.asarray(qd))
 
-    def _heavier(self, data: Any, dtype: Any) -> Any:
-        """Return MJX's data with what is ``added``, in MJX's form of inertias.
-
-        They are about the tree's centre of mass, along the world's axes.
-        """
-        offset = data.xpos - data.subtree_com[self.source.body_rootid]
-        more = jax.vmap(moved)(jnp.asarray(self.added, dtype), data.xmat, offset)
-        order = jnp.concatenate([more[:, 4:], more[:, 1:4], more[:, :1]], 1)
-        return data.tree_replace({"_impl.cinert": data._impl.cinert + order})
-
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
         """Return the torque (J,) [N or Nm] for the acceleration ``qdd`` (J,)."""
         inertia, bias = self.equation_of_motion(q, qd)
@@ -146,10 +136,21 @@ def _equation_of_motion(
     )
     with jax.numpy_rank_promotion("allow"):  # MJX relies on rank promotion
         data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(body.source, q))
-        data = body._heavier(mjx.com_pos(model, data), q.dtype)
+        data = _heavier(body, mjx.com_pos(model, data), q.dtype)
         for stage in (mjx.crb, mjx.com_vel):
             data = stage(model, data)
         return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+
+
+def _heavier(body: MujocoBody, data: Any, dtype: Any) -> Any:
+    """Return MJX's data with what is ``added`` to a body, in MJX's form of inertias.
+
+    They are about the tree's centre of mass, along the world's axes.
+    """
+    offset = data.xpos - data.subtree_com[body.source.body_rootid]
+    more = jax.vmap(moved)(jnp.asarray(body.added, dtype), data.xmat, offset)
+    order = jnp.concatenate([more[:, 4:], more[:, 1:4], more[:, :1]], 1)
+    return data.tree_replace({"_impl.cinert": data._impl.cinert + order})
 
 
 def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
