@@ -110,15 +110,16 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         rest = without(now, m)
         worth = _worth(score, rest, m)
         likely = worth[id(m)] - max(FAR / 2.0, UNFIT * worth[id(m)])
+        taken = {n.group for n in now.members}
         near = [
             i
             for i in score.items
             if worth.get(id(i), -np.inf) > likely
+            and i.key != m.key
+            and i.group not in taken
             and (not part(m, i) or any(part(o, i) for o in rest if not o.always))
             and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
-        taken = {n.group for n in now.members}
-        near = [i for i in near if i.key != m.key and i.group not in taken]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
         best: dict[Group, Item] = {}  # best shape of each effect
         for i in sorted(near, key=lambda i: -worth[id(i)]):

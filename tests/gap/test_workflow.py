@@ -128,12 +128,20 @@ def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp
 
 
 def test_no_other_explanation_feeds_the_motion(tmp_path):
-    """Friction that brakes while driven and pushes while driving would equal a weak motor."""
+    """Friction that brakes where the motor drives, and pushes where the load does, is none."""
     found = gap.diagnose(
         *hidden(tmp_path, "two_link", ("torque_scale", 1, {"scale": 0.78})), rollouts=False
     )
     assert named(found) == [("torque_scale", 1)]
     assert not found.ambiguous
+
+
+def test_a_wrong_zero_a_tilted_base_and_a_turned_link_are_one_on_a_pendulum(tmp_path):
+    found = gap.diagnose(
+        *hidden(tmp_path, "pendulum", ("position_bias", 0, {"bias": -0.09})), rollouts=False
+    )
+    (doubt,) = found.ambiguous
+    assert {name for name, _ in doubt.candidates} == {"position_bias", "base_tilt", "com_error"}
 
 
 def test_a_link_that_is_heavier_and_off_centre_may_be_a_load(tmp_path):
