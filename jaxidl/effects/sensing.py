@@ -2,7 +2,6 @@
 
 from typing import Any, ClassVar
 
-import jax
 import jax.numpy as jnp
 
 from jaxidl.effects.base import Effect
@@ -106,6 +105,9 @@ class SensorDelay(Delay):
         return late(q, *memory)
 
     def true_position(self, q: History, dt: float) -> History:
-        t = jnp.arange(q.shape[0]) * dt
-        shifted = jax.vmap(lambda column, d: jnp.interp(t + d, t, column), (1, 0), 1)
-        return shifted(q, jnp.broadcast_to(self.delay, q.shape[1:]))
+        last = q.shape[0] - 1
+        older = jnp.broadcast_to(self.delay / dt, q.shape)
+        place = jnp.clip(jnp.arange(last + 1.0)[:, None] + older, 0.0, last)
+        before = jnp.floor(place).astype(int)
+        at = lambda row: jnp.take_along_axis(q, jnp.minimum(row, last), 0)
+        return at(before) + (place - before) * (at(before + 1) - at(before))

@@ -237,6 +237,8 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float, finer: int) ->
     further, faster, stronger = map(ahead, (drive.q, drive.qd, drive.tau))
     before = jnp.where(starts[:, None], 0.0, jnp.roll(stronger, 1, 0))
     inputs = drive.q, drive.qd, drive.tau, starts, further, faster, 0.5 * (before + stronger)
+    if not jax.tree.leaves(memory):
+        return jax.vmap(lambda now: step(memory, now)[1])(inputs)
     return jax.lax.scan(step, memory, inputs)[1]
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from jaxidl.effects import Effect, added_to
 from jaxidl.errors import EffectError
-from jaxidl.gap.diagnosis import Key
-from jaxidl.gap.gram import Group
+from jaxidl.gap.gram import Group, Key
 from jaxidl.gap.objections import BOUND, EXCLUDED
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution

@@ -7,13 +7,13 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.files import as_json, plain
+from jaxidl.gap.gram import Key
 from jaxidl.gap.localise import Place
 from jaxidl.gap.refine import Refinement
 from jaxidl.logs.signals import Signals
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
 
-Key = tuple[str, int | None]  # an effect's name and its joint
 SURE = 0.8  # confidence from which an effect is named
 LIKELY = 0.5  # confidence from which it is more likely right than wrong
 MUCH = 0.04  # share of the command, or of its spread, from which an error is spoken of

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from jaxidl.effects import CATALOGUE
-from jaxidl.gap.diagnosis import Key
+from jaxidl.gap.gram import Key
 
 MOST = 2  # most pieces of advice
 

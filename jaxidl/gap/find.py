@@ -15,7 +15,7 @@ from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled, with_friction
 from jaxidl.gap.objections import nameable
 from jaxidl.gap.prior import compact
-from jaxidl.gap.rivals import Tie, contested, tied
+from jaxidl.gap.rivals import Contests, Tie, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import search
@@ -62,10 +62,10 @@ def find(
     score, predicted, banned = library.score, library.predicted, dict[Group, str]()
     watch("searching", 0.0)
     now = search(score, [i for i in score.items if i.always or (i.common and score.anchor is None)])
-    number = 0
+    number, contests = 0, Contests()
     while True:
         watch("fitting shapes", number / ROUNDS)
-        score, now, predicted = settled(score, now, library, predicted)
+        score, now, predicted = settled(score, now, library, predicted, contests)
         fit, number = set(now.members), number + 1
         now, narrow, strong, weak = nameable(score, now, rows, min_gain)
         now, whole, doubtful = confirmed(narrow, now, rows, predicted)
@@ -97,7 +97,7 @@ def find(
 
 
 def settled(
-    score: Score, now: Solution, library: Library, predicted: np.ndarray
+    score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
 ) -> tuple[Score, Solution, np.ndarray]:
     """Return the set with its shapes fitted, its score, and the command (T, J) that it predicts."""
     rows = library.rows
@@ -108,7 +108,7 @@ def settled(
         score, after = renewed(score, now, fresh, rows)
         same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
-        if same and (better := contested(score, now, library, predicted)) is not None:
+        if same and (better := contested(score, now, library, predicted, contests)) is not None:
             score, now = renewed(score, now, better, rows)
         elif same:
             break

@@ -8,9 +8,9 @@ from jaxidl.effects import CATALOGUE
 from jaxidl.gap import estimates
 from jaxidl.gap.bent import adds, bend, other_law
 from jaxidl.gap.calibration import probability, signs
-from jaxidl.gap.diagnosis import Estimate, Finding, Key
+from jaxidl.gap.diagnosis import Estimate, Finding
 from jaxidl.gap.find import Found
-from jaxidl.gap.gram import Item
+from jaxidl.gap.gram import Item, Key
 from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.items import part
 from jaxidl.gap.library import rms

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from jaxidl.gap.rows import Rows
 
+Key = tuple[str, int | None]  # an effect's name and its joint
 # name, joint and part of an effect: one shape of each at a time
 Group = tuple[str, int | None, str]
 
@@ -44,7 +45,7 @@ class Item:
     )  # (P, K) share of samples at which no additional command passes
 
     @property
-    def key(self) -> tuple[str, int | None]:
+    def key(self) -> Key:
         """Name and joint."""
         return self.group[:2]
 

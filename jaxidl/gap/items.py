@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
-from jaxidl.gap.gram import Item
+from jaxidl.gap.gram import Item, Key
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.shape import Shape, parameters
 
@@ -135,3 +135,17 @@ def part(m: Item, whole: Item) -> bool:
     return bool(
         {m.key[0], f"{m.key[0]}.{m.group[2]}"} & set(whole.shape.cls.contains(whole.shape.free))
     )
+
+
+def absorbed(members: Sequence[Item]) -> dict[Key, Key]:
+    """Return parts of effects with a shape, named as their whole: its key by theirs."""
+    found: dict[Key, Key] = {}
+    # what two logs have in common is neither a finding nor a part of one
+    own = [m for m in members if not m.always]
+    keys = {m.key for m in own}
+    for m in own:
+        if m.shape is not None and not m.shape.cls.linear:
+            found |= {
+                (name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys
+            }
+    return found

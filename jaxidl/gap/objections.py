@@ -6,6 +6,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fit
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.held_out import covariance_of, gain, jackknife, wald, worse_aside
+from jaxidl.gap.items import absorbed
 from jaxidl.gap.library import residual_on
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.projection import ALIGNMENT
@@ -74,8 +75,10 @@ Objection = tuple[float, Item, str]
 
 
 def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list[Objection]:
-    """Return the members that may not be named."""
-    found = [(m, why) for m in now.members if (why := objection(score, now, m, min_gain, rows))]
+    """Return the members that may not be named; a part is judged with its whole."""
+    parts = absorbed(now.members)
+    judged = [m for m in now.members if m.key not in parts]
+    found = [(m, why) for m in judged if (why := objection(score, now, m, min_gain, rows))]
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
 
 

@@ -27,6 +27,10 @@ FAR = 40.0  # a rival that promises this much less is not tried
 UNFIT = 0.03  # share by which an unfitted shape may promise less
 
 
+# members, and all members on the joints of each, in whose place others were tried
+Contests = set[tuple[Group, frozenset[Group]]]
+
+
 class Tie(NamedTuple):
     """Effects that explain a log equally well."""
 
@@ -39,17 +43,20 @@ class Tie(NamedTuple):
 
 
 def contested(
-    score: Score, now: Solution, library: Library, predicted: np.ndarray
+    score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
 ) -> list[Item] | None:
     """Return better members, or None.
 
     They are others with fitted shapes in place of one, or one without its parts. A shape that has
-    not been fitted loses against one that has; here both are fitted.
+    not been fitted loses against one that has; here both are fitted. What is in ``contests`` is not
+    tried again; what is tried is added.
     """
     rows, changed = library.rows, False
     for m in [m for m in now.members if not m.always]:
-        if m not in now.members:
+        beside = frozenset(o.group for o in now.members if set(o.joints) & set(m.joints))
+        if m not in now.members or (m.group, beside) in contests:
             continue
+        contests.add((m.group, beside))
         rest = without(now, m)
         promise = estimates.promise(score, rest)
         others = [

@@ -5,6 +5,10 @@ an effect adds and of its derivatives (variable projection, Golub and Pereyra 19
 squares then change all of its free parameters. Members that its shape can take up are left out, as
 the search will leave them out: a spring's rest position takes up an offset. What the encoder's
 noise alone contributes does not count (:mod:`jaxidl.gap.noise`).
+
+An effect that jumps responds roughly to its parameters: with a little more backlash each contact
+comes later, or not at all. Such a fit follows the mean response to parameters around, first far
+apart and then closer, and large errors, such as of a contact at the wrong moment, count less.
 """
 
 from typing import NamedTuple
@@ -25,7 +29,9 @@ EVALUATIONS = 20
 CLEAR = 2.0  # rise of the log likelihood
 PULLS = (30.0, 3.0)  # pulls towards the start of a fit, in units of one effective sample
 TINY = np.finfo(float).tiny
-SMALL = 1e-4  # relative step of a parameter for differences
+SMOOTH = (1e-4,)  # relative steps of a parameter for differences; a fit for each of them
+ROUGH = (0.2, 0.05)  # where an effect jumps
+LEAST_SCALE = 1e-3  # least size of a large error, in units of the noise
 
 
 class Tangent(NamedTuple):
@@ -58,38 +64,46 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
 
     wanted = np.concatenate([left[j] - bases[j] @ (bases[j].T @ left[j]) for j in m.joints])
     shape, known = m.shape, {}
+    steps = steps_of(shape)
     noise_alone = NoiseAlone(m, found, rows, predicted, score) if accelerates(shape) else None
 
-    def missed(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def missed(theta: np.ndarray, step: float = steps[-1]) -> tuple[np.ndarray, np.ndarray]:
         """Return what is left (M,) at theta (P,), in units of the noise, and derivatives (M, P)."""
-        if theta.tobytes() not in known:
-            t = tangent(shape, theta, rows, predicted)
+        key = theta.tobytes(), step
+        if key not in known:
+            t = tangent(shape, theta, rows, predicted, step)
             left, slopes = wanted - projected(t.value[None])[:, 0], -projected(t.columns)
             if noise_alone is not None:
                 spared, slope = noise_alone.spared(theta, t)
                 left, slopes = np.append(left, spared), np.append(slopes, slope[None], axis=0)
-            known[theta.tobytes()] = left, slopes
-        return known[theta.tobytes()]
+            known[key] = left, slopes
+        return known[key]
 
     lower, upper = limits(shape)
     start = np.clip(vector(shape, found.x[found.of(m)]), lower, upper)
     inside = 1e-6 * np.maximum(np.abs(start), 1e-6)
     begin = np.clip(start, lower + inside, upper - inside)
 
-    def minimum(pull: np.ndarray) -> np.ndarray:
-        """Return the best parameters with a ``pull`` (Q, P) back to where they began."""
+    def minimum(first: np.ndarray, pull: np.ndarray, step: float = steps[-1]) -> np.ndarray:
+        """Return the best parameters from ``first``, with a ``pull`` (Q, P) back to the start."""
+        typical = 1.4826 * float(np.median(np.abs(missed(first, step)[0])))
         return least_squares(
-            lambda theta: np.append(missed(theta)[0], pull @ (theta - begin)),
-            begin,
-            lambda theta: np.concatenate([missed(theta)[1], pull]),  # pyright: ignore[reportArgumentType]
+            lambda theta: np.append(missed(theta, step)[0], pull @ (theta - begin)),
+            first,
+            lambda theta: np.concatenate([missed(theta, step)[1], pull]),  # pyright: ignore[reportArgumentType]
             (lower, upper),
             x_scale="jac",
             max_nfev=EVALUATIONS,
             ftol=1e-6,
             xtol=1e-6,
+            loss="soft_l1" if shape.cls.jumps else "linear",
+            f_scale=max(typical, LEAST_SCALE) if shape.cls.jumps else 1.0,
         ).x
 
-    best = minimum(np.zeros((0, len(begin))))
+    best = begin
+    for step in steps:
+        inner = np.clip(best, lower + inside, upper - inside)
+        best = minimum(inner, np.zeros((0, len(begin))), step)
     if on_bound(shape, best):  # what the log does not determine stays near its start
         offset = 0.0 if noise_alone is None else noise_alone.most
         square = lambda theta: float(np.sum(missed(theta)[0] ** 2)) - offset
@@ -98,7 +112,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         good = max(square(best) * (1.0 + 2.0 * CLEAR / alike), least)
         free = np.arange(len(begin)) >= amplitudes(shape)
         unit = np.sqrt(good / alike) * np.diag(free / np.maximum(np.abs(begin), 1e-300))[free]
-        pulled = (minimum(pull * unit) for pull in PULLS)
+        pulled = (minimum(begin, pull * unit) for pull in PULLS)
         best = next((theta for theta in pulled if square(theta) <= good), best)
     shape = at_parameters(shape, best)
     fresh = item(shape, *columns_of([shape], rows, predicted))
@@ -144,14 +158,31 @@ class NoiseAlone:
         return np.sqrt(spared), -slope / np.sqrt(spared)
 
 
-def tangent(shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray) -> Tangent:
-    """Return what an effect adds at its parameters, and the differences of that."""
-    _, upper = limits(shape)
-    size = np.maximum(SMALL * np.abs(theta), 1e-7 * np.max(np.abs(theta), initial=0.0) + 1e-12)
-    step = np.where(theta + size <= upper, size, -size)
-    every = [effect_at(shape, row) for row in (theta, *(theta + s for s in np.diag(step)))]
+def steps_of(shape: Shape) -> tuple[float, ...]:
+    """Return relative steps of parameters for differences, from coarse to fine."""
+    return ROUGH if shape.cls.jumps else SMOOTH
+
+
+def tangent(
+    shape: Shape, theta: np.ndarray, rows: Rows, predicted: np.ndarray, step: float | None = None
+) -> Tangent:
+    """Return what an effect adds at its parameters, and differences by a relative ``step``.
+
+    Where the effect jumps, it is the mean at these parameters and at those around.
+    """
+    lower, upper = limits(shape)
+    relative = steps_of(shape)[-1] if step is None else step
+    size = np.maximum(relative * np.abs(theta), 1e-7 * np.max(np.abs(theta), initial=0.0) + 1e-12)
+    ahead, behind = np.minimum(theta + size, upper), np.maximum(theta - size, lower)
+    if not shape.cls.jumps:  # one side is enough
+        ahead, behind = np.where(theta + size <= upper, ahead, behind), theta
+    ends = [ahead, behind] if shape.cls.jumps else [ahead]
+    around = [theta, *(one for end in ends for one in theta + np.diag(end - theta))]
+    every = [effect_at(shape, one) for one in around]
     added, _ = additions(every, rows.signals, rows.tau, predicted, friction=rows.unloaded)
-    return Tangent(added[0], (added[1:] - added[0]) / step[:, None, None])
+    here, there, back = added[:1], added[1 : len(theta) + 1], added[len(theta) + 1 :]
+    value, back = (added.mean(0), back) if shape.cls.jumps else (here[0], here)
+    return Tangent(value, (there - back) / (ahead - behind)[:, None, None])
 
 
 def basis(x: np.ndarray) -> np.ndarray:

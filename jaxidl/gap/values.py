@@ -20,9 +20,9 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.gap.consistent import physical_fits
-from jaxidl.gap.diagnosis import Key
-from jaxidl.gap.gram import Group, Item
+from jaxidl.gap.gram import Group, Item, Key
 from jaxidl.gap.held_out import covariance_of, jackknife, wald
+from jaxidl.gap.items import absorbed
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
@@ -141,7 +141,7 @@ def values(
     for n, m in enumerate(members):
         if not m.always:
             groups.setdefault(m.key, []).append(n)
-    parts = _absorbed(members)
+    parts = absorbed(members)
     out = []
     for key, numbers in groups.items():
         if key in parts:
@@ -158,20 +158,6 @@ def values(
 def _plain(m: Item) -> bool:
     """Return whether a member's coefficients are all of its parameters."""
     return m.always or m.shape is None or not movable(m.shape)
-
-
-def _absorbed(members: Sequence[Item]) -> dict[Key, Key]:
-    """Return parts of effects with a shape, named as their whole: its key by theirs."""
-    found: dict[Key, Key] = {}
-    # what two logs have in common is neither a finding nor a part of one
-    own = [m for m in members if not m.always]
-    keys = {m.key for m in own}
-    for m in own:
-        if m.shape is not None and not m.shape.cls.linear:
-            found |= {
-                (name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys
-            }
-    return found
 
 
 class _Fit(NamedTuple):

@@ -10,6 +10,7 @@ import pytest
 
 import jaxidl.effects as fx
 from jaxidl.effects import OnJoint
+from jaxidl.effects.varying import table_value
 from jaxidl.systems import Plant, point_mass
 from jaxidl.systems.plant import friction_torque
 from jaxidl.types import State
@@ -141,6 +142,19 @@ def test_friction_over_position_is_that_of_its_table_and_constant_beyond():
             State(jnp.array([q, 7.0]), jnp.array([2.0, 2.0])), jnp.zeros(2), DT
         )
         np.testing.assert_allclose(got, [0.0, wanted])
+
+
+def test_a_table_over_position_is_numpys_interpolation():
+    rng = np.random.default_rng(4)
+    lower, upper, step = -1.3, 2.1, 1e-6
+    for knots in (1, 2, 12):
+        table, at = rng.normal(size=knots), np.linspace(lower, upper, knots)
+        value = lambda q, table=table: table_value(jnp.asarray(table), lower, upper, q)
+        q = np.append(rng.uniform(-3.0, 3.0, 200), at)
+        np.testing.assert_allclose(jax.vmap(value)(q), np.interp(q, at, table), atol=1e-12)
+        ends = [np.interp(q[:200] + by, at, table) for by in (-step, step)]
+        slope = (ends[1] - ends[0]) / (2.0 * step)
+        np.testing.assert_allclose(jax.vmap(jax.grad(value))(q[:200]), slope, atol=1e-6)
 
 
 BRAKES = [

@@ -21,18 +21,19 @@ from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.held_out import aside, gain, worse_by
+from jaxidl.gap.items import absorbed
 from jaxidl.gap.library import Library, own_residual
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection
 from jaxidl.gap.projection import ALIGNMENT
-from jaxidl.gap.rivals import tied
+from jaxidl.gap.rivals import Contests, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.samples import correlation_time
 from jaxidl.gap.score import Score
 from jaxidl.gap.search import REPLACED, promising, replaced, search
 from jaxidl.gap.shape import Shape
 from jaxidl.gap.torque_constants import SHARE, swayed
-from jaxidl.gap.values import Value, _absorbed, resampled
+from jaxidl.gap.values import Value, resampled
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -727,6 +728,27 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     assert centre.group not in tie.moves
 
 
+def test_a_member_is_contested_once_beside_the_same_others():
+    rng = np.random.default_rng(11)
+    cause, beside = rng.normal(size=(2, N, 1))
+    true, alike = item("true", cause), item("alike", cause + 0.5 * rng.normal(size=(N, 1)))
+    another, elsewhere = item("another", beside), item("elsewhere", beside, (1,))
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, 0] += (cause + beside)[:, 0]
+    rows = rows_with(gap)
+    score, contests = score_of(rows, [true, alike, another, elsewhere]), Contests()
+
+    def better(*members):
+        now = score.solve(members)
+        made = Library(rows, score, now, rows.command, ())
+        return contested(score, now, made, rows.command, contests)
+
+    assert better(alike) == [true]
+    assert better(alike) is None
+    assert better(alike, elsewhere) is None
+    assert set(better(alike, another)) == {true, another}
+
+
 def test_ties_are_looked_for_beside_a_member_that_explains_nothing():
     rng = np.random.default_rng(9)
     cause, idle, other = (
@@ -781,9 +803,9 @@ def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
     part = item("level", rng.normal(size=(1, N, 1)))
     shape = SHAPES[2]._replace(cls=StribeckFriction, parts=(("level", np.ones(2)),))
     whole = item("bend", rng.normal(size=(2, N, 1)), shape=shape)
-    assert _absorbed([part, whole]) == {part.key: whole.key}
-    assert _absorbed([replace(part, always=True), whole]) == {}
-    assert _absorbed([part, replace(whole, always=True)]) == {}
+    assert absorbed([part, whole]) == {part.key: whole.key}
+    assert absorbed([replace(part, always=True), whole]) == {}
+    assert absorbed([part, replace(whole, always=True)]) == {}
 
 
 def test_the_nearest_other_effect_is_solved_for_and_one_that_contains_it_is_no_rival():

@@ -195,6 +195,7 @@ def test_the_text_is_the_same_every_time_and_says_where_it_comes_from(body):
         assert text.isascii()
     assert re.search(r"asymmetric_friction: friction that differs between", first.source)
     assert "position_dependent_friction, joint 2" in first.source
+    assert re.search(r"= .*table_value\(", first.source)  # looked up, not written out
     public = re.findall(r"^(?:int|void) (\w+)\(", first.header, re.MULTILINE)
     ends = ("init", "step", "sense", "command", "inverse_dynamics", "learned")
     assert public == [f"arm_1_{end}" for end in ends]

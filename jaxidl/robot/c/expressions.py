@@ -109,7 +109,7 @@ def _equation(eqn: Any, given: list[np.ndarray]) -> list[np.ndarray]:
     if all(x.dtype != object for x in given):
         out = eqn.primitive.bind(*map(jax.numpy.asarray, given), **params)
         return [np.asarray(x) for x in (out if eqn.primitive.multiple_results else [out])]
-    if str(params.get("name", "")).strip("_") == "interp":
+    if str(params.get("name", "")).strip("_") in ("interp", "interp_evenly"):
         return [_interpolated(*given)]
     for key in ("jaxpr", "call_jaxpr", "fun_jaxpr"):
         if name != "scan" and hasattr(inner := params.get(key), "eqns"):
