@@ -24,7 +24,7 @@ from jaxidl.gap.held_out import aside, gain, worse_by
 from jaxidl.gap.items import absorbed
 from jaxidl.gap.library import Library, own_residual
 from jaxidl.gap.noise import in_units_of_noise
-from jaxidl.gap.objections import nameable, objection
+from jaxidl.gap.objections import nameable, objection, objections
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Contests, contested, tied
 from jaxidl.gap.rows import Rows
@@ -796,6 +796,23 @@ def test_the_models_own_residual_is_that_of_aligned_torques():
         left[:, 0], rows.gap[:, 0] - found.x[found.of(shift)] * shift.columns[0, :, 0]
     )
     assert np.std(left[:, 0]) < 0.95 * np.std(rows.gap[:, 0])
+
+
+def test_a_part_is_judged_with_its_whole():
+    """A part that could be zero belongs to the whole's value, and without it the whole is odd."""
+    rng = np.random.default_rng(3)
+    part = item("level", rng.normal(size=(1, N, 1)))
+    values = dict.fromkeys(StribeckFriction.parameters, np.ones(1))
+    parts = (("level", np.ones(2)),)
+    free = ("level", "excess")
+    shape = Shape(StribeckFriction, 0, JOINTS, free, values, {}, {}, parts=parts)
+    whole = item("bend", rng.normal(size=(2, N, 1)), shape=shape)
+    rows = rows_with(0.3 * rng.normal(size=(N, JOINTS)))
+    rows.gap[:, 0] += whole.columns.sum(0)[:, 0]
+    score = score_of(rows, [part, whole])
+    assert [m for _, m, _ in objections(score, score.solve([part]), 0.05, rows)] == [part]
+    assert "exclude zero" in objection(score, score.solve([part, whole]), part, 0.05, rows)
+    assert objections(score, score.solve([part, whole]), 0.05, rows) == []
 
 
 def test_what_two_logs_have_in_common_is_no_part_of_a_finding():
