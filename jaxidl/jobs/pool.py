@@ -4,6 +4,7 @@ not done.
 
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from typing import TypeVar
@@ -44,8 +45,19 @@ def each(
 
 
 def _one_core() -> None:
-    """Processes share the cores already: threads within them only get into each other's way."""
+    """Processes share the cores already: threads within them only get into each other's way.
+
+    None outlives the program that started it, however that ends.
+    """
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ["JAX_PLATFORMS"] = "cpu"
     os.environ["XLA_FLAGS"] = (
         os.environ.get("XLA_FLAGS", "") + " --xla_cpu_multi_thread_eigen=false"
     )
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)

@@ -5,6 +5,9 @@ Progress without a terminal, and pools.
 
 import importlib.util
 import json
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import jax
@@ -229,6 +232,44 @@ def test_a_pool_does_every_item_and_an_error_ends_it(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a", "b"]
     with pytest.raises(StoreError, match="nothing"):
         each(fail, [tmp_path / "c"], 1, "files")
+
+
+BEATS = """
+import sys, time
+from pathlib import Path
+from jaxidl.jobs.pool import each
+def beat(path):
+    while True:
+        path.write_text(str(time.monotonic()))
+        time.sleep(0.02)
+if __name__ == "__main__":
+    each(beat, [Path(sys.argv[1])], 1, "beats")
+"""
+
+
+def test_no_process_of_a_pool_outlives_the_program(tmp_path):
+    script, beats = tmp_path / "beats.py", tmp_path / "beats"
+    script.write_text(BEATS)
+    with subprocess.Popen([sys.executable, script, beats], stderr=subprocess.DEVNULL) as program:
+        try:
+            assert soon(beats.exists)
+        finally:
+            program.kill()
+
+    def stopped():
+        last = beats.read_text()
+        time.sleep(0.5)
+        return beats.read_text() == last
+
+    assert soon(stopped)
+
+
+def soon(what, seconds=60.0):
+    """Whether something is true before so many seconds have passed."""
+    end = time.monotonic() + seconds
+    while not (true := what()) and time.monotonic() < end:
+        time.sleep(0.02)
+    return true
 
 
 def test_one_statistic_for_all_intervals():
