@@ -26,8 +26,7 @@ EQUAL = 2.0  # as are those that differ by less in the log likelihood
 FAR = 40.0  # a rival that promises this much less is not tried
 UNFIT = 0.03  # share by which an unfitted shape may promise less
 
-
-# members, and all members on the joints of each, in whose place others were tried
+# members in whose place others were tried, each with all members on its joints
 Contests = set[tuple[Group, frozenset[Group]]]
 
 
