@@ -57,6 +57,7 @@ def _one_core() -> None:
 
 
 def _end_with_parent() -> None:
+    """Wait for the parent's end: its processes would wait for work that never comes."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -799,7 +799,7 @@ def test_the_models_own_residual_is_that_of_aligned_torques():
 
 
 def test_a_part_is_judged_with_its_whole():
-    """A part that could be zero belongs to the whole's value, and without it the whole is odd."""
+    """By itself the part could be zero; but it is a share of the whole, and reported as that."""
     rng = np.random.default_rng(3)
     part = item("level", rng.normal(size=(1, N, 1)))
     values = dict.fromkeys(StribeckFriction.parameters, np.ones(1))
