@@ -226,11 +226,11 @@ def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
 def last_moving(model: mujoco.MjModel) -> int:
     """Return the number of the body that carries a payload.
 
-    It is the flange: the last body that some joint moves, or what is welded to it, up to where that
-    branches, such as into fingers. A body that comes after it in the file, such as a table, carries
-    no payload.
+    It is the flange: the body of the last joint, or what is welded to it, up to where that
+    branches, such as into fingers. A body that comes after it in the file, such as a table or a
+    cover of an earlier link, carries no payload.
     """
-    body = int(model.body_weldid[np.flatnonzero(model.body_weldid)[-1]])
+    body = int(model.jnt_bodyid[-1])
     while True:
         welded = (model.body_parentid == body) & (model.body_weldid == model.body_weldid[body])
         welded[body] = False

@@ -117,6 +117,16 @@ def test_a_payload_hangs_on_the_last_body_that_moves(body):
     assert body.body_names == ("world", "lower", "upper", "flange")
 
 
+def test_a_cover_of_an_earlier_link_carries_no_payload(tmp_path):
+    """It comes last in the file, as an arm's covers do, and moves with its link."""
+    covered = SLANTED.replace(
+        "</body></body></worldbody>", '</body><body name="cover"/></body></worldbody>'
+    )
+    body = read_model(stored(tmp_path, covered)).plant.body
+    assert body.body_names[-1] == "cover"
+    assert body.carrier == "flange"
+
+
 def test_mass_goes_with_the_inertia_that_a_body_has(body):
     doubled = body.add_mass(jnp.array([0.0, 0.0, 1.0])).added[2]
     np.testing.assert_allclose(doubled, links(body.source)[2], rtol=1e-12)  # of a body of 1 kg
