@@ -137,11 +137,11 @@ class TorqueCurve(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return variants with a loss of up to a fifth at the root mean square torque.
+        """Return variants with a loss of up to three tenths at the root mean square torque.
 
         That is the torque which a motor can deliver continuously.
         """
-        largest = 0.2 / max(scale.effort or scale.torque / 3.0, 1e-9)
+        largest = 0.3 / max(scale.effort or scale.torque / 3.0, 1e-9)
         return [
             Variant({"loss": share * largest}, within={"loss": (0.0, largest)})
             for share in (0.1, 0.3, 0.6)

@@ -54,14 +54,11 @@ def find(
     watch: Watch = lambda what, share: None,
     resample: bool = True,
 ) -> Found:
-    """Return what is missing.
-
-    The search starts from the envelope, or from nothing if another log is the reference.
-    """
+    """Return what is missing."""
     rows = library.rows
     score, predicted, banned = library.score, library.predicted, dict[Group, str]()
     watch("searching", 0.0)
-    now = search(score, [i for i in score.items if i.always or (i.common and score.anchor is None)])
+    now = first(score)
     number, contests = 0, Contests()
     while True:
         watch("fitting shapes", number / ROUNDS)
@@ -94,6 +91,17 @@ def find(
         anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
         ties = tied(anew, now, library, predicted)
     return Found(library, narrow, now, whole, predicted, said, ties, banned | weak)
+
+
+def first(score: Score) -> Solution:
+    """Return the best set that the search reaches from everything common, or from nothing.
+
+    If another log is the reference, it starts from nothing.
+    """
+    nothing = [i for i in score.items if i.always]
+    common = [i for i in score.items if i.common and not i.always and score.anchor is None]
+    starts = ([*nothing, *common], nothing) if common else (nothing,)
+    return max((search(score, start) for start in starts), key=lambda s: s.value)
 
 
 def settled(

@@ -1,6 +1,6 @@
 """The findings of a diagnosis: effects with values, what each explains, and its probability."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from jaxidl.gap.gram import Item, Key
 from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.items import part
 from jaxidl.gap.library import rms
+from jaxidl.gap.rivals import Tie
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value, resampled
 from jaxidl.systems.free import unit_of
@@ -27,7 +28,7 @@ def findings(
     fitted: Sequence[Value],
     known: Model,
     network: Sequence[float],
-    tied: Mapping[Key, float],
+    ties: Sequence[Tie],
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
@@ -36,7 +37,7 @@ def findings(
         fitted: its effects with their values.
         known: the model of J joints.
         network: (J,) share of the residual that a network predicts.
-        tied: prior probability of others that explain the log as well as an effect, relative to it.
+        ties: effects that explain the log as well as some of those found.
     """
     rows, out = found.library.rows, []
     draws = found.support.moves if found.score.anchor is None else []
@@ -70,11 +71,12 @@ def findings(
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(rows, bare, found.solution, j)
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
-        margin = found.solution.value - instead
+        own = [t for t in ties if value.key in {g[:2] for g in t.found}]
+        margin = min([found.solution.value - instead, *(t.falls for t in own)])
         left = float(a) / max(rows.floor[j], 1e-300)
         shape = value.items[0].shape
         open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
-        kind_of = shape.odds, cls.common, tied.get(value.key, 0.0)
+        kind_of = shape.odds, cls.common, max([0.0, *(t.likely for t in own)])
         alike = {joint for found_name, joint in (v.key for v in fitted) if found_name == name} - {
             joint
         }

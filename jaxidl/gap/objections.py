@@ -48,7 +48,8 @@ def supported(
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
-    The weakest is removed first; the rest is fitted and searched again each time.
+    What is on a bound goes first, since the others were judged beside it, and the weakest of it;
+    the rest is fitted and searched again each time.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
@@ -59,7 +60,7 @@ def supported(
                 return now, score, strong, weak
             now = again
             continue
-        worth, worst, why = min(found, key=lambda o: o[0])
+        worth, worst, why = min(found, key=lambda o: (o[2] != BOUND, o[0]))
         if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged in its presence
             strong[worst.group], weak = why, {}
         else:

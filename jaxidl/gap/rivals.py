@@ -37,6 +37,7 @@ class Tie(NamedTuple):
     instead: tuple[Group, ...]  # each in place of all that was found
     # highest prior probability among them, relative to what was found; at most 1
     likely: float
+    falls: float = np.inf  # by how much the score falls with the best of them
     # by how much the coefficients of the other members are different beside the likeliest of them
     moves: Mapping[Group, np.ndarray] = MappingProxyType({})
 
@@ -46,9 +47,9 @@ def contested(
 ) -> list[Item] | None:
     """Return better members, or None.
 
-    They are others with fitted shapes in place of one, or one without its parts. A shape that has
-    not been fitted loses against one that has; here both are fitted. What is in ``contests`` is not
-    tried again; what is tried is added.
+    They are others with fitted shapes in place of one, one without its parts, or one of two rare
+    ones without the other. A shape that has not been fitted loses against one that has; here both
+    are fitted. What is in ``contests`` is not tried again; what is tried is added.
     """
     rows, changed = library.rows, False
     for m in [m for m in now.members if not m.always]:
@@ -83,6 +84,14 @@ def contested(
             for i in (*starts, *best)
             if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)
         ]
+        # another rare one may have kept it from its best shape
+        trials += [
+            [*(r for r in rest if r is not o), i]
+            for o in rest
+            if not (o.always or o.common) and set(o.joints) & set(m.joints)
+            for i in starts
+            if movable(i.shape)
+        ]
         for trial in trials:
             at = score.solve(trial)
             new = trial[-1]
@@ -110,7 +119,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     effect may replace several: members that are not needed beside it are dropped. What another
     member contains is not looked for beside it, nor an effect in place of one part of it alone.
     """
-    sets: dict[tuple[Group, ...], dict[Group, tuple[float, Solution]]] = {}
+    sets: dict[tuple[Group, ...], dict[Group, tuple[float, float, Solution]]] = {}
     known = now.value - price(score, now, library.rows)
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
@@ -127,10 +136,11 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
+        alone = estimates.promise(score, rest)
         best: dict[Group, Item] = {}  # best shape of each effect
-        for i in sorted(near, key=lambda i: -worth[id(i)]):
+        for i in sorted(near, key=lambda i: -alone[id(i)]):
             best.setdefault(i.group, i)
-        for i in list(best.values())[: 2 * RIVALS]:
+        for i in sorted(best.values(), key=lambda i: -worth[id(i)])[: 2 * RIVALS]:
             fresh = (
                 fitted(i, score.solve([*rest, i]), library.rows, predicted, score)
                 if movable(i.shape)
@@ -141,37 +151,45 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             )
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
+            reached = at.value - price(small, at, library.rows)
             if (
                 fresh in at.members
                 and odds > least - FARTHER
-                and at.value - price(small, at, library.rows) - odds > known - least - close
+                and reached - odds > known - least - close
             ):
                 gone = tuple(n.group for n in now.members if n not in at.members)
                 if len(gone) > 1 or not part(m, i):
-                    sets.setdefault(gone, {})[i.group] = float(np.exp(min(odds - least, 0.0))), at
+                    likely = float(np.exp(min(odds - least, 0.0)))
+                    sets.setdefault(gone, {})[i.group] = likely, known - reached, at
     return [_tie(now, gone, instead) for gone, instead in sets.items()]
 
 
 def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     """Return by how much a member and items near it raise the likelihood beside ``rest``.
 
-    What promises less than half as much as the member is not near; other shapes that can be fitted
-    are estimated.
+    What promises less than half as much as the member is not near. Other shapes that can be fitted
+    are estimated, beside parts that fitting them may bring.
     """
     promise, before = estimates.promise(score, rest), score.solve(rest).value
     likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
-    exact = lambda i: score.solve([*rest, i]).value - before - i.odds
-    return {
-        id(i): likely[id(i)] if i is not m and movable(i.shape) else exact(i)
-        for i in score.items
-        if i is m
-        or (set(i.joints) & set(m.joints) and likely.get(id(i), -np.inf) > 0.5 * likely[id(m)])
-    }
+    exact = lambda *new: score.solve([*rest, *new]).value - before - sum(i.odds for i in new)
+    found = {id(m): exact(m)}
+    for i in score.items:
+        if i is m or id(i) not in likely or not set(i.joints) & set(m.joints):
+            continue
+        missing = [o for o in score.items if part(o, i) and o.key[1] == i.key[1] and o not in rest]
+        if movable(i.shape) and missing:
+            likely[id(i)] = exact(i, *missing)
+        if likely[id(i)] > 0.5 * likely[id(m)]:
+            found[id(i)] = likely[id(i)] if movable(i.shape) else exact(i)
+    return found
 
 
 def _tie(
-    now: Solution, gone: tuple[Group, ...], instead: Mapping[Group, tuple[float, Solution]]
+    now: Solution,
+    gone: tuple[Group, ...],
+    instead: Mapping[Group, tuple[float, float, Solution]],
 ) -> Tie:
-    likely, at = max(instead.values(), key=lambda found: found[0])
+    likely, _, at = max(instead.values(), key=lambda found: found[0])
     moves = {m.group: at.x[at.of(m)] - now.x[now.of(m)] for m in now.members if m in at.members}
-    return Tie(gone, tuple(instead), likely, moves)
+    return Tie(gone, tuple(instead), likely, min(falls for _, falls, _ in instead.values()), moves)

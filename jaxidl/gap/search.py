@@ -6,7 +6,7 @@
    one small solve (:mod:`jaxidl.gap.score`). Each effect costs its prior, and each of its
    parameters a factor of ten in probability.
 3. Begin with the envelope: all common effects, on every joint. This is the model of conventional
-   identification.
+   identification. Begin with nothing, too, and go on from the better end.
 4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
    one by another, by all that it can imitate or by a part that it contains, or replace two by one
    or two.

@@ -24,6 +24,7 @@ from jaxidl.gap.diagnosis import (
 from jaxidl.gap.find import Found, Watch, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.held_out import aside
+from jaxidl.gap.inputs import Inputs, read_inputs
 from jaxidl.gap.library import Library, library, own_residual, residual, rms
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import check
@@ -65,7 +66,8 @@ def diagnose(
 
     Args:
         log: a :class:`jaxidl.logs.log.Log`, or files as :func:`jaxidl.logs.log.read` takes them.
-        model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file.
+        model: a model as :func:`jaxidl.systems.mjcf.read_model` returns it, or its file. If log and
+            model are files, joints that the log does not name are locked.
         reference: an earlier log of the same machine. What both have in common is no finding; only
             changes are.
         held_out: share of the log, at the end of each run, that is not used for fitting and
@@ -86,9 +88,8 @@ def diagnose(
     names = _names(held_out, effects, exclude, min_gain)
     with jax.enable_x64(True):
         watch("reading", 0.0)
-        known = model if isinstance(model, Model) else read_model(model)
-        measured = _log(log, known)
-        old = None if reference is None else _log(reference, known)
+        measured, known = _inputs(log, model)
+        old = None if reference is None else _matching(_inputs(reference, model).log, known)
         before: Found | None = None
         common: tuple[Effect, ...] = ()
         if old is not None:
@@ -107,8 +108,7 @@ def diagnose(
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
-        tied = {g[:2]: max(t.likely for t in ties if g in t.found) for t in ties for g in t.found}
-        named = findings(found, found.fitted, known, [n.value for n in network], tied)
+        named = findings(found, found.fitted, known, [n.value for n in network], ties)
         compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
@@ -192,15 +192,24 @@ def _names(
     return names
 
 
-def _log(log: Source, known: Model) -> Log:
-    measured = log if isinstance(log, Log) else read(log, joints=len(known.names))
-    if measured.joints != len(known.names):
+def _inputs(log: Source, model: Model | str | Path) -> Inputs:
+    """Return a log and a model; if both are files, joints are matched by their names."""
+    if not isinstance(log, Log) and not isinstance(model, Model):
+        files = [log] if isinstance(log, str | Path) else log
+        return read_inputs([Path(file) for file in files], Path(model))
+    known = model if isinstance(model, Model) else read_model(model)
+    measured = log if isinstance(log, Log) else read(log, known.names)
+    return Inputs(_matching(measured, known), known)
+
+
+def _matching(log: Log, known: Model) -> Log:
+    if log.joints != len(known.names):
         expected, remedy = (
             f"the model's {len(known.names)} joints in the log",
             "use a log and a model of the same mechanism",
         )
-        raise ConfigurationError(expected, f"{measured.joints} in the log", remedy)
-    return measured
+        raise ConfigurationError(expected, f"{log.joints} in the log", remedy)
+    return log
 
 
 def _search(

@@ -57,6 +57,8 @@ def test_of_a_robot_the_joints_that_the_log_names_are_taken(tmp_path):
     assert model.names == ("shoulder_pan_joint", "wrist_1_joint")
     same(log, joints=(0, 2))
     assert any("elbow_joint" in note for note in model.notes)
+    found = diagnose(tmp_path / "a.csv", robot(tmp_path), effects=["spring"], rollouts=False)
+    assert found.model.names == ("shoulder_pan_joint", "wrist_1_joint")
     with pytest.raises(LogError, match="those of shoulder_pan_joint, wrist_1_joint"):
         read_inputs([write(tmp_path / "a.csv", part)], robot(tmp_path), joints=["elbow", "wrist_1"])
     numbered = {k: v for k, v in THREE.items() if k[-1] != "2"}

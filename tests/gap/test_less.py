@@ -9,7 +9,7 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
 from jaxidl.errors import EffectError
-from jaxidl.gap import confirm, values
+from jaxidl.gap import confirm, objections, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
@@ -91,6 +91,27 @@ def test_a_change_that_mjcf_cannot_hold_is_written_into_what_it_changes(tmp_path
     np.testing.assert_allclose(left.effect.coefficient, [0.3])
     with pytest.raises(EffectError, match="in \\[0"):
         patched(model, [drag(-0.6)])
+
+
+def test_what_is_on_a_bound_goes_before_what_was_judged_beside_it(tmp_path, monkeypatch):
+    """Even if that is weaker, as dry friction is here."""
+    (tmp_path / "model.xml").write_text(TOO_MUCH)
+    real = objections.objection
+
+    def objection(score, now, m, *rest):
+        there = {o.group[0] for o in now.members}
+        if m.group[0] == "viscous_friction":
+            return BOUND
+        if m.group[0] == "coulomb_friction" and "viscous_friction" in there:
+            return "it is wrong"
+        return real(score, now, m, *rest)
+
+    monkeypatch.setattr(objections, "objection", objection)
+    only = ["viscous_friction", "coulomb_friction"]
+    found = gap.diagnose(
+        measured(0.2, 0.5, 5), tmp_path / "model.xml", effects=only, rollouts=False
+    )
+    assert [f.name for f in found.findings] == ["coulomb_friction"]
 
 
 def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(

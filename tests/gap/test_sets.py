@@ -14,9 +14,11 @@ from jaxidl.effects import (
     AsymmetricFriction,
     ConstantOffset,
     DirectionalLoadFriction,
+    Spring,
     StribeckFriction,
+    TorqueCurve,
 )
-from jaxidl.gap import estimates
+from jaxidl.gap import estimates, rivals
 from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
 from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
@@ -726,6 +728,57 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     assert (tie.found, tie.instead) == ((centre.group,), (mass.group,))
     np.testing.assert_allclose(tie.moves[extra.group], -0.3, atol=0.02)
     assert centre.group not in tie.moves
+
+
+def test_a_shape_far_from_its_best_is_a_rival_with_what_fitting_it_brings(monkeypatch):
+    """A spring relaxed elsewhere adds a constant torque, too: fitted, it has the offset within."""
+    rng = np.random.default_rng(13)
+    q = rng.normal(size=(N, 1))
+    centre = item("centre", np.sin(q))
+    (offset,) = [replace(item("x", np.ones((1, N, 1))), group=("constant_offset", 0, "offset"))]
+    relaxed = lambda at: replace(
+        item("spring", np.sin(q) + 0.02 * rng.normal(size=(N, 1)) - at),
+        shape=Shape(Spring, 0, JOINTS, ("stiffness",), {"stiffness": 0.0, "rest": at}, {}, {}),
+    )
+    far, best = relaxed(3.0), relaxed(0.0)
+    asked = []
+
+    def fitted(shape, at, *rest):
+        asked.append((shape, at.members))
+        return best
+
+    monkeypatch.setattr(rivals, "fitted", fitted)
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += np.sin(q)
+    rows = rows_with(gap)
+    score = score_of(rows, [centre, offset, far])
+    now = score.solve([centre])
+    (tie,) = tied(score, now, Library(rows, score, now, rows.command, ()), rows.command)
+    assert asked == [(far, (far,))]
+    assert (tie.found, tie.instead) == ((centre.group,), (best.group,))
+    also = score_of(rows, [best])
+    assert tie.falls == pytest.approx(now.value - also.solve([best]).value, abs=1e-6)
+
+
+def test_one_of_two_rare_effects_is_tried_without_the_other(monkeypatch):
+    """Beside the other, its best shape is another one."""
+    rng = np.random.default_rng(17)
+    cause, more = rng.normal(size=(2, N, 1))
+    curve = lambda columns: replace(
+        item("curve", columns),
+        shape=Shape(TorqueCurve, 0, JOINTS, (), {"loss": 0.1}, {}, {}),
+    )
+    best, beside, other = curve(cause), curve(cause + 0.5 * more), item("other", more)
+    monkeypatch.setattr(
+        rivals, "fitted", lambda m, at, *rest: beside if other in at.members else best
+    )
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += cause
+    rows = rows_with(gap)
+    score = score_of(rows, [beside, other])
+    now = score.solve([beside, other])
+    made = Library(rows, score, now, rows.command, ())
+    assert contested(score, now, made, rows.command, Contests()) == [best]
 
 
 def test_a_member_is_contested_once_beside_the_same_others():
