@@ -3,6 +3,7 @@
 The search fits to a part of the log. Fitted to all of it, an effect's values must differ from zero,
 one by one or together, be off their bounds, and be possible in a simulation. What only seems wrong
 since another effect has gone is judged again once something else could take that one's place.
+Nothing takes the place of what may be zero: it would be as little sure.
 """
 
 from collections.abc import Sequence
@@ -16,6 +17,8 @@ from jaxidl.gap.objections import BOUND, EXCLUDED
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value, values
+
+UNSURE = "the whole log does not confirm what a part of it suggests"
 
 
 def possible(effect: Effect, own: Sequence[Effect]) -> bool:
@@ -66,7 +69,7 @@ def unconfirmed(value: Value, own: Sequence[Effect]) -> str:
     """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
     known = any(np.any(np.abs(v) > EXCLUDED * e) for v, e in value.parameters.values())
     if not (known or value.together > EXCLUDED or value.share > 0.0):
-        return "the whole log does not confirm what a part of it suggests"
+        return UNSURE
     if value.on_bound:
         return BOUND
     return "" if possible(value.effect, own) else "its value is impossible"

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jaxidl.gap.confidence import DRAWS, Support, support
-from jaxidl.gap.confirm import confirmed
+from jaxidl.gap.confirm import UNSURE, confirmed
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled, with_friction
@@ -65,7 +65,9 @@ def find(
         score, now, predicted = settled(score, now, library, predicted, contests)
         fit, number = set(now.members), number + 1
         now, narrow, strong, weak = nameable(score, now, rows, min_gain)
-        now, whole, doubtful = confirmed(narrow, now, rows, predicted)
+        now, whole, dropped = confirmed(narrow, now, rows, predicted)
+        doubtful = {group: why for group, why in dropped.items() if why != UNSURE}
+        weak |= {group: why for group, why in dropped.items() if why == UNSURE}
         strong |= doubtful
         banned |= strong
         if number == ROUNDS or (
@@ -76,10 +78,11 @@ def find(
         score = score.narrowed([i for i in score.items if i.group not in strong])
         now = search(score, now.members) if doubtful else now
     narrow, read = reread(narrow, now, rows)
-    while doubtful or read is not now:
-        read, whole, doubtful = confirmed(narrow, read, rows, predicted)
-        now, banned = read, banned | doubtful
-    narrow = narrow.narrowed([i for i in narrow.items if i.group not in banned])
+    while dropped or read is not now:
+        read, whole, dropped = confirmed(narrow, read, rows, predicted)
+        now, banned = read, banned | dropped
+    gone = banned | weak
+    narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
     watch("resampling", 0.0)
     said = support(
         narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
@@ -90,7 +93,7 @@ def find(
         anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
         anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
         ties = tied(anew, now, library, predicted)
-    return Found(library, narrow, now, whole, predicted, said, ties, banned | weak)
+    return Found(library, narrow, now, whole, predicted, said, ties, gone)
 
 
 def first(score: Score) -> Solution:

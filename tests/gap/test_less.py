@@ -13,6 +13,7 @@ from jaxidl.gap import confirm, objections, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
+from jaxidl.gap.confirm import UNSURE
 from jaxidl.gap.held_out import wald
 from jaxidl.gap.objections import BOUND
 from jaxidl.systems.export import patched, write_patched
@@ -135,6 +136,26 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
     assert ("coulomb_friction", 0, "it is wrong") in [
         (r.name, r.joint, r.reason) for r in found.rivals
     ]
+
+
+def test_nothing_takes_the_place_of_what_the_whole_log_does_not_confirm(tmp_path, monkeypatch):
+    """Other kinds of friction would imitate it."""
+    (tmp_path / "model.xml").write_text(TOO_MUCH)
+    real, why = confirm.unconfirmed, UNSURE
+
+    def unconfirmed(value, own):
+        return why if value.key[0] == "coulomb_friction" else real(value, own)
+
+    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
+    named = lambda: {
+        f.name
+        for f in gap.diagnose(
+            measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False
+        ).findings
+    }
+    assert named() == {"viscous_friction"}
+    why = "it is wrong"
+    assert len(named()) > 1
 
 
 def test_what_only_seems_wrong_since_another_has_gone_is_judged_again(tmp_path, monkeypatch):
