@@ -177,12 +177,18 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     for i in score.items:
         if i is m or id(i) not in likely or not set(i.joints) & set(m.joints):
             continue
-        missing = [o for o in score.items if part(o, i) and o.key[1] == i.key[1] and o not in rest]
-        if movable(i.shape) and missing:
+        fits = movable(i.shape)
+        if fits and (missing := _missing(score, rest, m, i)):
             likely[id(i)] = exact(i, *missing)
         if likely[id(i)] > 0.5 * likely[id(m)]:
-            found[id(i)] = likely[id(i)] if movable(i.shape) else exact(i)
+            found[id(i)] = likely[id(i)] if fits else exact(i)
     return found
+
+
+def _missing(score: Score, rest: list[Item], m: Item, whole: Item) -> list[Item]:
+    """Return the parts of an effect that are neither in ``rest`` nor ``m``."""
+    names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
+    return [o for o in score.items if o.key in names and o not in (m, *rest)] if names else []
 
 
 def _tie(
