@@ -116,11 +116,11 @@ def settled(
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted, acts_on_predicted)
         fresh = refitted(score, now, library, predicted)
-        score, after = renewed(score, now, fresh, rows)
+        score, after = renewed(score, now, fresh)
         same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
         if same and (better := contested(score, now, library, predicted, contests)) is not None:
-            score, now = renewed(score, now, better, rows)
+            score, now = renewed(score, now, better)
         elif same:
             break
     return score, now, predicted
@@ -142,8 +142,7 @@ def seen_anew(
         return score
     columns = columns_of([i.shape for i in old], rows, torque)
     fresh = [replace(i, columns=c[:, :, list(i.joints)]) for i, c in zip(old, columns, strict=True)]
-    items = [*(i for i in score.items if i not in old), *pushed(fresh, rows, torque)]
-    return Score(rows, items, score.noise, score.effective, score.anchor, score)
+    return score.having([*(i for i in score.items if i not in old), *pushed(fresh, rows, torque)])
 
 
 def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
@@ -154,7 +153,7 @@ def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
         if not reading:
             break
         fresh = items_of(reading, with_friction(rows, now), load_of(rows, now), score.items)
-        score, members = exchanged(score, now, fresh, rows)
+        score, members = exchanged(score, now, fresh)
         now, before = score.solve(members), now
         # what has become like one of its parts has fewer coefficients
         if now.x.shape == before.x.shape and np.allclose(now.x, before.x, rtol=STEADY):
@@ -162,15 +161,13 @@ def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
     return score, now
 
 
-def renewed(score: Score, now: Solution, fresh: list[Item], rows: Rows) -> tuple[Score, Solution]:
+def renewed(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, Solution]:
     """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
-    score, members = exchanged(score, now, fresh, rows)
+    score, members = exchanged(score, now, fresh)
     return score, search(score, members)
 
 
-def exchanged(
-    score: Score, now: Solution, fresh: list[Item], rows: Rows
-) -> tuple[Score, list[Item]]:
+def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, list[Item]]:
     """Return the score and the set with ``fresh`` items in place of their groups'."""
     groups = {i.group for i in fresh}
     members = (
@@ -183,7 +180,7 @@ def exchanged(
         *(i for i in score.items if id(i) not in old),
         *(i for i in fresh if i not in score.items or id(i) in old),
     ]
-    return Score(rows, items, score.noise, score.effective, score.anchor, score), members
+    return score.having(items), members
 
 
 def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:

@@ -91,7 +91,8 @@ class Gram:
             anchor: evidence of another log about some of the items.
             old: the score of the same rows with other items; what both share is not computed again.
         """
-        self.items, self.noise, self.effective = list(items), noise, effective
+        self.rows, self.items = rows, list(items)
+        self.noise, self.effective = noise, effective
         # also holds items that ``narrowed`` leaves out, so that no other item gets their identity
         self._alive = list(items)
         sizes = np.cumsum([0, *(len(i.lower) for i in items)])

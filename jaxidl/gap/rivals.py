@@ -96,9 +96,7 @@ def contested(
             at = score.solve(trial)
             new = trial[-1]
             fresh = fitted(new, at, rows, predicted, score) if movable(new.shape) else new
-            small = Score(
-                rows, [*now.members, fresh], score.noise, score.effective, score.anchor, score
-            )
+            small = score.having([*now.members, fresh])
             after = search(small, [*trial[:-1], fresh], swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
                 score, now, changed = small, after, True
@@ -146,9 +144,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
                 if movable(i.shape)
                 else i
             )
-            small = Score(
-                library.rows, [*rest, fresh], score.noise, score.effective, score.anchor, score
-            )
+            small = score.having([*rest, fresh])
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
             reached = at.value - price(small, at, library.rows)

@@ -278,6 +278,10 @@ class Score(Gram):
             )
         return np.maximum(error, 0.0)
 
+    def having(self, items: Sequence[Item]) -> "Score":
+        """Return the score of these items on the same rows; what both share is kept."""
+        return Score(self.rows, items, self.noise, self.effective, self.anchor, self)
+
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only."""
         return self._with(items=list(items), _solved=self._solved, promised={}, enough={})
