@@ -3,7 +3,7 @@
 They are better ones, once their shapes are fitted, and equally good ones.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import part
 from jaxidl.gap.library import Library
 from jaxidl.gap.objections import price
+from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.search import EPSILON, search, without
 from jaxidl.gap.shape import movable
@@ -93,15 +94,22 @@ def contested(
             if movable(i.shape)
         ]
         for trial in trials:
-            at = score.solve(trial)
-            new = trial[-1]
-            fresh = fitted(new, at, rows, predicted, score) if movable(new.shape) else new
+            fresh = fitted_beside(trial[:-1], trial[-1], score, rows, predicted)
             small = score.having([*now.members, fresh])
             after = search(small, [*trial[:-1], fresh], swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
                 score, now, changed = small, after, True
                 break
     return list(now.members) if changed else None
+
+
+def fitted_beside(
+    rest: Sequence[Item], new: Item, score: Score, rows: Rows, predicted: np.ndarray
+) -> Item:
+    """Return an item with its shape, if it has one, fitted beside others."""
+    if not movable(new.shape):
+        return new
+    return fitted(new, score.solve([*rest, new]), rows, predicted, score)
 
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
@@ -139,11 +147,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         for i in sorted(near, key=lambda i: -alone[id(i)]):
             best.setdefault(i.group, i)
         for i in sorted(best.values(), key=lambda i: -worth[id(i)])[: 2 * RIVALS]:
-            fresh = (
-                fitted(i, score.solve([*rest, i]), library.rows, predicted, score)
-                if movable(i.shape)
-                else i
-            )
+            fresh = fitted_beside(rest, i, score, library.rows, predicted)
             small = score.having([*rest, fresh])
             at = search(small, [*rest, fresh], swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
