@@ -48,8 +48,8 @@ def supported(
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
-    What is on a bound goes first, since the others were judged beside it, and the weakest of it;
-    the rest is fitted and searched again each time.
+    What is on a bound goes before the others, which were judged beside it, and the weakest first.
+    The rest is fitted and searched again each time.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
