@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxidl.gap import estimates
 from jaxidl.gap.confidence import FARTHER
-from jaxidl.gap.gram import Group, Item
+from jaxidl.gap.gram import Group, Item, Key
 from jaxidl.gap.items import part
 from jaxidl.gap.library import Library
 from jaxidl.gap.objections import price
@@ -114,8 +114,13 @@ def fitted_beside(
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
     """Return the members that are not parts of an effect."""
-    names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
-    return [m for m in members if m.always or m.key not in names]
+    parts = parts_of(whole)
+    return [m for m in members if m.always or m.key not in parts]
+
+
+def parts_of(whole: Item) -> set[Key]:
+    """Return names and joint of an effect's parts."""
+    return {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
@@ -187,8 +192,8 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
 
 def _missing(score: Score, rest: list[Item], m: Item, whole: Item) -> list[Item]:
     """Return the parts of an effect that are neither in ``rest`` nor ``m``."""
-    names = {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
-    return [o for o in score.items if o.key in names and o not in (m, *rest)] if names else []
+    parts = parts_of(whole)
+    return [o for o in score.items if o.key in parts and o not in (m, *rest)] if parts else []
 
 
 def _tie(
