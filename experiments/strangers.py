@@ -1,9 +1,9 @@
 """Robots for which nothing was tuned: published models, simulated with what they do not have.
 
-``python experiments/strangers.py FOLDER --models DIR --work WORK [--seed 1]`` takes arms and a
-legged robot from the package example-robot-data (``pip download --no-deps example-robot-data``,
-unzipped into DIR). Each is simulated in MuJoCo with other friction and rotor inertia on every joint
-than its file has, some with a load, moved along sines by computed torque. Its log goes through
+``python experiments/strangers.py FOLDER --models DIR --work WORK [--seed 1]`` takes arms, legs and
+a hand from the package example-robot-data (``pip download --no-deps example-robot-data``, unzipped
+into DIR). Each is simulated in MuJoCo with other friction and rotor inertia on every joint than its
+file has, some with a load, moved along sines by computed torque. Its log goes through
 ``jaxidl gap`` on the command line, with the file as it is. FOLDER gets strangers.json and
 strangers.md; logs and reports stay in WORK, and an interrupted run continues.
 """
@@ -53,6 +53,44 @@ ROBOTS = {
         tuple(f"arm_left_{j}_joint" for j in range(1, 8)),
     ),
     "A1, twelve joints on a stand": Robot("a1_description/urdf/a1.urdf", rate=500),
+    "SO-101": Robot("so_arm_description/urdf/so101.urdf", rate=200),
+    "G1, left arm": Robot(
+        "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+        tuple(
+            f"left_{part}_joint"
+            for part in (
+                *("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow"),
+                *("wrist_roll", "wrist_pitch", "wrist_yaw"),
+            )
+        ),
+        500,
+    ),
+    "Baxter, right arm with a load": Robot(
+        "baxter_description/urdf/baxter.urdf",
+        tuple(f"right_{part}" for part in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")),
+        rate=100,
+        load=1.5,
+    ),
+    "Alex, left arm": Robot(
+        "alex_description/urdf/alex_nub_hands.urdf",
+        tuple(
+            f"Left{part}"
+            for part in (
+                *("ShoulderPitch", "ShoulderRoll", "ShoulderYaw", "ElbowPitch"),
+                *("WristYaw", "WristRoll", "GripperYaw"),
+            )
+        ),
+    ),
+    "Romeo, left leg": Robot(
+        "romeo_description/urdf/romeo.urdf",
+        tuple(
+            f"L{part}"
+            for part in ("HipYaw", "HipRoll", "HipPitch", "KneePitch", "AnklePitch", "AnkleRoll")
+        ),
+        rate=100,
+    ),
+    "Allegro hand": Robot("allegro_hand_description/urdf/allegro_left_hand.urdf", rate=200),
+    "Double pendulum": Robot("double_pendulum_description/urdf/double_pendulum.urdf"),
 }
 SECONDS, INSIDE = 40.0, 10  # length of a log [s]; simulation steps in a sample
 BANDWIDTH, DAMPING = 3.0, 0.7  # of the controller [Hz], [1]
@@ -115,7 +153,8 @@ def simulated(robot: Robot, path: Path, folder: Path, seed: int) -> None:
         # as close to dry friction as MuJoCo's soft one comes
         joint.solref_friction, joint.solimp_friction = [0.002, 1], [0.995, 0.9999, 1e-3, 0.5, 2]
     if robot.load:
-        held = spec.bodies[known.jnt_bodyid[-1]].add_body(name="load", pos=[0.02, 0.01, 0.06])
+        held = spec.bodies[known.jnt_bodyid[-1]].add_body(name="load")
+        held.ipos = [0.02, 0.01, 0.06]
         held.explicitinertial, held.mass, held.inertia = True, robot.load, [1e-3 * robot.load] * 3
     model = spec.compile()
     model.opt.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

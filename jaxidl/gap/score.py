@@ -246,23 +246,27 @@ class Score(Gram):
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.
 
-        The set's residual counts as the effective number of samples, the floor below which all
-        errors are equal counts once per block, and what the log does not determine is as wide as
-        the prior.
+        What the log does not determine is as wide as the prior.
         """
-        at, blocks = self.indices(found.members), len(self.weights)
+        at = self.indices(found.members)
         gram, _, own = self._normal(at)
         known = self._known(at)
-        count, effective = self.count[:blocks].sum(0), np.maximum(self.effective, 1.0)
         middle = known * self.alike
-        for j, (here, g, _) in enumerate(own):
-            middle[np.ix_(here, here)] += g.sum(0) * (
-                found.error[:, j].sum() / effective[j] + self.floor[j] * count[j] / blocks
-            )
+        for (here, g, _), square in zip(own, self.square_of(found), strict=True):
+            middle[np.ix_(here, here)] += g.sum(0) * square
         inside = gram.sum(0) + known
         inside[np.diag_indices(len(at))] += RIDGE * np.diagonal(inside) + 1e-12
         inverse = np.linalg.inv(inside)
         return inverse @ middle @ inverse / self.scale[at, None] / self.scale[at]
+
+    def square_of(self, found: Solution) -> np.ndarray:
+        """Return the mean square (J,) of an effective sample of a set's residual [noise^2].
+
+        The floor below which all errors are equal counts once per block.
+        """
+        blocks = len(self.weights)
+        floor = self.floor * self.count[:blocks].sum(0) / blocks
+        return found.error.sum(0) / np.maximum(self.effective, 1.0) + floor
 
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""

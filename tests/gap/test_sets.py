@@ -664,32 +664,69 @@ def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
     assert ambiguous([pool[0]], seldom) == []
 
 
-def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_says():
+def constants(elsewhere=0.0, wrong=0.0):
+    """Rows whose first torque is logged ``wrong`` times ``SHARE`` too small, and their items.
+
+    The command is three times all columns, and ``elsewhere`` times what no column forms.
+    """
     rng = np.random.default_rng(7)
     pool = [item(f"column{k}", rng.normal(size=(1, N, 1)), (k % 2,)) for k in range(3)]
     pool.append(item("both", rng.normal(size=(2, N, 2)), (0, 1)))
-    command = 0.5 * rng.normal(size=(N, JOINTS))
+    command = elsewhere * rng.normal(size=(N, JOINTS))
     for m in pool:
         command[:, list(m.joints)] += 3.0 * m.columns.sum(0)
-    rows = rows_with(0.3 * rng.normal(size=(N, JOINTS)))._replace(command=command)
+    gap = 0.3 * rng.normal(size=(N, JOINTS)) + [wrong * SHARE, 0.0] * command
+    return rows_with(gap)._replace(command=command), pool
+
+
+@pytest.mark.parametrize(("elsewhere", "wrong"), [(0.0, 0.0), (40.0, 0.0), (40.0, 2.0)])
+def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_says(elsewhere, wrong):
+    rows, pool = constants(elsewhere, wrong)
     score = score_of(rows, pool)
-    found, off = score.solve(pool), []
-    for j in range(JOINTS):
-        gap = rows.gap + SHARE * command * (np.arange(JOINTS) == j)
-        off.append(score_of(rows._replace(gap=gap), pool).solve(pool).x - found.x)
-    expected = np.sum([np.outer(o, o) for o in off], axis=0)
+    found = score.solve(pool)
+    x, y = stacked(rows, pool, rows.training)
+    left = y - x @ found.x
+    predicted = [stacked(rows._replace(gap=rows.command), pool, rows.training)[1] - left]
+    at = np.repeat(range(JOINTS), [(rows.used[:, j] & rows.training).sum() for j in range(JOINTS)])
+    torque = SHARE * predicted[0][:, None] * (at[:, None] == range(JOINTS)) / score.noise[0]
+    off = np.linalg.lstsq(x / score.noise[0], torque)[0]
+    rest = torque - x / score.noise[0] @ off
+    each = found.error.sum(0) / score.effective + score.floor * np.bincount(at) / BLOCKS
+    spread = np.linalg.inv(rest.T @ rest / np.sqrt(np.outer(each, each)) + np.eye(JOINTS))
+    mean = spread @ (torque.T @ left / score.noise[0] / each)
+    expected = off @ (spread + np.outer(mean, mean)) @ off.T
     got = swayed(score, found, rows)
     np.testing.assert_allclose(got, expected, atol=1e-6 * expected.max())
-    np.testing.assert_allclose(np.diagonal(got)[:3], (3.0 * SHARE) ** 2, rtol=0.2)
-    # beside a reference log only what is new counts
-    none = np.zeros((len(got), len(got)))
+
+
+def test_a_log_says_how_wrong_a_torque_constant_may_be():
+    def errors(**more):
+        rows, pool = constants(**more)
+        score = score_of(rows, pool)
+        return np.sqrt(np.diagonal(swayed(score, score.solve(pool), rows)))
+
+    # nothing, if the columns form all of the command: then it is as wrong as one may be
+    np.testing.assert_allclose(errors()[:3], 3.0 * SHARE, rtol=0.2)
+    known, wrong = errors(elsewhere=40.0), errors(elsewhere=40.0, wrong=5.0)
+    assert known[0] < SHARE  # right, as the log says
+    assert wrong[0] > 3.0 * SHARE  # off by five times as much as one is, as it says, too
+
+
+def test_beside_a_reference_log_or_a_motor_constant_less_moves_with_a_torque_constant():
+    rows, pool = constants()
+    score = score_of(rows, pool)
+    found = score.solve(pool)
+    none = np.zeros((len(found.x), len(found.x)))
     other = score_of(rows, pool, anchor=Anchor(tuple(pool), none, none[0]))
-    new = swayed(score, found, rows._replace(command=rows.gap))
+    new = swayed(score, found, rows._replace(command=rows.gap))  # only what is new counts
     np.testing.assert_allclose(swayed(other, other.solve(pool), rows), new, rtol=1e-9)
-    # a motor constant that is fitted says what the command's factor is: nothing else moves
+    # a motor constant that is fitted says what the command's factor is: else hardly anything moves
+    command = rows.command + np.random.default_rng(1).normal(size=(N, JOINTS))
+    rows = rows._replace(command=command)
     motors = [item(f"motor{j}", command[None, :, j, None], (j,), actuates=True) for j in (0, 1)]
     score = score_of(rows, [*pool, *motors])
-    np.testing.assert_allclose(swayed(score, score.solve([*pool, *motors]), rows), 0.0, atol=1e-12)
+    got = swayed(score, score.solve([*pool, *motors]), rows)
+    np.testing.assert_allclose(got, 0.0, atol=(0.3 * SHARE) ** 2)
 
 
 def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
