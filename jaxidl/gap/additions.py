@@ -6,7 +6,7 @@ would explain a command by itself. Many effects of one class are computed side b
 class is compiled once, for all its shapes and joints.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.effects.load import dissipates, unloaded
+from jaxidl.effects.load import dissipates
 from jaxidl.gap.reach import Columns, narrowed
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
@@ -58,6 +58,7 @@ def additions(
     predicted: np.ndarray,
     undone: bool = False,
     friction: np.ndarray | float = 0.0,
+    rubbing: Sequence[Effect] = (),
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
 
@@ -71,8 +72,9 @@ def additions(
         predicted: commands (T, J) that their ``torque`` reads [N or Nm].
         undone: true if the effects' changes of the encoders are already undone in the signals, so
             that they are not counted again.
-        friction: torques (T, J) of :func:`unloaded_along`. With them, ``predicted`` is the load
-            that their ``dry`` reads.
+        friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
+            is the load that their ``dry`` reads.
+        rubbing: friction elsewhere, which acts where the joints truly are.
     """
     joints = signals.q.shape[1]
     columns, inner, places = narrowed(effects)
@@ -91,7 +93,7 @@ def additions(
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
-            added = _rows(terms, signals, columns, drive, undone)
+            added = _rows(terms, signals, columns, drive, undone, rubbing)
         # a diverging simulation adds nothing
         wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
         out[first : first + len(part)][:, :, columns] = np.where(wild, 0.0, added)
@@ -101,11 +103,14 @@ def additions(
     return out, delivered
 
 
-def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray) -> np.ndarray:
-    """Return the torque (T, J) [N or Nm] along a log of all friction that needs no load.
+def friction_along(
+    effects: Sequence[Effect], signals: Signals, tau: np.ndarray, load: np.ndarray | None = None
+) -> np.ndarray:
+    """Return the torque (T, J) [N or Nm] of all friction along a log.
 
-    ``tau`` (T, J) are the commands that the motors deliver. A joint at rest breaks away the way
-    that the model's torque pushes it.
+    ``tau`` (T, J) are the commands that the motors deliver, ``load`` (T, J) the torques that pass
+    the gears; without it only friction that needs no load counts. A joint at rest breaks away the
+    way that the model's torque pushes it.
     """
     at = np.clip(np.searchsorted(signals.rows, np.arange(len(signals.q))), 0, len(signals.rows) - 1)
     impending = np.where(signals.pushed[at], 1.0, -1.0)
@@ -113,6 +118,7 @@ def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray)
         signals.q,
         np.where(signals.resting, 0.0, signals.qd),
         tau,
+        np.zeros_like(tau) if load is None else load,
         np.where(signals.resting, impending, signals.qd),
     )
     smooth, level = np.zeros_like(signals.q), np.zeros_like(signals.q)
@@ -121,17 +127,20 @@ def unloaded_along(effects: Sequence[Effect], signals: Signals, tau: np.ndarray)
         if isinstance(alone, OnJoint):
             alone = alone.replace(joint=where)
         leaves, structure = jax.tree.flatten(alone)
-        torque, dry = _unloaded(structure, leaves, *(x[:, columns] for x in motion))
+        torque, dry = _friction(structure, leaves, *(x[:, columns] for x in motion))
         smooth[:, columns] += np.asarray(torque)
         level[:, columns] += np.asarray(dry)
     return smooth - np.maximum(level, 0.0) * np.sign(motion[-1])
 
 
 @partial(jit_quickly, static_argnames="structure")
-def _unloaded(structure: Any, leaves: Any, q: Any, qd: Any, tau: Any, direction: Any) -> Any:
-    """Return torque and level (T, J) of an effect without a load."""
+def _friction(
+    structure: Any, leaves: Any, q: Any, qd: Any, tau: Any, load: Any, direction: Any
+) -> Any:
+    """Return torque and level (T, J) of an effect."""
     effect = jax.tree.unflatten(structure, leaves)
-    return jax.vmap(partial(unloaded, effect))(q, qd, tau, direction)
+    torque = jax.vmap(effect.torque)(q, qd, tau)
+    return torque + jnp.zeros_like(q), jax.vmap(effect.dry)(q, qd, load, direction) + 0.0 * q
 
 
 def _sliced(table: Tables, columns: Columns) -> Tables:
@@ -243,7 +252,12 @@ def _delivered(effect: Any, drive: Drive, starts: Any, dt: float, finer: int) ->
 
 
 def _rows(
-    terms: Terms, signals: Signals, columns: Columns, drive: Drive, undone: bool
+    terms: Terms,
+    signals: Signals,
+    columns: Columns,
+    drive: Drive,
+    undone: bool,
+    rubbing: Sequence[Effect],
 ) -> np.ndarray:
     """Return the additional command (G, N, J) that is needed, filtered and thinned out."""
     rows = signals.rows
@@ -261,20 +275,26 @@ def _rows(
     alone = np.where(resting, slide - terms.torque, 0.0)[:, rows]
     moving = kept(slide - terms.torque, signals.smooth) * ~resting[rows]
     net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
-    if not undone:
-        for k in np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
-            net[k] += _moved(terms.q[k] - drive.q, signals)[:, columns]
+    moved = [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2)))
+    if len(moved):
+        rub = lambda s: friction_along(rubbing, s, signals.tau, drive.load) if rubbing else 0.0
+        before = rub(signals)
+        for k in moved:
+            net[k] += _moved(terms.q[k] - drive.q, signals, lambda s: before - rub(s))[:, columns]
     return net
 
 
-def _moved(shift: np.ndarray, signals: Signals) -> np.ndarray:
-    """Return the change (N, J) of the inverse dynamics due to a position error.
+def _moved(
+    shift: np.ndarray, signals: Signals, less: Callable[[Signals], np.ndarray | float]
+) -> np.ndarray:
+    """Return the change (N, J) of the inverse dynamics and friction due to a position error.
 
-    True positions differ from the measured ones by ``shift`` (T, J).
+    True positions differ from the measured ones by ``shift`` (T, J). By how much ``less`` friction
+    (T, J) then acts on the joints follows from the true motion.
     """
     speed = signals.differentiate(shift)
     there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))
-    return (
-        inverse_dynamics(signals.body, *(x[signals.rows] for x in there))
-        - signals.tables.torque[signals.rows]
-    )
+    torque = inverse_dynamics(signals.body, *(x[signals.rows] for x in there))
+    friction = np.where(signals.resting, 0.0, less(signals._replace(q=there[0], qd=there[1])))
+    rub = signals.smooth(friction)[signals.rows] * ~signals.resting[signals.rows]
+    return torque - signals.tables.torque[signals.rows] + rub

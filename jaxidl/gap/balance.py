@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.effects import CATALOGUE, Effect
-from jaxidl.gap.additions import additions, unloaded_along
+from jaxidl.gap.additions import additions, friction_along
 from jaxidl.gap.library import alignments, noise_of, residual, upsampled
 from jaxidl.gap.rows import Rows, rows_of
 from jaxidl.gap.score import Score
@@ -35,12 +35,17 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    unloaded = unloaded_along([*own, *more], signals, tau)
+    unloaded, rubbing = friction_along([*own, *more], signals, tau), (*own, *more)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
             added, tau = additions(
-                [effect], signals, tau, predicted + tau - rows.tau, friction=unloaded
+                [effect],
+                signals,
+                tau,
+                predicted + tau - rows.tau,
+                friction=unloaded,
+                rubbing=rubbing,
             )
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)

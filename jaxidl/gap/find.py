@@ -12,7 +12,7 @@ from jaxidl.gap.confidence import DRAWS, Support, support
 from jaxidl.gap.confirm import UNSURE, confirmed
 from jaxidl.gap.gram import Group, Item
 from jaxidl.gap.items import columns_of, items_of
-from jaxidl.gap.library import Library, load_of, pushed, residual, upsampled, with_friction
+from jaxidl.gap.library import Library, load_of, pushed, residual, rubbed, upsampled, with_friction
 from jaxidl.gap.objections import nameable
 from jaxidl.gap.prior import compact
 from jaxidl.gap.rivals import Contests, Tie, contested, tied
@@ -63,6 +63,7 @@ def find(
     while True:
         watch("fitting shapes", number / ROUNDS)
         score, now, predicted = settled(score, now, library, predicted, contests)
+        rows = rubbed(rows, now)
         fit, number = set(now.members), number + 1
         now, narrow, strong, weak = nameable(score, now, rows, min_gain)
         now, whole, dropped = confirmed(narrow, now, rows, predicted)
@@ -92,7 +93,7 @@ def find(
     if resample:
         anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
         anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
-        ties = tied(anew, now, library, predicted)
+        ties = tied(anew, now, library._replace(rows=rows), predicted)
     return Found(library, narrow, now, whole, predicted, said, ties, gone)
 
 
@@ -111,8 +112,9 @@ def settled(
     score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
 ) -> tuple[Score, Solution, np.ndarray]:
     """Return the set with its shapes fitted, its score, and the command (T, J) that it predicts."""
-    rows = library.rows
     for _ in range(ROUNDS):
+        library = library._replace(rows=rubbed(library.rows, now))
+        rows = library.rows
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted, acts_on_predicted)
         fresh = refitted(score, now, library, predicted)

@@ -71,6 +71,7 @@ def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> li
             rows.tau,
             predicted,
             friction=rows.unloaded,
+            rubbing=rows.rubbing,
         )
         for n, part in zip(
             numbers,

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Scale
-from jaxidl.gap.additions import unloaded_along
+from jaxidl.gap.additions import friction_along
 from jaxidl.gap.gram import Anchor, Item, samples_alike
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import links_of
@@ -25,7 +25,6 @@ from jaxidl.gap.samples import correlation_beside
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Present, effect_at, shapes_of, vector
 from jaxidl.logs.low_pass import at_instants
-from jaxidl.logs.signals import Signals
 
 ALIKE = 20.0  # correlated samples that count as one, before their number is known
 PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
@@ -68,12 +67,13 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
     return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
 
-def scales(signals: Signals, residual: np.ndarray) -> list[Scale]:
+def scales(rows: Rows) -> list[Scale]:
     """Return the magnitudes on each joint.
 
-    ``residual`` (J,) [N or Nm] is the model's.
+    Positions are those of training rows: a table over others would not be fitted there.
     """
-    lows, highs = np.quantile(signals.q, [0.002, 0.998], axis=0)
+    signals, residual = rows.signals, rms(rows.gap, rows.used)
+    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], [0.002, 0.998], axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
     mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
     free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
@@ -133,7 +133,7 @@ def library(
         reference: another log, for which the model was made; then only changes since then compete.
     """
     signals = rows.signals
-    every = scales(signals, rms(rows.gap, rows.used))
+    every = scales(rows)
     moving = [s for s in every if s.speed > 0.0 and rows.used[:, s.joint].any()]
     predicted = rows.tau
     classes = [CATALOGUE[name] for name in names]
@@ -274,12 +274,18 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
 
 def with_friction(rows: Rows, found: Solution) -> Rows:
     """Return the rows with the friction of a set that needs no load; it reduces the load."""
+    rows = rubbed(rows, found)
+    return rows._replace(unloaded=friction_along(rows.rubbing, rows.signals, rows.tau))
+
+
+def rubbed(rows: Rows, found: Solution) -> Rows:
+    """Return the rows with the friction of a set, as an encoder that errs does not see it."""
     own = [
         effect_at(m.shape, vector(m.shape, found.x[found.of(m)]))
         for m in found.members
         if m.shape is not None and m.shape.cls.friction
     ]
-    return rows._replace(unloaded=unloaded_along([*rows.effects, *own], rows.signals, rows.tau))
+    return rows._replace(rubbing=(*rows.effects, *own))
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
-from jaxidl.gap.additions import additions, unloaded_along
+from jaxidl.gap.additions import additions, friction_along
 from jaxidl.gap.drift import slower, weighted, weights_of
 from jaxidl.gap.recurrence import returns
 from jaxidl.logs.low_pass import at_instants
@@ -51,6 +51,8 @@ class Rows(NamedTuple):
     returns: tuple[int, ...] = ()  # after how many instants the motion is there again
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.drift`
     slow: np.ndarray | None = None
+    # effects of the model and of what was found whose friction acts where the joints truly are
+    rubbing: tuple[Effect, ...] = ()
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
@@ -132,7 +134,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     for j, peaks in enumerate(signals.peaks):
         at = np.searchsorted(rows, peaks[:, 0])
         gap[at, j], used[at, j] = peaks[:, 1], True
-    friction, unloaded = np.zeros_like(gap), unloaded_along(effects, signals, tau)
+    friction, unloaded = np.zeros_like(gap), friction_along(effects, signals, tau)
     for effect in effects:
         added, tau = additions([effect], signals, tau, tau, undone=True, friction=unloaded)
         gap = gap - added[0]
@@ -156,6 +158,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         signals,
         tuple(effects),
         returns=returns(signals),
+        rubbing=tuple(effects),
     )
 
 

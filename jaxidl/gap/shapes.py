@@ -179,7 +179,9 @@ def tangent(
     ends = [ahead, behind] if shape.cls.jumps else [ahead]
     around = [theta, *(one for end in ends for one in theta + np.diag(end - theta))]
     every = [effect_at(shape, one) for one in around]
-    added, _ = additions(every, rows.signals, rows.tau, predicted, friction=rows.unloaded)
+    added, _ = additions(
+        every, rows.signals, rows.tau, predicted, friction=rows.unloaded, rubbing=rows.rubbing
+    )
     here, there, back = added[:1], added[1 : len(theta) + 1], added[len(theta) + 1 :]
     value, back = (added.mean(0), back) if shape.cls.jumps else (here[0], here)
     return Tangent(value, (there - back) / (ahead - behind)[:, None, None])

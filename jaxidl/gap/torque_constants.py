@@ -9,7 +9,6 @@ both: only what is new counts.
 
 import numpy as np
 
-from jaxidl.gap.library import residual_on
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import RIDGE, Score, Solution
 
@@ -17,7 +16,7 @@ from jaxidl.gap.score import RIDGE, Score, Solution
 SHARE = 0.02 / np.sqrt(3.0)
 
 
-def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
+def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.ndarray:
     """Return the covariance (P, P) of a set's coefficients due to unknown torque constants.
 
     What motors do to the command is in the log's own torques, and does not move.
@@ -26,6 +25,7 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
         score: the score of ``rows``.
         found: the set with its P coefficients.
         rows: the rows of the score.
+        left: (N, J) the set's residual there [N or Nm].
     """
     own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
@@ -34,7 +34,6 @@ def swayed(score: Score, found: Solution, rows: Rows) -> np.ndarray:
     noise = np.where(score.noise > 1e-150, score.noise, np.inf)  # a joint without a residual
     within = (rows.used & rows.training[:, None]) / noise
     steady = lambda x: np.stack([rows.steady(x[:, j], j) for j in joints], 1)
-    left = residual_on(rows, found, joints)
     # the predicted one: the command itself contains the residual, and would seem to explain it
     torque = SHARE * ((rows.command if score.anchor is None else rows.gap) - left)
     torque, left = steady(torque * within), steady(left * within)

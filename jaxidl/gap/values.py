@@ -23,6 +23,7 @@ from jaxidl.gap.consistent import physical_fits
 from jaxidl.gap.gram import Group, Item, Key
 from jaxidl.gap.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.items import absorbed
+from jaxidl.gap.library import residual
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.score import Score
 from jaxidl.gap.shape import Shape, build, effect_at, limits, movable, on_bound, vector
@@ -174,7 +175,7 @@ def _fitted(members: Sequence[Item], near: Rows, rows: Rows, score: Score) -> _F
     best = fresh.solve(members)
     x = physical_fits(fresh, best, near)
     x = np.concatenate([best.x[None], best.folds]) if x is None else x
-    covariance = fresh.covariance(best) + swayed(fresh, best, rows)
+    covariance = fresh.covariance(best) + swayed(fresh, best, rows, residual(near, best))
     return _Fit([best.of(m) for m in members], x[0], x[1:], covariance)
 
 

@@ -8,7 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxidl.effects import OnJoint, PositionBias, SensorDelay, ViscousFriction
+from jaxidl.effects import (
+    LoadDependentFriction,
+    OnJoint,
+    PositionBias,
+    SensorDelay,
+    ViscousFriction,
+)
+from jaxidl.gap.additions import additions
 from jaxidl.gap.balance import balance
 from jaxidl.gap.refine import _starts
 from jaxidl.logs.log import from_arrays
@@ -24,7 +31,10 @@ def on_joint(effect, joint=1):
 
 
 ENCODERS = (on_joint(PositionBias(jnp.array([BIAS]))), on_joint(SensorDelay(jnp.array([DELAY]))))
-FRICTION = on_joint(ViscousFriction(jnp.array([0.3])), 0)
+FRICTION = {
+    "there": on_joint(ViscousFriction(jnp.array([0.3])), 1),
+    "elsewhere": on_joint(ViscousFriction(jnp.array([0.3])), 0),
+}
 
 
 @pytest.fixture(scope="module")
@@ -53,15 +63,36 @@ def log():
     )
 
 
+@pytest.mark.parametrize("where", FRICTION)
 @pytest.mark.parametrize("encoder", ENCODERS, ids=["bias", "delay"])
-def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder):
-    own, _ = balance(prepare(log, body, (encoder,)), (encoder, FRICTION))
-    found, neither = (
-        balance(prepare(log, body), (), others)[0] for others in ((encoder, FRICTION), (FRICTION,))
+def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder, where):
+    """Friction of the joint acts at its true speed, whichever of both was known."""
+    friction = FRICTION[where]
+    own, _ = balance(prepare(log, body, (encoder,)), (encoder, friction))
+    found, mixed, neither = (
+        balance(prepare(log, body), own, others)[0]
+        for own, others in (
+            ((), (encoder, friction)),
+            ((friction,), (encoder,)),
+            ((), (friction,)),
+        )
     )
     np.testing.assert_array_equal(own.signals.rows, found.signals.rows)
     change = np.abs(found.gap - neither.gap).max()
     np.testing.assert_allclose(own.gap, found.gap, atol=0.01 * change)
+    np.testing.assert_allclose(own.gap, mixed.gap, atol=0.01 * change)
+
+
+def test_friction_under_load_turns_with_the_joint_and_keeps_its_load(log, body):
+    signals, t = prepare(log, body), DT * np.arange(STEPS)
+    load = 2.0 + np.sin(0.7 * t)[:, None] * [1.0, 1.0]
+    friction = on_joint(LoadDependentFriction(jnp.array([0.3])))
+    late = lambda *rubbing: additions([ENCODERS[1]], signals, log.tau, load, rubbing=rubbing)[0][0]
+    true = derivative(motion(t), DT)
+    turned = 0.3 * load * (np.sign(true) - np.sign(signals.qd))
+    wanted = signals.smooth(turned * [0.0, 1.0])[signals.rows]
+    off = late(friction) - late() - wanted
+    assert np.mean(np.abs(off)) < 0.1 * np.mean(np.abs(wanted))
 
 
 @pytest.mark.parametrize("logged", [False, True], ids=["positions", "speeds-too"])

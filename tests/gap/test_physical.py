@@ -208,7 +208,7 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
     )
     rows = rows_of(signals)
     for name in ("inertia_error", "com_error", "position_bias", "stribeck_friction"):
-        shapes = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[1])
+        shapes = shapes_of(CATALOGUE[name], scales(rows)[1])
         together = items_of(shapes, rows, rows.tau)
         for one in together:
             (alone,) = items_of([one.shape], rows, rows.tau)
@@ -310,7 +310,7 @@ def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
         ("actuator_delay", {"delay": 0.03}, 0.05, 0.0),
         ("backlash", {"gap": 0.02}, 0.15, 0.0),
     ):
-        shape = shapes_of(CATALOGUE[name], scales(signals, rms(rows.gap, rows.used))[0])[0]
+        shape = shapes_of(CATALOGUE[name], scales(rows)[0])[0]
         shape = shape._replace(
             values={**shape.values, **{k: np.asarray(v) for k, v in given.items()}}
         )
@@ -412,6 +412,18 @@ def test_the_rest_of_a_spring_takes_up_an_offset(two_link):
     assert float(fresh.shape.values["rest"]) == pytest.approx(0.7, abs=0.02)
 
 
+def test_tables_over_position_end_where_the_fitted_rows_do(two_link):
+    """Beyond, in held-out rows, nothing determines them; there they are constant."""
+    clean = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*clean), two_link.plant.body))
+    q = rows.signals.q.copy()
+    q[rows.signals.rows[~rows.training]] += 1.0
+    further = rows._replace(signals=rows.signals._replace(q=q))
+    ends = lambda rows: [(s.lower, s.upper) for s in scales(rows)]
+    assert ends(further) == ends(rows)
+    assert ends(rows)[0][1] < clean[1][:, 0].max() + 0.01
+
+
 def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_commands(two_link):
     """Otherwise smoothing the noise on a logged torque would count as explaining the motion."""
     # dry friction reverses: the command stands out of its noise at all frequencies
@@ -421,7 +433,7 @@ def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_comma
     rows = rows_of(
         prepare(from_arrays(clean[0], clean[1], clean[2] + 0.02 * noise), two_link.plant.body)
     )
-    shape = shapes_of(CATALOGUE["actuator_lag"], scales(rows.signals, np.ones(2))[0])[0]
+    shape = shapes_of(CATALOGUE["actuator_lag"], scales(rows)[0])[0]
     shape = shape._replace(values={"time_constant": np.asarray(0.03)})
     (lag,) = pushed(items_of([shape], rows, clean[2]), rows, clean[2])
     left = [
@@ -438,7 +450,7 @@ def test_a_load_may_be_as_heavy_as_the_robot_and_no_part_of_it_is_free(two_link)
         two_link.plant.body,
     )
     rows, links = rows_of(signals), links_of(two_link.plant.body)
-    scale = scales(signals, np.ones(2))[0]
+    scale = scales(rows)[0]
     (load,) = items_of(shapes_of(CATALOGUE["payload"], scale), rows, rows.tau)
     assert (load.precision == 0.0).all()
     sure = plausible(load, links, 1.0).precision

@@ -24,7 +24,7 @@ from jaxidl.gap.findings import best_instead
 from jaxidl.gap.gram import Anchor, Item
 from jaxidl.gap.held_out import aside, gain, worse_by
 from jaxidl.gap.items import absorbed
-from jaxidl.gap.library import Library, own_residual
+from jaxidl.gap.library import Library, own_residual, residual
 from jaxidl.gap.noise import in_units_of_noise
 from jaxidl.gap.objections import nameable, objection, objections
 from jaxidl.gap.projection import ALIGNMENT
@@ -695,7 +695,7 @@ def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_say
     spread = np.linalg.inv(rest.T @ rest / np.sqrt(np.outer(each, each)) + np.eye(JOINTS))
     mean = spread @ (torque.T @ left / score.noise[0] / each)
     expected = off @ (spread + np.outer(mean, mean)) @ off.T
-    got = swayed(score, found, rows)
+    got = swayed(score, found, rows, residual(rows, found))
     np.testing.assert_allclose(got, expected, atol=1e-6 * expected.max())
 
 
@@ -703,7 +703,8 @@ def test_a_log_says_how_wrong_a_torque_constant_may_be():
     def errors(**more):
         rows, pool = constants(**more)
         score = score_of(rows, pool)
-        return np.sqrt(np.diagonal(swayed(score, score.solve(pool), rows)))
+        found = score.solve(pool)
+        return np.sqrt(np.diagonal(swayed(score, found, rows, residual(rows, found))))
 
     # nothing, if the columns form all of the command: then it is as wrong as one may be
     np.testing.assert_allclose(errors()[:3], 3.0 * SHARE, rtol=0.2)
@@ -716,16 +717,17 @@ def test_beside_a_reference_log_or_a_motor_constant_less_moves_with_a_torque_con
     rows, pool = constants()
     score = score_of(rows, pool)
     found = score.solve(pool)
-    none = np.zeros((len(found.x), len(found.x)))
+    none, left = np.zeros((len(found.x), len(found.x))), residual(rows, found)
     other = score_of(rows, pool, anchor=Anchor(tuple(pool), none, none[0]))
-    new = swayed(score, found, rows._replace(command=rows.gap))  # only what is new counts
-    np.testing.assert_allclose(swayed(other, other.solve(pool), rows), new, rtol=1e-9)
+    new = swayed(score, found, rows._replace(command=rows.gap), left)  # only what is new counts
+    np.testing.assert_allclose(swayed(other, other.solve(pool), rows, left), new, rtol=1e-9)
     # a motor constant that is fitted says what the command's factor is: else hardly anything moves
     command = rows.command + np.random.default_rng(1).normal(size=(N, JOINTS))
     rows = rows._replace(command=command)
     motors = [item(f"motor{j}", command[None, :, j, None], (j,), actuates=True) for j in (0, 1)]
     score = score_of(rows, [*pool, *motors])
-    got = swayed(score, score.solve([*pool, *motors]), rows)
+    found = score.solve([*pool, *motors])
+    got = swayed(score, found, rows, residual(rows, found))
     np.testing.assert_allclose(got, 0.0, atol=(0.3 * SHARE) ** 2)
 
 

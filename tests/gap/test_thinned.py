@@ -7,7 +7,7 @@ import pytest
 from jaxidl.effects import CATALOGUE, searched
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
 from jaxidl.gap.items import columns_of
-from jaxidl.gap.library import rms, scales
+from jaxidl.gap.library import scales
 from jaxidl.gap.rows import instants_of, rows_of
 from jaxidl.gap.shape import shapes_of
 from jaxidl.logs.log import from_arrays
@@ -71,7 +71,7 @@ def test_effects_add_the_same_torque(signals, name):
         cls = CATALOGUE[name]
         shapes = [
             shape
-            for scale in scales(signals, rms(rows[0].gap, rows[0].used))
+            for scale in scales(rows[0])
             for shape in shapes_of(cls, scale, {}, False)
         ]
         both = [columns_of(shapes, r, r.tau) for r in rows]
