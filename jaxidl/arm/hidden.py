@@ -18,8 +18,7 @@ from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
 from jaxidl.gap.additions import additions
 from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import rows_of
+from jaxidl.gap.rows import rms, rows_of
 from jaxidl.gap.shape import build
 from jaxidl.gap.workflow import diagnose
 from jaxidl.learning.execute import desired_trajectory

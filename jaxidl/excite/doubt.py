@@ -23,8 +23,8 @@ from jaxidl.gap.calibration import margin_of
 from jaxidl.gap.diagnosis import SURE, Key
 from jaxidl.gap.gram import Item
 from jaxidl.gap.inputs import read_again
-from jaxidl.gap.library import Library, library, noise_of, residual, rms
-from jaxidl.gap.rows import NOISE_MARGIN, rows_of
+from jaxidl.gap.library import Library, library, noise_of, residual
+from jaxidl.gap.rows import NOISE_MARGIN, rms, rows_of
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import MOST_SCALED, Shape, effect_at, movable, present, vector
 from jaxidl.gap.shapes import fitted

@@ -7,7 +7,6 @@ class is compiled once, for all its shapes and joints.
 """
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +16,7 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.effects.load import dissipates
+from jaxidl.gap.friction import friction_along
 from jaxidl.gap.reach import Columns, narrowed
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
@@ -74,7 +73,8 @@ def additions(
             that they are not counted again.
         friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
             is the load that their ``dry`` reads.
-        rubbing: friction elsewhere, which acts where the joints truly are.
+        rubbing: effects whose friction acts where the joints truly are. Where these effects change
+            the encoders, its change counts, too.
     """
     joints = signals.q.shape[1]
     columns, inner, places = narrowed(effects)
@@ -101,46 +101,6 @@ def additions(
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
     return out, delivered
-
-
-def friction_along(
-    effects: Sequence[Effect], signals: Signals, tau: np.ndarray, load: np.ndarray | None = None
-) -> np.ndarray:
-    """Return the torque (T, J) [N or Nm] of all friction along a log.
-
-    ``tau`` (T, J) are the commands that the motors deliver, ``load`` (T, J) the torques that pass
-    the gears; without it only friction that needs no load counts. A joint at rest breaks away the
-    way that the model's torque pushes it.
-    """
-    at = np.clip(np.searchsorted(signals.rows, np.arange(len(signals.q))), 0, len(signals.rows) - 1)
-    impending = np.where(signals.pushed[at], 1.0, -1.0)
-    motion = (
-        signals.q,
-        np.where(signals.resting, 0.0, signals.qd),
-        tau,
-        np.zeros_like(tau) if load is None else load,
-        np.where(signals.resting, impending, signals.qd),
-    )
-    smooth, level = np.zeros_like(signals.q), np.zeros_like(signals.q)
-    for effect in filter(dissipates, effects):
-        columns, (alone,), (where,) = narrowed([effect])
-        if isinstance(alone, OnJoint):
-            alone = alone.replace(joint=where)
-        leaves, structure = jax.tree.flatten(alone)
-        torque, dry = _friction(structure, leaves, *(x[:, columns] for x in motion))
-        smooth[:, columns] += np.asarray(torque)
-        level[:, columns] += np.asarray(dry)
-    return smooth - np.maximum(level, 0.0) * np.sign(motion[-1])
-
-
-@partial(jit_quickly, static_argnames="structure")
-def _friction(
-    structure: Any, leaves: Any, q: Any, qd: Any, tau: Any, load: Any, direction: Any
-) -> Any:
-    """Return torque and level (T, J) of an effect."""
-    effect = jax.tree.unflatten(structure, leaves)
-    torque = jax.vmap(effect.torque)(q, qd, tau)
-    return torque + jnp.zeros_like(q), jax.vmap(effect.dry)(q, qd, load, direction) + 0.0 * q
 
 
 def _sliced(table: Tables, columns: Columns) -> Tables:

@@ -10,7 +10,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.effects import CATALOGUE, Effect
-from jaxidl.gap.additions import additions, friction_along
+from jaxidl.gap.additions import additions
+from jaxidl.gap.friction import friction_along
 from jaxidl.gap.library import alignments, noise_of, residual, upsampled
 from jaxidl.gap.rows import Rows, rows_of
 from jaxidl.gap.score import Score

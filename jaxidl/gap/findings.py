@@ -13,8 +13,8 @@ from jaxidl.gap.find import Found
 from jaxidl.gap.gram import Item, Key
 from jaxidl.gap.held_out import aside, worse_by
 from jaxidl.gap.items import part
-from jaxidl.gap.library import rms
 from jaxidl.gap.rivals import Tie
+from jaxidl.gap.rows import rms
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.values import Value, resampled
 from jaxidl.systems.free import unit_of

@@ -13,14 +13,14 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Scale
-from jaxidl.gap.additions import friction_along
+from jaxidl.gap.friction import friction_along
 from jaxidl.gap.gram import Anchor, Item, samples_alike
 from jaxidl.gap.items import columns_of, items_of
 from jaxidl.gap.links import links_of
 from jaxidl.gap.prior import plausible
 from jaxidl.gap.projection import ALIGNMENT, Projection, aligned, alignments
 from jaxidl.gap.recurrence import copies
-from jaxidl.gap.rows import Rows
+from jaxidl.gap.rows import Rows, rms
 from jaxidl.gap.samples import correlation_beside
 from jaxidl.gap.score import Score, Solution
 from jaxidl.gap.shape import Present, effect_at, shapes_of, vector
@@ -73,12 +73,12 @@ def scales(rows: Rows) -> list[Scale]:
     Positions are those of training rows: a table over others would not be fitted there.
     """
     signals, residual = rows.signals, rms(rows.gap, rows.used)
-    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], [0.002, 0.998], axis=0)
+    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], (0.002, 0.998), axis=0)
     inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
     mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
     free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    size, count = np.abs(signals.tau), len(lows)
+    size = np.abs(signals.tau)
     torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
     return [
         Scale(
@@ -91,7 +91,7 @@ def scales(rows: Rows) -> list[Scale]:
             signals.band,
             signals.interval,
             j,
-            count,
+            len(lows),
             tuple(lows.tolist()),
             tuple(highs.tolist()),
             float(signals.rest_speed[j]),
@@ -99,7 +99,7 @@ def scales(rows: Rows) -> list[Scale]:
             float(typical[j]),
             float(free[j]),
         )
-        for j in range(count)
+        for j in range(len(lows))
     ]
 
 
@@ -233,11 +233,6 @@ def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.nd
     return noise, effective
 
 
-def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
-    """Return the root mean square (J,) of ``x`` (N, J) where ``use`` (N, J) is true."""
-    return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))
-
-
 def residual(rows: Rows, found: Solution) -> np.ndarray:
     """Return the residual (N, J) [N or Nm] of a set."""
     return residual_on(rows, found, range(rows.gap.shape[1]))
@@ -279,7 +274,7 @@ def with_friction(rows: Rows, found: Solution) -> Rows:
 
 
 def rubbed(rows: Rows, found: Solution) -> Rows:
-    """Return the rows with the friction of a set, as an encoder that errs does not see it."""
+    """Return the rows with the friction that acts behind an encoder: the model's and a set's."""
     own = [
         effect_at(m.shape, vector(m.shape, found.x[found.of(m)]))
         for m in found.members

@@ -5,8 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import signal
 
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import Rows
+from jaxidl.gap.rows import Rows, rms
 
 # a regime stands out if its share of the energy is this many times its share of the time
 EXCESS = 1.5

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.gap.held_out import jackknife
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import Rows
+from jaxidl.gap.rows import Rows, rms
 
 FOLDS = 3
 HIDDEN = 300

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import Rows
+from jaxidl.gap.rows import Rows, rms
 from jaxidl.systems.mjcf import Model
 
 # times the command: no model whose log is in the right units is wrong by so much

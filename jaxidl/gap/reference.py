@@ -3,7 +3,8 @@
 import numpy as np
 
 from jaxidl.gap.find import Found
-from jaxidl.gap.library import Reference, residual, rms
+from jaxidl.gap.library import Reference, residual
+from jaxidl.gap.rows import rms
 from jaxidl.gap.score import Score
 
 

@@ -18,8 +18,7 @@ from jaxtyping import Float
 from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.balance import balance, parts_of
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import instants_of, kept_rows
+from jaxidl.gap.rows import instants_of, kept_rows, rms
 from jaxidl.logs.signals import Signals
 from jaxidl.replay.rollout import SETTLE, rollout_errors
 from jaxidl.replay.trajectory import MOMENTS, WindowFit

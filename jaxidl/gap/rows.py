@@ -10,8 +10,9 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
-from jaxidl.gap.additions import additions, friction_along
+from jaxidl.gap.additions import additions
 from jaxidl.gap.drift import slower, weighted, weights_of
+from jaxidl.gap.friction import friction_along
 from jaxidl.gap.recurrence import returns
 from jaxidl.logs.low_pass import at_instants
 from jaxidl.logs.signals import Signals
@@ -189,3 +190,8 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
 def instants_of(signals: Signals, rows: np.ndarray) -> Bool[np.ndarray, " T"]:
     """Return which instants (T,) of the log lie among some of the kept rows (N,)."""
     return np.interp(np.arange(len(signals.q)), signals.rows, rows) > 0.5
+
+
+def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Return the root mean square (J,) of ``x`` (N, J) where ``use`` (N, J) is true."""
+    return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))

@@ -9,8 +9,7 @@ import numpy as np
 
 from jaxidl.gap.diagnosis import MUCH
 from jaxidl.gap.drift import SLOW, components
-from jaxidl.gap.library import rms
-from jaxidl.gap.rows import Rows
+from jaxidl.gap.rows import Rows, rms
 
 MOST = 0.5  # share of the residual's energy that makes a swing or a drift worth mentioning
 FINER = 16  # frequencies per one over the log's duration

@@ -25,13 +25,13 @@ from jaxidl.gap.find import Found, Watch, find
 from jaxidl.gap.findings import findings
 from jaxidl.gap.held_out import aside
 from jaxidl.gap.inputs import Inputs, read_inputs
-from jaxidl.gap.library import Library, library, own_residual, residual, rms
+from jaxidl.gap.library import Library, library, own_residual, residual
 from jaxidl.gap.localise import localise
 from jaxidl.gap.network import check
 from jaxidl.gap.notes import notes_of
 from jaxidl.gap.reference import left_by, reference_of
 from jaxidl.gap.rivals import Tie
-from jaxidl.gap.rows import Rows, instants_of, rows_of
+from jaxidl.gap.rows import Rows, instants_of, rms, rows_of
 from jaxidl.gap.shape import present
 from jaxidl.gap.swings import swings
 from jaxidl.gap.values import Value

@@ -20,11 +20,11 @@ from jaxidl.gap import from_arrays
 from jaxidl.gap.consistent import consistent
 from jaxidl.gap.find import find, reread, seen_anew
 from jaxidl.gap.items import beside, items_of
-from jaxidl.gap.library import library, load_of, pushed, residual, rms, scales, upsampled
+from jaxidl.gap.library import library, load_of, pushed, residual, scales, upsampled
 from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.objections import objection
 from jaxidl.gap.prior import plausible
-from jaxidl.gap.rows import rows_of
+from jaxidl.gap.rows import rms, rows_of
 from jaxidl.gap.shape import acts_on_predicted, reads_load, shapes_of
 from jaxidl.gap.shapes import fitted
 from jaxidl.gap.values import values

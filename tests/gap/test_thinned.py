@@ -69,11 +69,7 @@ def test_effects_add_the_same_torque(signals, name):
     with jax.enable_x64(True):
         rows = [rows_of(s) for s in (signals, signals.thinned())]
         cls = CATALOGUE[name]
-        shapes = [
-            shape
-            for scale in scales(rows[0])
-            for shape in shapes_of(cls, scale, {}, False)
-        ]
+        shapes = [shape for scale in scales(rows[0]) for shape in shapes_of(cls, scale, {}, False)]
         both = [columns_of(shapes, r, r.tau) for r in rows]
     np.testing.assert_array_equal(rows[0].block, rows[1].block)
     size = lambda x: np.linalg.norm(x * rows[0].used)
