@@ -6,7 +6,7 @@ would explain a command by itself. Many effects of one class are computed side b
 class is compiled once, for all its shapes and joints.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -235,26 +235,26 @@ def _rows(
     alone = np.where(resting, slide - terms.torque, 0.0)[:, rows]
     moving = kept(slide - terms.torque, signals.smooth) * ~resting[rows]
     net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
-    moved = [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2)))
-    if len(moved):
-        rub = lambda s: friction_along(rubbing, s, signals.tau, drive.load) if rubbing else 0.0
-        before = rub(signals)
-        for k in moved:
-            net[k] += _moved(terms.q[k] - drive.q, signals, lambda s: before - rub(s))[:, columns]
+    for k in [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
+        shift = terms.q[k] - drive.q
+        net[k] += _moved(shift, signals, rubbing, drive.load)[:, columns]
     return net
 
 
 def _moved(
-    shift: np.ndarray, signals: Signals, less: Callable[[Signals], np.ndarray | float]
+    shift: np.ndarray, signals: Signals, rubbing: Sequence[Effect], load: np.ndarray
 ) -> np.ndarray:
     """Return the change (N, J) of the inverse dynamics and friction due to a position error.
 
-    True positions differ from the measured ones by ``shift`` (T, J). By how much ``less`` friction
-    (T, J) then acts on the joints follows from the true motion.
+    True positions differ from the measured ones by ``shift`` (T, J); ``load`` (T, J) is the same.
     """
-    speed = signals.differentiate(shift)
+    speed, at = signals.differentiate(shift), signals.rows
     there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))
-    torque = inverse_dynamics(signals.body, *(x[signals.rows] for x in there))
-    friction = np.where(signals.resting, 0.0, less(signals._replace(q=there[0], qd=there[1])))
-    rub = signals.smooth(friction)[signals.rows] * ~signals.resting[signals.rows]
-    return torque - signals.tables.torque[signals.rows] + rub
+    moved = inverse_dynamics(signals.body, *(x[at] for x in there)) - signals.tables.torque[at]
+    off = np.any(shift, axis=0)
+    if turned := [e for e in rubbing if np.any(off[narrowed([e])[0]])]:  # elsewhere it is the same
+        truly = signals._replace(q=there[0], qd=there[1])
+        before, after = (friction_along(turned, s, signals.tau, load) for s in (signals, truly))
+        change = signals.smooth(np.where(signals.resting, 0.0, before - after))[at]
+        moved += change * ~signals.resting[at]
+    return moved
