@@ -686,9 +686,9 @@ def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_say
     found = score.solve(pool)
     x, y = stacked(rows, pool, rows.training)
     left = y - x @ found.x
-    predicted = [stacked(rows._replace(gap=rows.command), pool, rows.training)[1] - left]
+    predicted = stacked(rows._replace(gap=rows.command), pool, rows.training)[1] - left
     at = np.repeat(range(JOINTS), [(rows.used[:, j] & rows.training).sum() for j in range(JOINTS)])
-    torque = SHARE * predicted[0][:, None] * (at[:, None] == range(JOINTS)) / score.noise[0]
+    torque = SHARE * predicted[:, None] * (at[:, None] == range(JOINTS)) / score.noise[0]
     off = np.linalg.lstsq(x / score.noise[0], torque)[0]
     rest = torque - x / score.noise[0] @ off
     each = found.error.sum(0) / score.effective + score.floor * np.bincount(at) / BLOCKS
