@@ -12,6 +12,7 @@ from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
 from jaxidl.gap.reach import narrowed
+from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 
 
@@ -22,7 +23,8 @@ def friction_along(
 
     ``tau`` (T, J) are the commands that the motors deliver, ``load`` (T, J) the torques that pass
     the gears; without it only friction that needs no load counts. A joint at rest breaks away the
-    way that the model's torque pushes it.
+    way that the model's torque pushes it. A joint that reverses does so between two instants: dry
+    friction has its mean around each, so that it changes steadily with when that happens.
     """
     at = np.clip(np.searchsorted(signals.rows, np.arange(len(signals.q))), 0, len(signals.rows) - 1)
     impending = np.where(signals.pushed[at], 1.0, -1.0)
@@ -42,7 +44,18 @@ def friction_along(
         torque, dry = _friction(structure, leaves, *(x[:, columns] for x in motion))
         smooth[:, columns] += np.asarray(torque)
         level[:, columns] += np.asarray(dry)
-    return smooth - np.maximum(level, 0.0) * np.sign(motion[-1])
+    way = np.where(signals.resting, impending, by_run(signals.qd, signals.slices, mean_sign))
+    return smooth - np.maximum(level, 0.0) * way
+
+
+def mean_sign(x: np.ndarray) -> np.ndarray:
+    """Return the mean sign of one run (T, ...) within half an interval of each instant."""
+    middle = 0.5 * (x[1:] + x[:-1])
+    before, after = np.concatenate([x[:1], middle]), np.concatenate([middle, x[-1:]])
+    part = lambda a, b: np.where(
+        a * b < 0.0, (abs(b) - abs(a)) / np.where(a != b, b - a, 1.0), np.sign(a + b)
+    )
+    return 0.5 * (part(before, x) + part(x, after))
 
 
 @partial(jit_quickly, static_argnames="structure")

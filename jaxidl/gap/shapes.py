@@ -29,6 +29,8 @@ EVALUATIONS = 20
 CLEAR = 2.0  # rise of the log likelihood
 PULLS = (30.0, 3.0)  # pulls towards the start of a fit, in units of one effective sample
 TINY = np.finfo(float).tiny
+# relative size of a fit's last step, which is at least that share of a difference's step
+FINEST, RESOLVED = 1e-4, 0.01
 SMOOTH = (1e-4,)  # relative steps of a parameter for differences; a fit for each of them
 ROUGH = (0.2, 0.05)  # where an effect jumps
 LEAST_SCALE = 1e-3  # least size of a large error, in units of the noise
@@ -86,19 +88,25 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
 
     def minimum(first: np.ndarray, pull: np.ndarray, step: float = steps[-1]) -> np.ndarray:
         """Return the best parameters from ``first``, with a ``pull`` (Q, P) back to the start."""
-        typical = 1.4826 * float(np.median(np.abs(missed(first, step)[0])))
-        return least_squares(
-            lambda theta: np.append(missed(theta, step)[0], pull @ (theta - begin)),
-            first,
-            lambda theta: np.concatenate([missed(theta, step)[1], pull]),  # pyright: ignore[reportArgumentType]
-            (lower, upper),
-            x_scale="jac",
-            max_nfev=EVALUATIONS,
-            ftol=1e-6,
-            xtol=1e-6,
-            loss="soft_l1" if shape.cls.jumps else "linear",
-            f_scale=max(typical, LEAST_SCALE) if shape.cls.jumps else 1.0,
-        ).x
+        left, slopes = missed(first, step)
+        typical = 1.4826 * float(np.median(np.abs(left)))
+        # in units of which each parameter changes the residual by one
+        unit = 1.0 / np.where(np.any(slopes, 0), np.linalg.norm(slopes, axis=0), 1.0)
+        return (
+            unit
+            * least_squares(
+                lambda x: np.append(missed(unit * x, step)[0], pull @ (unit * x - begin)),
+                first / unit,
+                lambda x: np.concatenate([missed(unit * x, step)[1], pull]) * unit,  # pyright: ignore[reportArgumentType]
+                (lower / unit, upper / unit),
+                x_scale="jac",
+                max_nfev=EVALUATIONS,
+                ftol=1e-5,
+                xtol=max(FINEST, RESOLVED * step),
+                loss="soft_l1" if shape.cls.jumps else "linear",
+                f_scale=max(typical, LEAST_SCALE) if shape.cls.jumps else 1.0,
+            ).x
+        )
 
     best = begin
     for step in steps:
