@@ -213,6 +213,15 @@ class Effect(struct.PyTreeNode):
         return not cls.whole and all(f.name != "joint" for f in fields(cls))
 
     @classmethod
+    def actuates(cls) -> bool:
+        """Return whether it changes what the motor delivers.
+
+        An encoder's effect may use ``actuate``, too, to remember the motion.
+        """
+        own = cls.true_position is Effect.true_position
+        return own and cls.actuate is not Effect.actuate
+
+    @classmethod
     def rigid(cls) -> bool:
         """Return whether all that it does is to alter the rigid body."""
         rest = ("start", "actuate", "torque", "dry", "holds", "sense")

@@ -154,7 +154,7 @@ def along(effect: Any, drive: Drive, starts: Any, dt: float, finer: int = 1) -> 
     """
     inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
     change = drive.tau * 0.0
-    if inner.actuate is not Effect.actuate:
+    if inner.actuates():
         command = effect.seen(drive.tau, drive.predicted)
         change = _delivered(effect, drive._replace(tau=command), starts, dt, finer) - command
 

@@ -6,7 +6,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxidl.effects import Effect
 from jaxidl.gap.additions import additions
 from jaxidl.gap.gram import Item, Key
 from jaxidl.gap.rows import Rows
@@ -103,7 +102,6 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
     )
     lower, upper = shape.limits()
     part = "+".join(shape.free) if cls.linear else ""
-    acts = cls.actuate is not Effect.actuate
     odds = (
         shape.odds
         - PARAMETER * (rank(columns) if shape.free else 0)
@@ -119,7 +117,7 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
         upper,
         odds,
         none,
-        acts,
+        cls.actuates(),
         cls.common,
     )
 
