@@ -16,13 +16,14 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.gap.friction import friction_along
+from jaxidl.gap.friction import friction_along, mean_sign
 from jaxidl.gap.reach import Columns, narrowed
+from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
-SIDE_BY_SIDE = 4  # effects of one class per program
+SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone
 OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
 
 
@@ -82,14 +83,15 @@ def additions(
     times = signals.dt, round(signals.dt / signals.interval)
     many = _often if signals.q.size * joints > OFTEN else _seldom
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
-    for first in range(0, len(inner), SIDE_BY_SIDE):
-        part = inner[first : first + SIDE_BY_SIDE]
-        filled = part + [part[-1]] * (SIDE_BY_SIDE - len(part))
+    together = 1 if remembers(inner[0]) else SIDE_BY_SIDE
+    for first in range(0, len(inner), together):
+        part = inner[first : first + together]
+        filled = part + [part[-1]] * (together - len(part))
         leaves = [
             np.stack([np.asarray(x, float) for x in each])
             for each in zip(*map(jax.tree.leaves, filled), strict=True)
         ]
-        where = np.resize(np.asarray(places[first : first + SIDE_BY_SIDE]), SIDE_BY_SIDE)
+        where = np.resize(np.asarray(places[first : first + together]), together)
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
@@ -101,6 +103,12 @@ def additions(
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
     return out, delivered
+
+
+def remembers(effect: Effect) -> bool:
+    """Return whether what an effect delivers depends on what was before."""
+    kind = type(effect.effect if isinstance(effect, OnJoint) else effect)
+    return kind.actuates() and kind.start is not Effect.start
 
 
 def _sliced(table: Tables, columns: Columns) -> Tables:
@@ -226,7 +234,8 @@ def _rows(
         return np.moveaxis(through(np.moveaxis(x, 0, 1))[rows], 1, 0) if np.any(x) else 0.0
 
     resting = signals.resting[:, columns]
-    slide = terms.level * (np.sign(signals.qd[:, columns]) * ~resting)
+    way = by_run(signals.qd[:, columns], signals.slices, mean_sign)
+    slide = terms.level * np.where(resting, 0.0, way)
     held = (
         np.where(signals.pushed[:, columns], terms.up[:, rows], -terms.down[:, rows])
         * resting[rows]
