@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxidl.gap.delivery import Delivery, delivery
 from jaxidl.gap.rows import Rows
 
 Key = tuple[str, int | None]  # an effect's name and its joint
@@ -109,7 +110,7 @@ class Gram:
         self.right: list[np.ndarray] = []  # ... (B, p)
         # squares of the gap itself, and number of rows
         self.square, self.count = np.zeros((2, len(order), joints))
-        self.spread: list[Any] = []  # spread of columns of actuators: see ``_spread``
+        self.deliveries: list[Delivery] = []  # for each joint: what its actuators let through
         scale = np.zeros(self.total)
         weights = rows.used / np.maximum(noise, 1e-300)
         for i in items:
@@ -145,9 +146,11 @@ class Gram:
             self.square[:, j] = [y[b] @ y[b] for b in parts]
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
-            self.spread.append(self._spread(rows, j, [i for i, _ in on if i.actuates]))
+            acting = [i for i, _ in on if i.actuates]
+            at = self.indices(acting)
+            self.deliveries.append(delivery(rows, j, noise[j], acting, at, self.scale[at]))
         # variance of the command [noise^2]
-        self.variance = np.array([c for _, ((_, _, c), _) in self.spread])
+        self.variance = np.array([d.variance for d in self.deliveries])
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale
             for side in ("lower", "upper")
@@ -167,43 +170,6 @@ class Gram:
         for local, which in zip(self.local, self.which, strict=True):
             local[which] = np.arange(len(which))
         self.weights = np.ones(int(self.training.sum()))  # weights of the training blocks
-
-    def _spread(self, rows: Rows, j: int, acting: Sequence[Item]) -> tuple[dict[int, slice], Any]:
-        """Return where columns of actuators are, and their covariances.
-
-        The covariances are among the columns, with joint j's command and of the command; then the
-        same for each small additional command, relative to its variance.
-        """
-        sizes = np.cumsum([0, *(len(i.lower) for i in acting)])
-        places = {id(i): slice(a, b) for i, a, b in zip(acting, sizes, sizes[1:], strict=False)}
-        mask = rows.training & rows.used[:, j]
-        n, none = max(int(mask.sum()), 1), [np.zeros((0, int(mask.sum())))]
-        c = rows.command[mask, j] / self.noise[j]
-        x = np.concatenate(
-            [*none, *(i.columns[:, mask, i.joints.index(j)] / self.noise[j] for i in acting)]
-        )
-        at = lambda pushed, i: pushed[..., mask, i.joints.index(j)]
-        ways = next((at(i.push[0], i) for i in acting if i.push), np.zeros((0, int(mask.sum()))))
-        nothing = np.zeros((len(ways), 1, int(mask.sum())))
-        held = np.concatenate(
-            [nothing[:, :0], *(
-                at(i.push[1], i) if i.push else np.repeat(nothing, len(i.lower), 1) for i in acting
-            )],
-            axis=1,
-        )  # fmt: skip
-        sizes = np.sum(ways**2, 1)
-        sizes = np.where(sizes > 0.0, sizes, np.inf)
-        pushes = [
-            (h @ h.T / size, h @ way / size) for h, way, size in zip(held, ways, sizes, strict=True)
-        ]
-        c, x = c - c.sum() / n, x - x.sum(1, keepdims=True) / n
-        deaf = [
-            np.zeros((len(i.lower), len(i.joints))) if i.deaf is None else i.deaf for i in acting
-        ]
-        d = np.concatenate(
-            [np.zeros(0), *(m[:, i.joints.index(j)] for i, m in zip(acting, deaf, strict=True))]
-        )
-        return places, ((x @ x.T / n, x @ c / n, float(c @ c / n)), (pushes, d))
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
         """Return normal equations (B, P, P) and (B, P) of a set's coefficients.

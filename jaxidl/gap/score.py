@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxidl.gap.delivery import Delivery
 from jaxidl.gap.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
@@ -78,10 +79,11 @@ class Score(Gram):
             np.concatenate([whole[None], whole - w[:, :, None] * gram]),
             np.concatenate([wanted[None], wanted - w * right]),
         )
-        more, acting = 0.0, self._acting(members, own)
+        more, acting = 0.0, self._acting(at)
+        joints = [self._together(own, d.joint) for d in acting]
         for _ in range(DILUTED if acting else 0):
             first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
-            more = self._dilution(members, at, first, acting)
+            more = self._dilution(first, acting, joints)
         x = self._bounded(left[0], left[1] + more, at)
         error = np.zeros((len(gram), len(self.which)))
         for j, (here, g, h) in enumerate(own):
@@ -89,7 +91,7 @@ class Score(Gram):
             error[:, j] = self.square[:blocks, j] + np.sum(
                 ((g @ part[..., None])[..., 0] - 2 * h) * part, 1
             )
-        error, (passed, heard) = np.maximum(error, 0.0), self._passed(members, at, x[0])
+        error, (passed, heard) = np.maximum(error, 0.0), self._passed(acting, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
         value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
         return Solution(
@@ -104,29 +106,28 @@ class Score(Gram):
         added, coefficients instead make the error small relative to what arrives of the command.
         """
         at = self.indices(found.members)
-        acting = self._acting(found.members, self._normal(at)[2])
-        return self._dilution(found.members, at, found.x * self.scale[at], acting) * self.scale[at]
+        own, acting = self._normal(at)[2], self._acting(at)
+        joints = [self._together(own, d.joint) for d in acting]
+        return self._dilution(found.x * self.scale[at], acting, joints) * self.scale[at]
 
-    def _acting(self, members: Sequence[Item], own: Sequence[tuple[np.ndarray, ...]]) -> list[Any]:
-        """Return each joint on which a set acts, and its normal equations on all blocks."""
-        joints = {j for m in members if m.actuates for j in m.joints}
-        return [
-            (j, here, np.tensordot(self.weights, g, 1), self.weights @ h)
-            for j, (here, g, h) in enumerate(own)
-            if j in joints
-        ]
+    def _acting(self, at: np.ndarray) -> list[Delivery]:
+        """Return what columns ``at`` (P,) let through, of each joint where some act."""
+        return [d for each in self.deliveries if (d := each.among(at, self.total)) is not None]
+
+    def _together(self, own: Sequence[Any], j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a joint's normal equations on all blocks, and which coefficients they are of."""
+        here, g, h = own[j]
+        return here, np.tensordot(self.weights, g, 1), self.weights @ h
 
     def _dilution(
-        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray, acting: list[Any]
+        self, x: np.ndarray, acting: Sequence[Delivery], joints: Sequence[Any]
     ) -> np.ndarray:
         """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
         out, blocks = np.zeros(len(x)), len(self.weights)
-        for j, here, gram, right in acting:
-            if (found := self._arriving(members, at, x, j)) is not None:
-                share, slope, places, _ = found
-                part = x[here]
-                left = self.weights @ self.square[:blocks, j] + part @ (gram @ part - 2 * right)
-                out[places] += 0.5 * max(float(left), 0.0) * slope / share
+        for d, (here, gram, right) in zip(acting, joints, strict=True):
+            (share, slope), part = d.share(x), x[here]
+            left = self.weights @ self.square[:blocks, d.joint] + part @ (gram @ part - 2 * right)
+            out[d.places] += 0.5 * max(float(left), 0.0) * slope / share
         return out
 
     def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
@@ -146,43 +147,15 @@ class Score(Gram):
         )
         return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
 
-    def _passed(
-        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return how much of each joint's command actuators let through.
+    def _passed(self, acting: Sequence[Delivery], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how much of each joint's command (J,) actuators let through.
 
-        It is the share of the variance (J,), of the command or of a small additional one, whichever
-        is least, and the share of informative samples (J,).
+        Also return the share of informative samples (J,).
         """
         passed, heard = np.ones((2, len(self.which)))
-        for j in range(len(self.which)):
-            if (found := self._arriving(members, at, x, j)) is not None:
-                passed[j], _, _, heard[j] = found
+        for d in acting:
+            passed[d.joint], heard[d.joint] = d.share(x)[0], d.heard(x)
         return passed, heard
-
-    def _arriving(
-        self, members: Sequence[Item], at: np.ndarray, x: np.ndarray, j: int
-    ) -> tuple[float, np.ndarray, np.ndarray, float] | None:
-        """Return how much of joint j's command actuators let through; None if there are none.
-
-        It is the share of its variance, the slope (A,) of that by their coefficients, where those
-        are in ``at`` (A,), and the share of informative samples.
-        """
-        places, ((xx, xc, cc), (pushes, deaf)) = self.spread[j]
-        acting = [m for m in members if id(m) in places]
-        if not acting:
-            return None
-        there = np.concatenate([np.arange(places[id(m)].start, places[id(m)].stop) for m in acting])
-        own = np.searchsorted(at, np.concatenate([self.place[id(m)] for m in acting]))
-        scale = self.scale[at[own]]
-        values, inside, size = x[own] / scale, np.ix_(there, there), max(cc, 1e-300)
-        ways = [(cc / size, xc[there] / size, xx[inside] / size)]
-        ways += [(1.0, mean[there], pp[inside]) for pp, mean in pushes]
-        shares = [one - 2 * values @ mean + values @ pp @ values for one, mean, pp in ways]
-        least = int(np.argmin(shares))
-        _, mean, pp = ways[least]
-        heard = float(np.clip(1.0 - np.abs(values) @ deaf[there], 0.0, 1.0))
-        return max(float(shares[least]), 1e-9), 2 * (pp @ values - mean) / scale, own, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return solutions (F, P) of F normal equations within the bounds.
@@ -239,7 +212,7 @@ class Score(Gram):
         for j, (here, g, h) in enumerate(own):
             part = scaled[here]
             error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
-        passed, heard = self._passed(members, at, scaled)
+        passed, heard = self._passed(self._acting(at), scaled)
         mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
         return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
 
