@@ -24,6 +24,7 @@ from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone
+FILTERED = 12  # effects whose terms are filtered together
 OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
 
 
@@ -84,7 +85,9 @@ def additions(
     many = _often if signals.q.size * joints > OFTEN else _seldom
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     together = 1 if remembers(inner[0]) else SIDE_BY_SIDE
-    for first in range(0, len(inner), together):
+
+    def terms_of(first: int) -> Terms:
+        """Return the terms of those effects from the ``first`` that are computed side by side."""
         part = inner[first : first + together]
         filled = part + [part[-1]] * (together - len(part))
         leaves = [
@@ -93,12 +96,17 @@ def additions(
         ]
         where = np.resize(np.asarray(places[first : first + together]), together)
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
-        terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
+        return Terms(*(np.asarray(x)[: len(part)] for x in terms))
+
+    for first in range(0, len(inner), FILTERED):
+        last = min(first + FILTERED, len(inner))
+        parts = [terms_of(n) for n in range(first, last, together)]
+        terms = Terms(*map(np.concatenate, zip(*parts, strict=True)))
         with np.errstate(over="ignore", invalid="ignore"):
             added = _rows(terms, signals, columns, drive, undone, rubbing)
         # a diverging simulation adds nothing
         wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
-        out[first : first + len(part)][:, :, columns] = np.where(wild, 0.0, added)
+        out[first:last][:, :, columns] = np.where(wild, 0.0, added)
         if np.any(terms.change[-1]):
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
