@@ -265,13 +265,20 @@ def _moved(
 
     True positions differ from the measured ones by ``shift`` (T, J); ``load`` (T, J) is the same.
     """
-    speed, at = signals.differentiate(shift), signals.rows
-    there = (signals.q + shift, signals.qd + speed, signals.qdd + signals.differentiate(speed))
+    off, at = np.flatnonzero(np.any(shift, axis=0)), signals.rows
+    speed, acceleration = np.zeros_like(shift), np.zeros_like(shift)
+    speed[:, off] = signals.differentiate(shift[:, off])
+    acceleration[:, off] = signals.differentiate(speed[:, off])
+    there = (signals.q + shift, signals.qd + speed, signals.qdd + acceleration)
     moved = inverse_dynamics(signals.body, *(x[at] for x in there)) - signals.tables.torque[at]
-    off = np.any(shift, axis=0)
-    if turned := [e for e in rubbing if np.any(off[narrowed([e])[0]])]:  # elsewhere it is the same
+    # friction of joints on which no effect feels it is the same
+    reached = [(e, np.arange(shift.shape[1])[narrowed([e])[0]]) for e in rubbing]
+    if turned := [(e, on) for e, on in reached if np.isin(off, on).any()]:
+        felt = np.unique(np.concatenate([on for _, on in turned]))
         truly = signals._replace(q=there[0], qd=there[1])
-        before, after = (friction_along(turned, s, signals.tau, load) for s in (signals, truly))
-        change = signals.smooth(np.where(signals.resting, 0.0, before - after))[at]
-        moved += change * ~signals.resting[at]
+        before, after = (
+            friction_along([e for e, _ in turned], s, signals.tau, load) for s in (signals, truly)
+        )
+        change = np.where(signals.resting, 0.0, before - after)[:, felt]
+        moved[:, felt] += signals.smooth(change)[at] * ~signals.resting[at][:, felt]
     return moved

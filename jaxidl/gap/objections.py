@@ -1,5 +1,7 @@
 """Why a member of a set may not be named, and the set that is left without those."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from jaxidl.effects import Effect
@@ -48,8 +50,8 @@ def supported(
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
-    What is on a bound goes before the others, which were judged beside it, and the weakest first.
-    The rest is fitted and searched again each time.
+    Of members that share a joint what is on a bound goes first, since the others were judged beside
+    it, and then the weakest. The rest is fitted and searched again each time.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
     while True:
@@ -60,19 +62,37 @@ def supported(
                 return now, score, strong, weak
             now = again
             continue
-        worth, worst, why = min(found, key=lambda o: (o[2] != BOUND, o[0]))
-        if worth > STRONG or why in (BOUND, UNPHYSICAL):  # the others were judged in its presence
-            strong[worst.group], weak = why, {}
+        first = apart(sorted(found, key=lambda o: (o[2] != BOUND, o[0])))
+        # the others were judged in the presence of these
+        alone = [o for o in first if o[0] > STRONG or o[2] in (BOUND, UNPHYSICAL)]
+        if alone:
+            strong |= {m.group: why for _, m, why in alone}
+            first, weak = alone, {}
         else:
-            weak[worst.group] = why
+            weak |= {m.group: why for _, m, why in first}
+        out = {id(m) for _, m, _ in first}
         score = every.narrowed(
             [i for i in every.items if i.group not in strong and i.group not in weak]
         )
-        now = search(score, without(now, worst), swap=worth > STRONG)
+        now = search(
+            score,
+            [m for m in now.members if id(m) not in out],
+            swap=any(worth > STRONG for worth, _, _ in first),
+        )
 
 
 # the member's contribution to the score, and why it may not be named
 Objection = tuple[float, Item, str]
+
+
+def apart(found: Iterable[Objection]) -> list[Objection]:
+    """Return of objections to members that share a joint the first one."""
+    out, joints = list[Objection](), set[int]()
+    for o in found:
+        if not joints & set(o[1].joints):
+            out.append(o)
+            joints |= set(o[1].joints)
+    return out
 
 
 def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list[Objection]:
