@@ -14,8 +14,8 @@
    one that is now predicted behind the motor, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
    not distinguish from zero, that are not physical, that only make the encoder's noise smaller
-   (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, and go to 4. A
-   part is judged with its whole. Members that remove less than the required share of the error, or
+   (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, the weakest on
+   each joint first, and go to 4. A part is judged with its whole. Members that remove less than the required share of the error, or
    that the whole log does not confirm, are removed last, and nothing takes their place.
 7. Repeat 4 on resampled blocks. The confidence of an effect is how often it is found again, times
    the probability that such a finding is right (:mod:`jaxidl.gap.calibration`). Effects that

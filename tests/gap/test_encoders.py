@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from jaxidl.effects import (
+    ActuatorDelay,
     LoadDependentFriction,
     OnJoint,
     PositionBias,
@@ -17,6 +18,7 @@ from jaxidl.effects import (
 )
 from jaxidl.gap.additions import additions
 from jaxidl.gap.balance import balance
+from jaxidl.gap.friction import mean_sign
 from jaxidl.gap.refine import _starts
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.low_pass import derivative
@@ -125,3 +127,23 @@ def test_no_window_reaches_beyond_what_late_encoders_have_seen(log, body):
     for length in range(200, 231):
         assert window_starts(seen, every, 50, length).max() + length < STEPS - late
         assert _starts(seen, every, length).max() + length < STEPS - late
+
+
+def test_friction_is_averaged_around_each_instant_where_a_joint_reverses():
+    fine, late = 400, 0.3
+    t = np.arange(0.0, 60.0, 1.0 / fine)[:, None]
+    speed = np.sin(0.7 * t + late) * np.exp(-0.01 * t)
+    exact = [
+        np.mean(np.sign(speed[k - fine // 2 : k + fine // 2])) for k in range(fine, 58 * fine, fine)
+    ]
+    found = mean_sign(speed[::fine])
+    np.testing.assert_allclose(found[1:58, 0], exact, atol=0.02)
+    assert len(np.unique(np.round(exact, 2))) > 10  # it reverses between instants
+    moved = mean_sign(np.interp(t[::fine, 0] + 1e-3, t[:, 0], speed[:, 0]))
+    assert np.abs(moved - found[:, 0])[1:-1].max() < 0.01  # the sign itself jumps
+
+
+def test_a_late_encoder_is_no_actuator():
+    """What it remembers is the motion, and the motor's torque passes as it is."""
+    assert not SensorDelay.actuates()
+    assert ActuatorDelay.actuates()

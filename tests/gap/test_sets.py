@@ -26,7 +26,7 @@ from jaxidl.gap.held_out import aside, gain, worse_by
 from jaxidl.gap.items import absorbed
 from jaxidl.gap.library import Library, own_residual, residual
 from jaxidl.gap.noise import in_units_of_noise
-from jaxidl.gap.objections import nameable, objection, objections
+from jaxidl.gap.objections import apart, nameable, objection, objections
 from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Contests, contested, tied
 from jaxidl.gap.rows import Rows
@@ -555,6 +555,14 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     assert bound not in narrowed.items
     assert aside(rows, now, 0) > aside(rows, score.solve(score.items), 0)
     assert gain(score, score.solve(truth[1:]), score.solve(score.items))[0] > 0.05
+
+
+def test_one_member_on_each_joint_goes_at_a_time():
+    on = lambda *joints: item("", np.ones((1, N, len(joints))), joints)
+    first, second, third, both = on(0), on(0), on(1), on(1, 2)
+    found = [(1.0, first, ""), (2.0, second, ""), (3.0, third, ""), (4.0, both, "")]
+    assert [worth for worth, _, _ in apart(found)] == [1.0, 3.0]
+    assert [worth for worth, _, _ in apart(found[::-1])] == [4.0, 2.0]
 
 
 def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
