@@ -15,30 +15,37 @@ LEAST = 0.02  # least share of the squared error that what is tried must promise
 ALIKE = 1e-6  # share of what columns add below which others imitate them
 
 
-def promise(score: Score, members: Iterable[Item]) -> dict[int, float]:
+def promise(
+    score: Score, members: Iterable[Item], joints: Iterable[int] | None = None
+) -> dict[int, float]:
     """Return a quick estimate of how much each other item would raise the score.
 
-    It is made from the fit on all blocks.
+    It is made from the fit on all blocks. With ``joints``, only items on one of those are there.
     """
-    members = tuple(members)
-    known = frozenset(map(id, members))
+    members, on = tuple(members), None if joints is None else frozenset(joints)
+    known = frozenset(map(id, members)), on
     if known not in score.promised:
-        score.promised[known] = _promise(score, members)
+        score.promised[known] = _promise(score, members, on)
     return dict(score.promised[known])
 
 
-def _promise(score: Score, members: Iterable[Item]) -> dict[int, float]:
+def _promise(
+    score: Score, members: Iterable[Item], joints: frozenset[int] | None
+) -> dict[int, float]:
     now = score.solve(members)
     at = score.indices(now.members)
     gram, push, widths = score.whole
     push = push - gram[:, at] @ (now.x * score.scale[at])
     inside = gram[np.ix_(at, at)] + np.diag(score.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9)
-    over = gram[at]
-    across = np.linalg.solve(inside, over) if len(at) else over
+    inverse, over = np.linalg.inv(inside), gram[at]
     left = np.maximum(now.error.sum(0), 1e-9)
     out: dict[int, float] = {}
     for items, where, own, on in widths:  # all items with the same number of columns at once
-        schur = own - np.einsum("anp,anq->npq", over[:, where], across[:, where])
+        if joints is not None:
+            near = np.flatnonzero(on[:, list(joints)].any(1))
+            items, where, own, on = [items[n] for n in near], where[near], own[near], on[near]
+        beside = over[:, where]
+        schur = own - np.einsum("anp,anq->npq", beside, np.tensordot(inverse, beside, 1))
         right = push[where]
         step = np.linalg.solve(schur, right[..., None])[..., 0]
         if where.shape[1] == 1:

@@ -59,7 +59,7 @@ def contested(
             continue
         contests.add((m.group, beside))
         rest = without(now, m)
-        promise = estimates.promise(score, rest)
+        promise = estimates.promise(score, rest, m.joints)
         others = [
             i
             for i in score.items
@@ -147,7 +147,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
         ]
         close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
-        alone = estimates.promise(score, rest)
+        alone = estimates.promise(score, rest, m.joints)
         best: dict[Group, Item] = {}  # best shape of each effect
         for i in sorted(near, key=lambda i: -alone[id(i)]):
             best.setdefault(i.group, i)
@@ -175,7 +175,7 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     What promises less than half as much as the member is not near. Other shapes that can be fitted
     are estimated, beside parts that fitting them may bring.
     """
-    promise, before = estimates.promise(score, rest), score.solve(rest).value
+    promise, before = estimates.promise(score, rest, m.joints), score.solve(rest).value
     likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
     exact = lambda *new: score.solve([*rest, *new]).value - before - sum(i.odds for i in new)
     found = {id(m): exact(m)}

@@ -50,6 +50,21 @@ class Solution(NamedTuple):
         raise KeyError(item.group)
 
 
+def unconnected(members: Iterable[Item]) -> list[tuple[Item, ...]]:
+    """Return the parts of a set that have no joint in common, such as a hand's fingers."""
+    parts: list[tuple[set[int], list[Item]]] = []
+    for m in members:
+        joints, own = set(m.joints), [m]
+        rest = []
+        for on, part in parts:
+            if on & joints:
+                joints, own = joints | on, part + own
+            else:
+                rest.append((on, part))
+        parts = [*rest, (joints, own)]
+    return [tuple(part) for _, part in parts]
+
+
 class Score(Gram):
     """The score of sets of a library's items."""
 
@@ -58,7 +73,7 @@ class Score(Gram):
         super().__init__(*args, **more)
         self._solved: dict[frozenset[int], Solution] = {}
         # what :func:`jaxidl.gap.estimates.promise` said so far
-        self.promised: dict[frozenset[int], dict[int, float]] = {}
+        self.promised: dict[Any, dict[int, float]] = {}
         self.enough: dict[int, float] = {}  # and :func:`jaxidl.gap.estimates.enough`
 
     def solve(self, members: Iterable[Item]) -> Solution:
@@ -66,8 +81,28 @@ class Score(Gram):
         members = tuple(sorted(members, key=lambda i: self.place[id(i)][0] if len(i.lower) else -1))
         known = frozenset(map(id, members))
         if known not in self._solved:
-            self._solved[known] = self._solve(members)
+            parts = [] if self.anchor is not None else unconnected(members)
+            self._solved[known] = (
+                self._together(members, parts) if len(parts) > 1 else self._solve(members)
+            )
         return self._solved[known]
+
+    def _together(self, members: tuple[Item, ...], parts: Sequence[tuple[Item, ...]]) -> Solution:
+        """Return the solution of a set whose ``parts`` have no joint in common."""
+        bare = self.solve(())
+        width = sum(len(m.lower) for m in members)
+        x, folds = np.zeros(width), np.zeros((len(bare.folds), width))
+        error, passed, value = bare.error.copy(), bare.passed.copy(), bare.value
+        at = np.cumsum([0, *(len(m.lower) for m in members)])
+        where = {id(m): np.arange(a, b) for m, a, b in zip(members, at, at[1:], strict=False)}
+        for part in parts:
+            own = self.solve(part)
+            on = sorted({j for m in part for j in m.joints})
+            here = np.concatenate([where[id(m)] for m in own.members])
+            x[here], folds[:, here] = own.x, own.folds
+            error[:, on], passed[on] = own.error[:, on], own.passed[on]
+            value += own.value - bare.value
+        return Solution(members, x, folds, error, passed, value)
 
     def _solve(self, members: tuple[Item, ...]) -> Solution:
         at = self.indices(members)
@@ -80,7 +115,7 @@ class Score(Gram):
             np.concatenate([wanted[None], wanted - w * right]),
         )
         more, acting = 0.0, self._acting(at)
-        joints = [self._together(own, d.joint) for d in acting]
+        joints = [self._normal_of(own, d.joint) for d in acting]
         for _ in range(DILUTED if acting else 0):
             first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
             more = self._dilution(first, acting, joints)
@@ -107,14 +142,14 @@ class Score(Gram):
         """
         at = self.indices(found.members)
         own, acting = self._normal(at)[2], self._acting(at)
-        joints = [self._together(own, d.joint) for d in acting]
+        joints = [self._normal_of(own, d.joint) for d in acting]
         return self._dilution(found.x * self.scale[at], acting, joints) * self.scale[at]
 
     def _acting(self, at: np.ndarray) -> list[Delivery]:
         """Return what columns ``at`` (P,) let through, of each joint where some act."""
         return [d for each in self.deliveries if (d := each.among(at, self.total)) is not None]
 
-    def _together(self, own: Sequence[Any], j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _normal_of(self, own: Sequence[Any], j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return a joint's normal equations on all blocks, and which coefficients they are of."""
         here, g, h = own[j]
         return here, np.tensordot(self.weights, g, 1), self.weights @ h

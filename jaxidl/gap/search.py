@@ -15,8 +15,9 @@
 6. Remove members (:mod:`jaxidl.gap.objections`) that are on a bound, that their standard error does
    not distinguish from zero, that are not physical, that only make the encoder's noise smaller
    (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, the weakest on
-   each joint first, and go to 4. A part is judged with its whole. Members that remove less than the required share of the error, or
-   that the whole log does not confirm, are removed last, and nothing takes their place.
+   each joint first, and go to 4. A part is judged with its whole. Members that remove less than the
+   required share of the error, or that the whole log does not confirm, are removed last, and
+   nothing takes their place.
 7. Repeat 4 on resampled blocks. The confidence of an effect is how often it is found again, times
    the probability that such a finding is right (:mod:`jaxidl.gap.calibration`). Effects that
    explain the log equally well in its place are reported with it.
@@ -162,7 +163,8 @@ def promising(
         out: items that must not come back; with ``joints``, neither do other shapes of the members.
     """
     members = tuple(members)
-    promise, least = estimates.promise(score, members), value - score.solve(members).value - NEAR
+    promise = estimates.promise(score, members, joints)
+    least = value - score.solve(members).value - NEAR
     enough = estimates.enough(score)
     taken = {m.group for m in members} if joints is not None else set()
     ranked = sorted(

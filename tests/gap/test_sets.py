@@ -31,7 +31,7 @@ from jaxidl.gap.projection import ALIGNMENT
 from jaxidl.gap.rivals import Contests, contested, tied
 from jaxidl.gap.rows import Rows
 from jaxidl.gap.samples import correlation_time
-from jaxidl.gap.score import Score
+from jaxidl.gap.score import Score, unconnected
 from jaxidl.gap.search import REPLACED, promising, replaced, search
 from jaxidl.gap.shape import Shape
 from jaxidl.gap.torque_constants import SHARE, swayed
@@ -193,6 +193,21 @@ def test_a_score_made_from_another_one_is_the_same(planted):
     a, b = (s.solve([items[0], changed, items[-1]]) for s in (again, alone))
     np.testing.assert_allclose(a.x, b.x, rtol=1e-10)
     assert a.value == pytest.approx(b.value, rel=1e-12)
+
+
+def test_parts_of_a_set_without_a_joint_in_common_are_solved_one_by_one(planted):
+    rows, pool, truth, score = planted
+    on_each = [m for m in pool if len(m.joints) == 1]
+    assert [len(part) for part in unconnected(on_each)] == [5, 5]
+    assert len(unconnected([*on_each, *truth])) == 1
+    at_once, apiece = score_of(rows, pool)._solve(tuple(on_each)), score.solve(on_each)
+    order = np.concatenate([np.arange(11)[at_once.of(m)] for m in apiece.members])
+    np.testing.assert_allclose(apiece.x, at_once.x[order], rtol=1e-6)
+    np.testing.assert_allclose(apiece.folds, at_once.folds[:, order], rtol=1e-5)
+    np.testing.assert_allclose(apiece.error, at_once.error, rtol=1e-6)
+    assert apiece.value == pytest.approx(at_once.value, rel=1e-6)
+    everywhere, here = estimates.promise(score, on_each), estimates.promise(score, on_each, (0,))
+    assert here == {id(i): everywhere[id(i)] for i in pool if 0 in i.joints and id(i) in everywhere}
 
 
 def test_bounds_hold_as_in_a_bounded_fit(planted):
