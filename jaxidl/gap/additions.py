@@ -24,7 +24,7 @@ from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone
-FILTERED = 12  # effects whose terms are filtered together
+FILTERED = 12  # joints of effects whose terms are filtered together
 OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
 
 
@@ -98,8 +98,9 @@ def additions(
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
         return Terms(*(np.asarray(x)[: len(part)] for x in terms))
 
-    for first in range(0, len(inner), FILTERED):
-        last = min(first + FILTERED, len(inner))
+    step = together * max(FILTERED // (together * drive.q.shape[1]), 1)
+    for first in range(0, len(inner), step):
+        last = min(first + step, len(inner))
         parts = [terms_of(n) for n in range(first, last, together)]
         terms = Terms(*map(np.concatenate, zip(*parts, strict=True)))
         with np.errstate(over="ignore", invalid="ignore"):
