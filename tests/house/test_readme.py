@@ -95,7 +95,8 @@ def test_the_shares_of_right_names_are_what_was_measured():
     assert f"full of hidden effects, {right} were right" in text
     assert f"{100 * outside['share']:.0f} % were given a wrong name" in text
     strangers = json.loads((ROOT / "figures" / "strangers.json").read_text())["robots"].values()
+    assert len(strangers) == 16
     named = sum(r["named"] for r in strangers)
     wrong = sum(len(r["wrong"]) for r in strangers)
-    assert f"of {named} in simulations of nine published robots" in text
+    assert f"of {named} in simulations of sixteen published robots" in text
     assert f"than their files have, {named - wrong}." in text
