@@ -36,12 +36,15 @@ def nameable(
 
     There are two records of what was removed: members beside which the rest was judged, and others.
     Members that improve by less than the least improvement are removed last, and nothing takes
-    their place.
+    their place but what is common: rare effects may have stood for friction.
     """
     now, score, strong, weak = supported(score, now, rows)
     while found := objections(score, now, min_gain, rows):
         _, worst, why = min(found, key=lambda o: o[0])
-        weak[worst.group], now = why, score.solve(without(now, worst))
+        weak[worst.group] = why
+        common = [i for i in score.items if i.common or i in now.members]
+        less = score.narrowed([i for i in common if i.group not in weak])
+        now = search(less, without(now, worst), swap=False)
     return now, score, strong, weak
 
 

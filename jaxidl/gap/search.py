@@ -17,7 +17,7 @@
    (:mod:`jaxidl.gap.noise`), or without which held-out blocks are predicted better, the weakest on
    each joint first, and go to 4. A part is judged with its whole. Members that remove less than the
    required share of the error, or that the whole log does not confirm, are removed last, and
-   nothing takes their place.
+   nothing takes their place but what is common.
 7. Repeat 4 on resampled blocks. The confidence of an effect is how often it is found again, times
    the probability that such a finding is right (:mod:`jaxidl.gap.calibration`). Effects that
    explain the log equally well in its place are reported with it.
