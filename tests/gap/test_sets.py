@@ -592,6 +592,20 @@ def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
 # quick estimates
 
 
+def test_what_is_common_takes_the_place_of_rare_effects_that_make_too_little():
+    rng = np.random.default_rng(3)
+    columns, noise = rng.normal(size=(1, N, 1)), 0.3 * rng.normal(size=(3, 1, N, 1))
+    friction = item("friction", columns, common=True, odds=2.0)
+    rare = [item(f"rare{k}", columns + noise[k], odds=-2.0) for k in (0, 1)]
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, 0] = (columns + noise[2])[0, :, 0]
+    rows = rows_with(gap)
+    score = score_of(rows, [friction, *rare])
+    now, _, _, weak = nameable(score, score.solve(rare), rows, 0.3)
+    assert now.members == (friction,)
+    assert all("less than" in why for why in weak.values())
+
+
 def test_a_promise_is_what_an_item_is_worth_on_the_blocks_themselves(planted):
     rows, pool, truth, score = planted
     now = score.solve(truth[:2])
