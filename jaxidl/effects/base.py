@@ -218,8 +218,8 @@ class Effect(struct.PyTreeNode):
 
         An encoder's effect may use ``actuate``, too, to remember the motion.
         """
-        own = cls.true_position is Effect.true_position
-        return own and cls.actuate is not Effect.actuate
+        encoder = cls.true_position is not Effect.true_position
+        return cls.actuate is not Effect.actuate and not encoder
 
     @classmethod
     def rigid(cls) -> bool:

@@ -23,6 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from jaxidl.gap.bounded import bounded
 from jaxidl.gap.delivery import Delivery
 from jaxidl.gap.gram import Gram, Item
 
@@ -193,51 +194,16 @@ class Score(Gram):
         return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """Return solutions (F, P) of F normal equations within the bounds.
-
-        The first one decides which bounds are active.
-        """
-        lower, upper = self.bounds[0][at], self.bounds[1][at]
+        """Return solutions (F, P) of F normal equations of columns ``at`` (P,)."""
         if not len(at):
             return right
-        own, right, gram = np.diagonal(gram, axis1=1, axis2=2), right + self.pull[at], gram.copy()
+        own, gram = np.diagonal(gram, axis1=1, axis2=2), gram.copy()
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
         gram[:, np.arange(len(at)), np.arange(len(at))] += steady
         if self.anchor is not None:
             gram = gram + self.anchored[np.ix_(at, at)]
-        x, free = np.zeros(right.shape), ~self.dead[at]
-        held = np.clip(x[0], lower, upper)
-        for _ in range(12):
-            x[0] = held
-            if free.all():
-                x[0] = np.linalg.solve(gram[0], right[0])
-            elif free.any():
-                inner, side = gram[0][np.ix_(free, free)], gram[0][np.ix_(free, ~free)]
-                x[0, free] = np.linalg.solve(inner, right[0, free] - side @ held[~free])
-            wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
-            if not wrong.any():
-                if free.all():
-                    break
-                push = right[0] - gram[0] @ x[0]
-                back = ~free & ~self.dead[at] & (lower < upper)
-                back &= ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
-                if not back.any():
-                    break
-                free |= back & (np.abs(push) == np.max(np.abs(push[back])))
-                continue
-            held = np.where(wrong, np.clip(x[0], lower, upper), held)
-            free &= ~wrong
-        if free.all():
-            x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
-        elif free.any():
-            rows = gram[1:, free]
-            x[1:] = held
-            x[1:, free] = np.linalg.solve(
-                rows[:, :, free], (right[1:, free] - rows[:, :, ~free] @ held[~free])[..., None]
-            )[..., 0]
-        else:
-            x[1:] = held
-        return np.clip(x, lower, upper)
+        lower, upper = self.bounds[0][at], self.bounds[1][at]
+        return bounded(gram, right + self.pull[at], lower, upper, self.dead[at])
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
