@@ -2,8 +2,8 @@
 [--only SIGN ...]``.
 
 Each DIR is one of ``jaxidl gap-benchmark --out DIR``, or the ``--work`` of ``strangers.py``. The
-weights go to ``jaxidl/gap/calibration.json``; with ``--only`` those of other signs stay as they
-are there. What is reported about them comes from other roots and seeds.
+weights go to ``jaxidl/gap/result/calibration.json``; with ``--only`` those of other signs stay as
+they are there. What is reported about them comes from other roots and seeds.
 """
 
 import argparse
@@ -15,8 +15,8 @@ from pathlib import Path
 from strangers import right
 
 from jaxidl.files import write_bytes
-from jaxidl.gap import calibration
 from jaxidl.gap.benchmark.calibration import fitted, is_right
+from jaxidl.gap.result import calibration
 
 Row = tuple[str, Mapping[str, float], bool]  # family, signs, whether it is right
 

@@ -45,9 +45,9 @@ from jaxidl.gap.benchmark.cases import Case, all_cases, truth
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.benchmark.run import run_benchmark
 from jaxidl.gap.benchmark.score import share
-from jaxidl.gap.library import library, noise_of, residual
-from jaxidl.gap.rows import rows_of
-from jaxidl.gap.shape import present
+from jaxidl.gap.evidence.rows import rows_of
+from jaxidl.gap.evidence.shape import present
+from jaxidl.gap.fit.library import library, noise_of, residual
 from jaxidl.jobs.provenance import revision
 from jaxidl.jobs.statistics import geometric
 from jaxidl.logs.signals import prepare

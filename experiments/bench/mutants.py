@@ -31,8 +31,8 @@ MODULES = {
     "learning/execute.py": ("paper/golden", "learning/learning", "learning/guard"),
     "learning/sources.py": ("paper/golden", "learning/learning"),
     "models/training.py": ("models/training", "paper/golden"),
-    "gap/score.py": ("gap/sets", "gap/workflow"),
-    "gap/estimates.py": ("gap/sets", "gap/workflow"),
+    "gap/fit/score.py": ("gap/sets", "gap/workflow"),
+    "gap/choice/estimates.py": ("gap/sets", "gap/workflow"),
     "gap/benchmark/score.py": ("gap/benchmark/score",),
     "jobs/store.py": ("jobs/sweep", "paper/sweep", "paper/properties"),
 }

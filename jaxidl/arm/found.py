@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from jaxidl.files import markdown
-from jaxidl.gap.diagnosis import SURE
+from jaxidl.gap.result.diagnosis import SURE
 
 # noise floors, of which the least is 0.3 % of the command: no simulation is believed to be better
 TOO_SMALL = 2.0

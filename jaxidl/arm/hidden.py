@@ -16,10 +16,10 @@ import numpy as np
 from jaxidl.arm.setup import GOALS, ArmStudy, Hidden
 from jaxidl.effects import CATALOGUE, Effect, Payload
 from jaxidl.files import write_bytes
-from jaxidl.gap.additions import additions
-from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.rows import rms, rows_of
-from jaxidl.gap.shape import build
+from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.rows import rms, rows_of
+from jaxidl.gap.evidence.shape import build
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.gap.workflow import diagnose
 from jaxidl.learning.execute import desired_trajectory
 from jaxidl.logs.log import read

@@ -22,7 +22,7 @@ from jaxidl.arm.table import as_text, falls, ranking
 from jaxidl.backend import PRECISION
 from jaxidl.errors import StoreError, needs_checkout, one_of
 from jaxidl.files import as_json, write_bytes
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.jobs import Pieces
 from jaxidl.jobs.pieces import Arrays
 from jaxidl.jobs.progress import Bar

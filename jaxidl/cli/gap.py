@@ -70,8 +70,8 @@ def gap(
             one per joint.
         topic: topic to read, if a ROS bag has several with joint states.
     """
-    from jaxidl.gap.experiments import designed
     from jaxidl.gap.inputs import read_inputs
+    from jaxidl.gap.result.experiments import designed
     from jaxidl.gap.workflow import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.jobs.progress import Bar
     from jaxidl.report import check_folder, save, table

@@ -1,8 +1,9 @@
 """What effects add to the torque along a motion, differentiable by the motion.
 
-The gap finder computes the same along a measured log (:mod:`jaxidl.gap.additions`), filtered as
-the log is. A planned motion has no noise, so nothing is filtered here; dry friction changes its
-sign within a narrow range of speeds instead of at once, so that derivatives see reversals.
+The gap finder computes the same along a measured log (:mod:`jaxidl.gap.evidence.additions`),
+filtered as the log is. A planned motion has no noise, so nothing is filtered here; dry friction
+changes its sign within a narrow range of speeds instead of at once, so that derivatives see
+reversals.
 """
 
 from collections.abc import Sequence
@@ -14,8 +15,8 @@ import numpy as np
 
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
-from jaxidl.gap.additions import Drive, along
-from jaxidl.gap.reach import narrowed, reaches
+from jaxidl.gap.evidence.additions import Drive, along
+from jaxidl.gap.evidence.reach import narrowed, reaches
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.mujoco_body import MujocoBody
 from jaxidl.systems.regressor import inverse_dynamics, table

@@ -15,7 +15,7 @@ from jaxidl.excite.limits import Limits
 from jaxidl.excite.parameters import Parameter, known, states, terms_of
 from jaxidl.excite.plan import Plan, random_start
 from jaxidl.excite.prepare import ALIGNMENT, Prepared
-from jaxidl.gap.diagnosis import Key
+from jaxidl.gap.result.diagnosis import Key
 from jaxidl.logs.low_pass import BAND, HIGHEST_BAND
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.mjcf import Model

@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxidl.gap.rivals import ALIKE, EQUAL
-from jaxidl.gap.rows import LEAST_FLOOR
+from jaxidl.gap.choice.rivals import ALIKE, EQUAL
+from jaxidl.gap.evidence.rows import LEAST_FLOOR
 
 LEAST = 1e-3  # separation over what is asked below which one is as good as another
 ACTS = 1e-4  # share of the noise's mean square from which an explanation acts on a joint
@@ -107,10 +107,10 @@ class Apart(NamedTuple):
 def separations(seen: Evidence, contest: Contest) -> Apart:
     """Return what is left of each pair's first explanation where its second is fitted to it.
 
-    It is in the terms of :mod:`jaxidl.gap.score`: mean squares over all logs, of which those below
-    the floor are equal. A motion that needs more torque raises the floor: the filter's band grows
-    until noise is the same share of the command as before (:mod:`jaxidl.logs.low_pass`), and a
-    share of the command's spread is in the floor itself.
+    It is in the terms of :mod:`jaxidl.gap.fit.score`: mean squares over all logs, of which those
+    below the floor are equal. A motion that needs more torque raises the floor: the filter's band
+    grows until noise is the same share of the command as before (:mod:`jaxidl.logs.low_pass`), and
+    a share of the command's spread is in the floor itself.
     """
     spread = seen.spread()
     there = np.flatnonzero((np.array(contest.floor) > 0.0) & (np.array(contest.usual) > 0.0))

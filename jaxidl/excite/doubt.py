@@ -19,16 +19,16 @@ from jaxidl.excite.parameters import (
 )
 from jaxidl.excite.plan import Noise
 from jaxidl.files import why
-from jaxidl.gap.calibration import margin_of
-from jaxidl.gap.diagnosis import SURE, Key
-from jaxidl.gap.gram import Item
+from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.rows import NOISE_MARGIN, rms, rows_of
+from jaxidl.gap.evidence.shape import MOST_SCALED, Shape, effect_at, movable, present, vector
+from jaxidl.gap.fit.library import Library, library, noise_of, residual
+from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.gap.fit.shapes import fitted
 from jaxidl.gap.inputs import read_again
-from jaxidl.gap.library import Library, library, noise_of, residual
-from jaxidl.gap.rows import NOISE_MARGIN, rms, rows_of
-from jaxidl.gap.score import Score, Solution
-from jaxidl.gap.shape import MOST_SCALED, Shape, effect_at, movable, present, vector
-from jaxidl.gap.shapes import fitted
-from jaxidl.gap.words import readable
+from jaxidl.gap.result.calibration import margin_of
+from jaxidl.gap.result.diagnosis import SURE, Key
+from jaxidl.gap.result.words import readable
 from jaxidl.logs.log import Log
 from jaxidl.logs.signals import Signals, prepare
 from jaxidl.systems.free import unit_of

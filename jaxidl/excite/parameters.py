@@ -16,8 +16,8 @@ from jaxidl.backend import jit_quickly
 from jaxidl.effects import CATALOGUE, Effect, Scale, searched
 from jaxidl.excite.columns import Family, Rigid, added, driven, families
 from jaxidl.excite.limits import Limits
-from jaxidl.gap.additions import Drive
-from jaxidl.gap.shape import Shape, shapes_of
+from jaxidl.gap.evidence.additions import Drive
+from jaxidl.gap.evidence.shape import Shape, shapes_of
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 

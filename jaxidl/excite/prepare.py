@@ -19,7 +19,7 @@ from jaxidl.excite.parameters import (
     terms_of,
 )
 from jaxidl.excite.plan import Noise, Plan
-from jaxidl.gap.additions import Drive
+from jaxidl.gap.evidence.additions import Drive
 from jaxidl.systems.mjcf import Model
 
 SHARE = 0.05  # share of a joint's torque that a coefficient of one size adds

@@ -11,7 +11,7 @@ from jaxidl.excite.design import Designed
 from jaxidl.excite.parameters import Parameter
 from jaxidl.excite.prepare import Prepared
 from jaxidl.files import markdown
-from jaxidl.gap.words import readable
+from jaxidl.gap.result.words import readable
 
 MORE_THAN = 1e3  # sizes: a standard error of more says that the motion tells nothing
 HARDLY = 0.9  # share of what was known beforehand, likewise

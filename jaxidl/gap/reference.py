@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from jaxidl.gap.find import Found
-from jaxidl.gap.library import Reference, residual
-from jaxidl.gap.rows import rms
-from jaxidl.gap.score import Score
+from jaxidl.gap.choice.find import Found
+from jaxidl.gap.evidence.rows import rms
+from jaxidl.gap.fit.library import Reference, residual
+from jaxidl.gap.fit.score import Score
 
 
 def reference_of(before: Found) -> Reference:

@@ -10,33 +10,33 @@ import numpy as np
 from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.gap.clock import late_torques
-from jaxidl.gap.confidence import ambiguous
-from jaxidl.gap.confirm import fitted_to, possible
-from jaxidl.gap.conventions import conventions
-from jaxidl.gap.diagnosis import (
+from jaxidl.gap.choice.confidence import ambiguous
+from jaxidl.gap.choice.confirm import fitted_to, possible
+from jaxidl.gap.choice.find import Found, Watch, find
+from jaxidl.gap.choice.rivals import Tie
+from jaxidl.gap.evidence.clock import late_torques
+from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.localise import localise
+from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
+from jaxidl.gap.evidence.shape import present
+from jaxidl.gap.fit.held_out import aside
+from jaxidl.gap.fit.library import Library, library, own_residual, residual
+from jaxidl.gap.fit.values import Value
+from jaxidl.gap.inputs import Inputs, read_inputs
+from jaxidl.gap.reference import left_by, reference_of
+from jaxidl.gap.result.diagnosis import (
     Diagnosis,
     Envelope,
     Gap,
     Side,
     Traces,
 )
-from jaxidl.gap.find import Found, Watch, find
-from jaxidl.gap.findings import findings
-from jaxidl.gap.held_out import aside
-from jaxidl.gap.inputs import Inputs, read_inputs
-from jaxidl.gap.library import Library, library, own_residual, residual
-from jaxidl.gap.localise import localise
-from jaxidl.gap.network import check
-from jaxidl.gap.notes import notes_of
-from jaxidl.gap.reference import left_by, reference_of
-from jaxidl.gap.rivals import Tie
-from jaxidl.gap.rows import Rows, instants_of, rms, rows_of
-from jaxidl.gap.shape import present
-from jaxidl.gap.swings import swings
-from jaxidl.gap.values import Value
-from jaxidl.gap.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
-from jaxidl.gap.words import doubt_of, summarise
+from jaxidl.gap.result.findings import findings
+from jaxidl.gap.result.network import check
+from jaxidl.gap.result.notes import notes_of
+from jaxidl.gap.result.swings import swings
+from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
+from jaxidl.gap.result.words import doubt_of, summarise
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import Signals, prepare
 from jaxidl.replay.rollout import rollout_errors

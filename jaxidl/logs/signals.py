@@ -167,7 +167,7 @@ def prepare(
         log: the measured log.
         body: the modelled rigid body.
         effects: the model's own effects, of which those on the encoders are undone; they must also
-            be given to :func:`jaxidl.gap.rows.rows_of`.
+            be given to :func:`jaxidl.gap.evidence.rows.rows_of`.
         narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.report.words import cut
 
 WIDTH = 7.2  # width of every figure [in]

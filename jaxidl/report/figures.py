@@ -1,6 +1,6 @@
 """The figures of a diagnosis.
 
-They are functions from a :class:`jaxidl.gap.diagnosis.Diagnosis` to a ``Figure``. They use
+They are functions from a :class:`jaxidl.gap.result.diagnosis.Diagnosis` to a ``Figure``. They use
 Matplotlib's object-oriented interface: no window, no global state. :func:`jaxidl.report.common.png`
 renders them.
 """
@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from matplotlib.figure import Figure
 
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.report.common import png
 from jaxidl.report.found import plot_improvement, plot_parameters
 from jaxidl.report.numbers import plot_gap

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from jaxidl.effects import CATALOGUE
-from jaxidl.gap.diagnosis import SURE, Diagnosis, Finding
+from jaxidl.gap.result.diagnosis import SURE, Diagnosis, Finding
 from jaxidl.report.html import Html, join, table, tag
 from jaxidl.report.matrix import KINDS, Entry, matrix, spelled
 from jaxidl.report.words import (

@@ -10,7 +10,7 @@ import jax
 
 from jaxidl.errors import StoreError
 from jaxidl.files import check_writable, why
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.report.document import page
 from jaxidl.report.figures import FIGURES, draw
 from jaxidl.systems.export import write_patched

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding
+from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding
 from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, WIDTH, length_unit, name_of
 from jaxidl.report.matrix import axes_of

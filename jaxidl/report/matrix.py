@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
-from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding
-from jaxidl.gap.objections import EXCLUDED
-from jaxidl.gap.words import number, plus_minus, squared
+from jaxidl.gap.choice.objections import EXCLUDED
+from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding
+from jaxidl.gap.result.words import number, plus_minus, squared
 from jaxidl.report.words import readable
 
 VISCOUS, DRY, ROTOR, LINK, OFFSET, OTHER = range(6)

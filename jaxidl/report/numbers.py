@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.plot.style import house_style
 from jaxidl.report.common import AFTER, BEFORE, NOISE, WIDTH, length_unit, name_of, shown, which
 from jaxidl.report.words import judged, percent

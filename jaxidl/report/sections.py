@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from jaxidl.gap.diagnosis import Diagnosis
-from jaxidl.gap.experiments import designed, plugins
-from jaxidl.gap.localise import Place
-from jaxidl.gap.network import SYSTEMATIC
+from jaxidl.gap.evidence.localise import Place
+from jaxidl.gap.result.diagnosis import Diagnosis
+from jaxidl.gap.result.experiments import designed, plugins
+from jaxidl.gap.result.network import SYSTEMATIC
 from jaxidl.report.html import Html, join, table, tag
 from jaxidl.report.words import (
     compared,

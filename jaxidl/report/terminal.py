@@ -3,7 +3,7 @@
 import textwrap
 from collections.abc import Iterable, Sequence
 
-from jaxidl.gap.diagnosis import SURE, Diagnosis, Finding
+from jaxidl.gap.result.diagnosis import SURE, Diagnosis, Finding
 from jaxidl.report.matrix import ALIKE, KINDS, Entry, Matrix, matrix, spelled
 from jaxidl.report.words import (
     badge,

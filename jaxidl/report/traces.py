@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy import signal
 
-from jaxidl.gap.diagnosis import Diagnosis
+from jaxidl.gap.result.diagnosis import Diagnosis
 from jaxidl.plot.style import house_style
 from jaxidl.report import common
 from jaxidl.report.common import (

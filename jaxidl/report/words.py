@@ -5,9 +5,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from jaxidl.effects import CATALOGUE
-from jaxidl.gap.diagnosis import Diagnosis, Estimate, Finding, Key
-from jaxidl.gap.refined import reported_stderr
-from jaxidl.gap.words import (
+from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding, Key
+from jaxidl.gap.result.refined import reported_stderr
+from jaxidl.gap.result.words import (
     headline,
     judged,
     large,

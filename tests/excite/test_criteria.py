@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from jaxidl.backend import jit_quickly
 from jaxidl.excite.criteria import Contest, Evidence, separations, standard_errors
 from jaxidl.excite.plan import random_start
-from jaxidl.gap.rivals import ALIKE, EQUAL
+from jaxidl.gap.choice.rivals import ALIKE, EQUAL
 
 BOTH = ((0, 1), (1, 0))
 CONTEST = Contest(

@@ -7,9 +7,9 @@ import json
 import numpy as np
 import pytest
 
-from jaxidl.gap import calibration
 from jaxidl.gap.benchmark.calibration import fitted
-from jaxidl.gap.calibration import SIGNS, margin_of, probability, signs
+from jaxidl.gap.result import calibration
+from jaxidl.gap.result.calibration import SIGNS, margin_of, probability, signs
 
 GOOD = {
     "margin": 100.0,

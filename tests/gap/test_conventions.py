@@ -5,11 +5,11 @@ import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.clock import late_torques
-from jaxidl.gap.conventions import conventions
-from jaxidl.gap.library import library
-from jaxidl.gap.rows import rows_of
-from jaxidl.gap.shape import present
+from jaxidl.gap.evidence.clock import late_torques
+from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.rows import rows_of
+from jaxidl.gap.evidence.shape import present
+from jaxidl.gap.fit.library import library
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import prepare
 from jaxidl.report import table

@@ -5,7 +5,7 @@ import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.drift import SHORTEST, SLOW, components, slower, weighted, weights_of
+from jaxidl.gap.evidence.drift import SHORTEST, SLOW, components, slower, weighted, weights_of
 from jaxidl.logs.log import from_arrays
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics

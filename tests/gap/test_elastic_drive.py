@@ -10,10 +10,10 @@ from jaxidl.effects import JointElasticity, OnJoint
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.confirm import unconfirmed
-from jaxidl.gap.noise import read_again
-from jaxidl.gap.rows import rows_of
-from jaxidl.gap.values import Value
+from jaxidl.gap.choice.confirm import unconfirmed
+from jaxidl.gap.evidence.noise import read_again
+from jaxidl.gap.evidence.rows import rows_of
+from jaxidl.gap.fit.values import Value
 from jaxidl.logs.log import Log
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import rollout_errors

@@ -16,10 +16,10 @@ from jaxidl.effects import (
     SensorDelay,
     ViscousFriction,
 )
-from jaxidl.gap.additions import additions
-from jaxidl.gap.balance import balance
-from jaxidl.gap.friction import mean_sign
-from jaxidl.gap.refine import _starts
+from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.friction import mean_sign
+from jaxidl.gap.fit.balance import balance
+from jaxidl.gap.fit.refine import _starts
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.low_pass import derivative
 from jaxidl.logs.signals import prepare

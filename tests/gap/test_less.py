@@ -9,13 +9,14 @@ import pytest
 from jaxidl import gap, report
 from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
 from jaxidl.errors import EffectError
-from jaxidl.gap import confirm, objections, values
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.confirm import UNSURE
-from jaxidl.gap.held_out import wald
-from jaxidl.gap.objections import BOUND
+from jaxidl.gap.choice import confirm, objections
+from jaxidl.gap.choice.confirm import UNSURE
+from jaxidl.gap.choice.objections import BOUND
+from jaxidl.gap.fit import values
+from jaxidl.gap.fit.held_out import wald
 from jaxidl.systems.export import patched, write_patched
 from jaxidl.systems.mjcf import read_model
 

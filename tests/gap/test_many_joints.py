@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from jaxidl.gap import Diagnosis, diagnose
-from jaxidl.gap.diagnosis import Finding
+from jaxidl.gap.result.diagnosis import Finding
 
 JOINTS, DT, SECONDS = 4, 0.004, 24.0
 VISCOUS, COULOMB = np.array([2.0, 2.0, 1.0, 0.5]), np.array([1.0, 1.0, 0.5, 0.2])

@@ -30,8 +30,8 @@ from jaxidl.errors import ConfigurationError, EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
-from jaxidl.gap.experiments import plugins
-from jaxidl.gap.projection import ALIGNMENT
+from jaxidl.gap.evidence.projection import ALIGNMENT
+from jaxidl.gap.result.experiments import plugins
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from tests.helpers.paths import ROOT

@@ -17,17 +17,17 @@ from jaxidl.effects import (
     register,
 )
 from jaxidl.gap import from_arrays
-from jaxidl.gap.consistent import consistent
-from jaxidl.gap.find import find, reread, seen_anew
-from jaxidl.gap.items import beside, items_of
-from jaxidl.gap.library import library, load_of, pushed, residual, scales, upsampled
-from jaxidl.gap.links import change_of, links_of, physical, pseudo_inertia
-from jaxidl.gap.objections import objection
-from jaxidl.gap.prior import plausible
-from jaxidl.gap.rows import rms, rows_of
-from jaxidl.gap.shape import acts_on_predicted, reads_load, shapes_of
-from jaxidl.gap.shapes import fitted
-from jaxidl.gap.values import values
+from jaxidl.gap.choice.find import find, reread, seen_anew
+from jaxidl.gap.choice.objections import objection
+from jaxidl.gap.evidence.items import beside, items_of
+from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_inertia
+from jaxidl.gap.evidence.rows import rms, rows_of
+from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
+from jaxidl.gap.fit.consistent import consistent
+from jaxidl.gap.fit.library import library, load_of, pushed, residual, scales, upsampled
+from jaxidl.gap.fit.prior import plausible
+from jaxidl.gap.fit.shapes import fitted
+from jaxidl.gap.fit.values import values
 from jaxidl.logs.signals import prepare
 from jaxidl.systems.tables import inverse_dynamics
 from tests.helpers.effects import Worm

@@ -24,8 +24,8 @@ from jaxidl.effects import (
 )
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.refine import _starts, _tied, refine
-from jaxidl.gap.rows import instants_of, kept_rows
+from jaxidl.gap.evidence.rows import instants_of, kept_rows
+from jaxidl.gap.fit.refine import _starts, _tied, refine
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import prepare
 from jaxidl.replay.rollout import windows_at

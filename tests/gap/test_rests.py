@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from jaxidl.effects import CoulombFriction, OnJoint
-from jaxidl.gap.additions import additions
 from jaxidl.gap.benchmark.mechanisms import MASSES, MECHANISMS
+from jaxidl.gap.evidence.additions import additions
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.rests import withstood
 from jaxidl.logs.signals import prepare

@@ -18,24 +18,24 @@ from jaxidl.effects import (
     StribeckFriction,
     TorqueCurve,
 )
-from jaxidl.gap import estimates, rivals
-from jaxidl.gap.confidence import DRAWS, Support, ambiguous, support
-from jaxidl.gap.findings import best_instead
-from jaxidl.gap.gram import Anchor, Item
-from jaxidl.gap.held_out import aside, gain, worse_by
-from jaxidl.gap.items import absorbed
-from jaxidl.gap.library import Library, own_residual, residual
-from jaxidl.gap.noise import in_units_of_noise
-from jaxidl.gap.objections import apart, nameable, objection, objections
-from jaxidl.gap.projection import ALIGNMENT
-from jaxidl.gap.rivals import Contests, contested, tied
-from jaxidl.gap.rows import Rows
-from jaxidl.gap.samples import correlation_time
-from jaxidl.gap.score import Score, unconnected
-from jaxidl.gap.search import REPLACED, promising, replaced, search
-from jaxidl.gap.shape import Shape
-from jaxidl.gap.torque_constants import SHARE, swayed
-from jaxidl.gap.values import Value, resampled
+from jaxidl.gap.choice import estimates, rivals
+from jaxidl.gap.choice.confidence import DRAWS, Support, ambiguous, support
+from jaxidl.gap.choice.objections import apart, nameable, objection, objections
+from jaxidl.gap.choice.rivals import Contests, contested, tied
+from jaxidl.gap.choice.search import REPLACED, promising, replaced, search
+from jaxidl.gap.evidence.gram import Anchor, Item
+from jaxidl.gap.evidence.items import absorbed
+from jaxidl.gap.evidence.noise import in_units_of_noise
+from jaxidl.gap.evidence.projection import ALIGNMENT
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.evidence.samples import correlation_time
+from jaxidl.gap.evidence.shape import Shape
+from jaxidl.gap.fit.held_out import aside, gain, worse_by
+from jaxidl.gap.fit.library import Library, own_residual, residual
+from jaxidl.gap.fit.score import Score, unconnected
+from jaxidl.gap.fit.torque_constants import SHARE, swayed
+from jaxidl.gap.fit.values import Value, resampled
+from jaxidl.gap.result.findings import best_instead
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf

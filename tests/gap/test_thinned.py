@@ -6,10 +6,10 @@ import pytest
 
 from jaxidl.effects import CATALOGUE, searched
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.items import columns_of
-from jaxidl.gap.library import scales
-from jaxidl.gap.rows import instants_of, rows_of
-from jaxidl.gap.shape import shapes_of
+from jaxidl.gap.evidence.items import columns_of
+from jaxidl.gap.evidence.rows import instants_of, rows_of
+from jaxidl.gap.evidence.shape import shapes_of
+from jaxidl.gap.fit.library import scales
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import INSTANTS_PER_HERTZ, prepare
 from jaxidl.systems.mjcf import read_model

@@ -3,10 +3,10 @@
 import pytest
 
 from jaxidl.effects import CATALOGUE
-from jaxidl.gap.diagnosis import Ambiguity, Finding
-from jaxidl.gap.shape import build
-from jaxidl.gap.verdict import unexplained_joints, verdict_of
-from jaxidl.gap.words import headline, undecided
+from jaxidl.gap.evidence.shape import build
+from jaxidl.gap.result.diagnosis import Ambiguity, Finding
+from jaxidl.gap.result.verdict import unexplained_joints, verdict_of
+from jaxidl.gap.result.words import headline, undecided
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def test_only_what_users_need_is_inside(archives):
         "jobs/__init__.pyi",
         "robot/__init__.pyi",
         "systems/arm.xml",
-        "gap/calibration.json",
+        "gap/result/calibration.json",
         "report/page.css",
     ):
         assert f"jaxidl/{needed}" in inside

@@ -1,6 +1,6 @@
 """How numbers are spelled in tables."""
 
-from jaxidl.gap.diagnosis import Estimate
+from jaxidl.gap.result.diagnosis import Estimate
 from jaxidl.report.matrix import spelled
 
 

@@ -24,7 +24,8 @@ from jaxidl.effects import (
     ViscousFriction,
 )
 from jaxidl.errors import StoreError
-from jaxidl.gap.diagnosis import (
+from jaxidl.gap.evidence.localise import Place
+from jaxidl.gap.result.diagnosis import (
     Ambiguity,
     Diagnosis,
     Envelope,
@@ -35,8 +36,7 @@ from jaxidl.gap.diagnosis import (
     Side,
     Traces,
 )
-from jaxidl.gap.localise import Place
-from jaxidl.gap.words import number, percent, plus_minus, summarise
+from jaxidl.gap.result.words import number, percent, plus_minus, summarise
 from jaxidl.gap.workflow import diagnose
 from jaxidl.logs.log import from_arrays
 from jaxidl.report import FIGURES, draw, folder, page, save, table

@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 
 from jaxidl.gap.benchmark import judge, robot_judge
 from jaxidl.gap.benchmark.judge import Record
-from jaxidl.gap.calibration import SIGNS
+from jaxidl.gap.result.calibration import SIGNS
 
 BINS = ((0.0, 0.5), (0.5, 0.8), (0.8, 0.9), (0.9, 1.0))
 """Edges of the bins of confidence; a bin excludes its upper edge, except the last."""
@@ -87,7 +87,7 @@ def fitted(
     only: Sequence[str] = (),
     held: Mapping[str, float] | None = None,
 ) -> dict[str, float]:
-    """Return weights of :mod:`jaxidl.gap.calibration`, by ridge logistic regression.
+    """Return weights of :mod:`jaxidl.gap.result.calibration`, by ridge logistic regression.
 
     Args:
         rows: family, signs and whether it is right, of each finding. Families have equal weights,

@@ -1,0 +1,212 @@
+"""Find what is missing in a log: the search, the shapes, the findings and their confidence.
+
+The algorithm is described in :mod:`jaxidl.gap.choice.search`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jaxidl.gap.choice.confidence import DRAWS, Support, support
+from jaxidl.gap.choice.confirm import UNSURE, confirmed
+from jaxidl.gap.choice.objections import nameable
+from jaxidl.gap.choice.rivals import Contests, Tie, contested, tied
+from jaxidl.gap.choice.search import search
+from jaxidl.gap.evidence.gram import Group, Item
+from jaxidl.gap.evidence.items import columns_of, items_of
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.evidence.shape import Shape, acts_on_predicted, movable, reads_load
+from jaxidl.gap.fit.library import (
+    Library,
+    load_of,
+    pushed,
+    residual,
+    rubbed,
+    upsampled,
+    with_friction,
+)
+from jaxidl.gap.fit.prior import compact
+from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.gap.fit.shapes import fitted
+from jaxidl.gap.fit.values import Value
+
+ROUNDS = 5  # rounds of fitting shapes and searching sets, and of reading a load
+STEADY = 1e-3  # relative change of values below which they no longer change
+
+Watch = Callable[[str, float], None]  # told what is being done, and which share of it is
+
+
+@dataclass(frozen=True)
+class Found:
+    """The result of a search. J joints."""
+
+    library: Library
+    score: Score  # with the members' fitted shapes
+    solution: Solution  # of the effects that may be named
+    fitted: list[Value]  # their values, fitted to the whole log
+    predicted: np.ndarray  # (T, J) command predicted by the members [N or Nm]
+    support: Support
+    ties: list[Tie]  # effects that explain the log as well as what was found
+    dropped: dict[Group, str]  # effects that the search chose but that may not be named, and why
+
+    @property
+    def named(self) -> tuple[Item, ...]:
+        """The effects found."""
+        return tuple(m for m in self.solution.members if not m.always)
+
+
+def find(
+    library: Library,
+    min_gain: float,
+    watch: Watch = lambda what, share: None,
+    resample: bool = True,
+) -> Found:
+    """Return what is missing."""
+    rows = library.rows
+    score, predicted, banned = library.score, library.predicted, dict[Group, str]()
+    watch("searching", 0.0)
+    now = first(score)
+    number, contests = 0, Contests()
+    while True:
+        watch("fitting shapes", number / ROUNDS)
+        score, now, predicted = settled(score, now, library, predicted, contests)
+        rows = rubbed(rows, now)
+        fit, number = set(now.members), number + 1
+        now, narrow, strong, weak = nameable(score, now, rows, min_gain)
+        now, whole, dropped = confirmed(narrow, now, rows, predicted)
+        doubtful = {group: why for group, why in dropped.items() if why != UNSURE}
+        weak |= {group: why for group, why in dropped.items() if why == UNSURE}
+        strong |= doubtful
+        banned |= strong
+        if number == ROUNDS or (
+            not doubtful
+            and all(m in fit or m.shape is None or not movable(m.shape) for m in now.members)
+        ):
+            break
+        score = score.narrowed([i for i in score.items if i.group not in strong])
+        now = search(score, now.members) if doubtful else now
+    narrow, read = reread(narrow, now, rows)
+    while dropped or read is not now:
+        read, whole, dropped = confirmed(narrow, read, rows, predicted)
+        now, banned = read, banned | dropped
+    gone = banned | weak
+    narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
+    watch("resampling", 0.0)
+    said = support(
+        narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
+    )
+    watch("looking for other explanations", 0.0)
+    ties: list[Tie] = []
+    if resample:
+        anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
+        anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
+        ties = tied(anew, now, library._replace(rows=rows), predicted)
+    return Found(library, narrow, now, whole, predicted, said, ties, gone)
+
+
+def first(score: Score) -> Solution:
+    """Return the best set that the search reaches from everything common, or from nothing.
+
+    If another log is the reference, it starts from nothing.
+    """
+    nothing = [i for i in score.items if i.always]
+    common = [i for i in score.items if i.common and not i.always and score.anchor is None]
+    starts = ([*nothing, *common], nothing) if common else (nothing,)
+    return max((search(score, start) for start in starts), key=lambda s: s.value)
+
+
+def settled(
+    score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
+) -> tuple[Score, Solution, np.ndarray]:
+    """Return the set with its shapes fitted, its score, and the command (T, J) that it predicts."""
+    for _ in range(ROUNDS):
+        library = library._replace(rows=rubbed(library.rows, now))
+        rows = library.rows
+        predicted = upsampled(rows, rows.command - residual(rows, now))
+        score = seen_anew(score, now, rows, predicted, acts_on_predicted)
+        fresh = refitted(score, now, library, predicted)
+        score, after = renewed(score, now, fresh)
+        same = {m.group for m in after.members} == {m.group for m in now.members}
+        now = after
+        if same and (better := contested(score, now, library, predicted, contests)) is not None:
+            score, now = renewed(score, now, better)
+        elif same:
+            break
+    return score, now, predicted
+
+
+def seen_anew(
+    score: Score, now: Solution, rows: Rows, torque: np.ndarray, which: Callable[[Shape], bool]
+) -> Score:
+    """Return the score with items recomputed that depend on the predicted ``torque`` (T, J).
+
+    These are no members, and of a shape for which ``which`` is true: acting on the predicted
+    command, or reading the load. While they compete, the latter keep the envelope's prediction:
+    once the command is predicted well, a share of it explains it by itself.
+    """
+    old = [
+        i for i in score.items if i.shape is not None and which(i.shape) and i not in now.members
+    ]
+    if not old:
+        return score
+    columns = columns_of([i.shape for i in old], rows, torque)
+    fresh = [replace(i, columns=c[:, :, list(i.joints)]) for i, c in zip(old, columns, strict=True)]
+    return score.having([*(i for i in score.items if i not in old), *pushed(fresh, rows, torque)])
+
+
+def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
+    """Return the set whose effects read the load that this very set predicts, and its score."""
+    for _ in range(ROUNDS):
+        shapes = [m.shape for m in now.members if m.shape is not None and not m.always]
+        reading = [s for s in shapes if reads_load(s) and not movable(s)]
+        if not reading:
+            break
+        fresh = items_of(reading, with_friction(rows, now), load_of(rows, now), score.items)
+        score, members = exchanged(score, now, fresh)
+        now, before = score.solve(members), now
+        # what has become like one of its parts has fewer coefficients
+        if now.x.shape == before.x.shape and np.allclose(now.x, before.x, rtol=STEADY):
+            break
+    return score, now
+
+
+def renewed(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, Solution]:
+    """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
+    score, members = exchanged(score, now, fresh)
+    return score, search(score, members)
+
+
+def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, list[Item]]:
+    """Return the score and the set with ``fresh`` items in place of their groups'."""
+    groups = {i.group for i in fresh}
+    members = (
+        [*(m for m in now.members if m.group not in groups), *fresh]
+        if len(fresh) < len(now.members)
+        else fresh
+    )
+    old = {id(m) for m in now.members if m.group in groups}
+    items = [
+        *(i for i in score.items if id(i) not in old),
+        *(i for i in fresh if i not in score.items or id(i) in old),
+    ]
+    return score.having(items), members
+
+
+def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
+    """Return the members whose columns change.
+
+    They are those with a shape, fitted, those that read the torque, and a load.
+    """
+    fresh, rows = [], library.rows
+    for m in now.members:
+        if m.shape is None or m.always:
+            continue
+        if movable(m.shape):
+            fresh.append(fitted(m, now, rows, predicted, library.score))
+        elif reads_load(m.shape):
+            load = load_of(rows, now)
+            fresh += items_of([m.shape], with_friction(rows, now), load, library.score.items)
+        elif (load := compact(m, now, rows, score, predicted)) is not None:
+            fresh.append(load)
+    return fresh

@@ -1,0 +1,206 @@
+"""Other explanations of what was found.
+
+They are better ones, once their shapes are fitted, and equally good ones.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from jaxidl.gap.choice import estimates
+from jaxidl.gap.choice.confidence import FARTHER
+from jaxidl.gap.choice.objections import price
+from jaxidl.gap.choice.search import EPSILON, search, without
+from jaxidl.gap.evidence.gram import Group, Item, Key
+from jaxidl.gap.evidence.items import part
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.evidence.shape import movable
+from jaxidl.gap.fit.library import Library
+from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.gap.fit.shapes import fitted
+
+RIVALS = 2  # rivals tried of each effect that is not common
+ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
+EQUAL = 2.0  # as are those that differ by less in the log likelihood
+FAR = 40.0  # a rival that promises this much less is not tried
+UNFIT = 0.03  # share by which an unfitted shape may promise less
+
+# members in whose place others were tried, each with all members on its joints
+Contests = set[tuple[Group, frozenset[Group]]]
+
+
+class Tie(NamedTuple):
+    """Effects that explain a log equally well."""
+
+    found: tuple[Group, ...]
+    instead: tuple[Group, ...]  # each in place of all that was found
+    # highest prior probability among them, relative to what was found; at most 1
+    likely: float
+    falls: float = np.inf  # by how much the score falls with the best of them
+    # by how much the coefficients of the other members are different beside the likeliest of them
+    moves: Mapping[Group, np.ndarray] = MappingProxyType({})
+
+
+def contested(
+    score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
+) -> list[Item] | None:
+    """Return better members, or None.
+
+    They are others with fitted shapes in place of one, one without its parts, or one of two rare
+    ones without the other. A shape that has not been fitted loses against one that has; here both
+    are fitted. What is in ``contests`` is not tried again; what is tried is added.
+    """
+    rows, changed = library.rows, False
+    for m in [m for m in now.members if not m.always]:
+        beside = frozenset(o.group for o in now.members if set(o.joints) & set(m.joints))
+        if m not in now.members or (m.group, beside) in contests:
+            continue
+        contests.add((m.group, beside))
+        rest = without(now, m)
+        promise = estimates.promise(score, rest, m.joints)
+        others = [
+            i
+            for i in score.items
+            if id(i) in promise and i is not m and set(i.joints) & set(m.joints)
+        ]
+        best = sorted(
+            (i for i in others if i.group not in {r.group for r in rest}),
+            key=lambda i: -promise[id(i)],
+        )[:RIVALS]
+        worth = promise[id(m)] - m.odds
+        far = UNFIT * worth if m.common else FAR
+        best = [i for i in best if promise[id(i)] - i.odds > worth - far]
+        trials = [[*rest, i] for i in best]
+        starts = (
+            [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
+            if not m.common
+            else []
+        )
+        # a simpler one
+        trials += [[*rest, i] for i in starts if len(i.lower) < len(m.lower) and movable(i.shape)]
+        trials += [
+            [*bare, i]
+            for i in (*starts, *best)
+            if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)
+        ]
+        # another rare one may have kept it from its best shape
+        trials += [
+            [*(r for r in rest if r is not o), i]
+            for o in rest
+            if not (o.always or o.common) and set(o.joints) & set(m.joints)
+            for i in starts
+            if movable(i.shape)
+        ]
+        for trial in trials:
+            fresh = fitted_beside(trial[:-1], trial[-1], score, rows, predicted)
+            small = score.having([*now.members, fresh])
+            after = search(small, [*trial[:-1], fresh], swap=False)
+            if after.value > small.solve(now.members).value + EPSILON:
+                score, now, changed = small, after, True
+                break
+    return list(now.members) if changed else None
+
+
+def fitted_beside(
+    rest: Sequence[Item], new: Item, score: Score, rows: Rows, predicted: np.ndarray
+) -> Item:
+    """Return an item with its shape, if it has one, fitted beside others."""
+    if not movable(new.shape):
+        return new
+    return fitted(new, score.solve([*rest, new]), rows, predicted, score)
+
+
+def outside(members: Iterable[Item], whole: Item) -> list[Item]:
+    """Return the members that are not parts of an effect."""
+    parts = parts_of(whole)
+    return [m for m in members if m.always or m.key not in parts]
+
+
+def parts_of(whole: Item) -> set[Key]:
+    """Return names and joint of an effect's parts."""
+    return {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
+
+
+def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
+    """Return sets of effects that predict the log equally well in each other's place.
+
+    Their priors do not matter, but each set has to be physical; the one found comes first. An
+    effect may replace several: members that are not needed beside it are dropped. What another
+    member contains is not looked for beside it, nor an effect in place of one part of it alone.
+    """
+    sets: dict[tuple[Group, ...], dict[Group, tuple[float, float, Solution]]] = {}
+    known = now.value - price(score, now, library.rows)
+    for m in [m for m in now.members if not m.always]:
+        rest = without(now, m)
+        worth = _worth(score, rest, m)
+        likely = worth[id(m)] - max(FAR / 2.0, UNFIT * worth[id(m)])
+        taken = {n.group for n in now.members}
+        near = [
+            i
+            for i in score.items
+            if worth.get(id(i), -np.inf) > likely
+            and i.key != m.key
+            and i.group not in taken
+            and (not part(m, i) or any(part(o, i) for o in rest if not o.always))
+            and not any(part(i, o) and set(i.joints) & set(o.joints) for o in rest if not o.always)
+        ]
+        close = max(EQUAL, ALIKE * float(score.effective[list(m.joints)].sum()))
+        alone = estimates.promise(score, rest, m.joints)
+        best: dict[Group, Item] = {}  # best shape of each effect
+        for i in sorted(near, key=lambda i: -alone[id(i)]):
+            best.setdefault(i.group, i)
+        for i in sorted(best.values(), key=lambda i: -worth[id(i)])[: 2 * RIVALS]:
+            fresh = fitted_beside(rest, i, score, library.rows, predicted)
+            small = score.having([*rest, fresh])
+            at = search(small, [*rest, fresh], swap=False)
+            odds, least = (sum(o.odds for o in s.members) for s in (at, now))
+            reached = at.value - price(small, at, library.rows)
+            if (
+                fresh in at.members
+                and odds > least - FARTHER
+                and reached - odds > known - least - close
+            ):
+                gone = tuple(n.group for n in now.members if n not in at.members)
+                if len(gone) > 1 or not part(m, i):
+                    likely = float(np.exp(min(odds - least, 0.0)))
+                    sets.setdefault(gone, {})[i.group] = likely, known - reached, at
+    return [_tie(now, gone, instead) for gone, instead in sets.items()]
+
+
+def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
+    """Return by how much a member and items near it raise the likelihood beside ``rest``.
+
+    What promises less than half as much as the member is not near. Other shapes that can be fitted
+    are estimated, beside parts that fitting them may bring.
+    """
+    promise, before = estimates.promise(score, rest, m.joints), score.solve(rest).value
+    likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
+    exact = lambda *new: score.solve([*rest, *new]).value - before - sum(i.odds for i in new)
+    found = {id(m): exact(m)}
+    for i in score.items:
+        if i is m or id(i) not in likely or not set(i.joints) & set(m.joints):
+            continue
+        fits = movable(i.shape)
+        if fits and (missing := _missing(score, rest, m, i)):
+            likely[id(i)] = exact(i, *missing)
+        if likely[id(i)] > 0.5 * likely[id(m)]:
+            found[id(i)] = likely[id(i)] if fits else exact(i)
+    return found
+
+
+def _missing(score: Score, rest: list[Item], m: Item, whole: Item) -> list[Item]:
+    """Return the parts of an effect that are neither in ``rest`` nor ``m``."""
+    parts = parts_of(whole)
+    return [o for o in score.items if o.key in parts and o not in (m, *rest)] if parts else []
+
+
+def _tie(
+    now: Solution,
+    gone: tuple[Group, ...],
+    instead: Mapping[Group, tuple[float, float, Solution]],
+) -> Tie:
+    likely, _, at = max(instead.values(), key=lambda found: found[0])
+    moves = {m.group: at.x[at.of(m)] - now.x[now.of(m)] for m in now.members if m in at.members}
+    return Tie(gone, tuple(instead), likely, min(falls for _, falls, _ in instead.values()), moves)

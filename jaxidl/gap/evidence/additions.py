@@ -1,0 +1,285 @@
+"""The torque that an effect adds, along a log, to the command that the model predicts.
+
+The log drives the effect: a hidden state is simulated under the measured motion and the logged
+command, while an effect that reads the torque reads the *predicted* command, since otherwise it
+would explain a command by itself. Many effects of one class are computed side by side, so each
+class is compiled once, for all its shapes and joints.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.backend import jit_quickly
+from jaxidl.effects import Effect, OnJoint
+from jaxidl.gap.evidence.friction import friction_along, mean_sign
+from jaxidl.gap.evidence.reach import Columns, narrowed
+from jaxidl.logs.low_pass import by_run
+from jaxidl.logs.signals import Signals
+from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
+
+WILD = 1e6  # times the largest command: a simulation that adds more has diverged
+SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone
+FILTERED = 12  # joints of effects whose terms are filtered together
+OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
+
+
+class Drive(NamedTuple):
+    """The inputs of an effect: (T, J) each, or (T, 1) of its own joint."""
+
+    q: Any
+    qd: Any
+    qdd: Any
+    tau: Any  # command as logged
+    predicted: Any  # command as predicted by the model
+    load: Any  # the torque that passes the gear
+    table: Tables
+
+
+class Terms(NamedTuple):
+    """Contributions (T, J) of an effect."""
+
+    change: Any  # change of the command on its way to the joint
+    torque: Any
+    level: Any  # dry friction of moving joints
+    up: Any  # dry friction of joints at rest that are pushed forwards
+    down: Any  # dry friction of joints at rest that are pushed backwards
+    inertia: Any  # torque that its change of the body requires
+    q: Any  # true position
+
+
+def additions(
+    effects: Sequence[Effect],
+    signals: Signals,
+    tau: np.ndarray,
+    predicted: np.ndarray,
+    undone: bool = False,
+    friction: np.ndarray | float = 0.0,
+    rubbing: Sequence[Effect] = (),
+) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
+    """Return the torque that each of G effects adds to the predicted command [N or Nm].
+
+    The effects have one structure. Also return the command that the last one delivers.
+
+    Args:
+        effects: of the whole mechanism (effects of one joint name it), all of one class with the
+            same static fields.
+        signals: the log, N rows of T instants.
+        tau: commands (T, J) that arrive at their ``actuate`` [N or Nm].
+        predicted: commands (T, J) that their ``torque`` reads [N or Nm].
+        undone: true if the effects' changes of the encoders are already undone in the signals, so
+            that they are not counted again.
+        friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
+            is the load that their ``dry`` reads.
+        rubbing: effects whose friction acts where the joints truly are. Where these effects change
+            the encoders, its change counts, too.
+    """
+    joints = signals.q.shape[1]
+    columns, inner, places = narrowed(effects)
+    drive, starts = driven(signals, tau, predicted, predicted + friction, columns)
+    times = signals.dt, round(signals.dt / signals.interval)
+    many = _often if signals.q.size * joints > OFTEN else _seldom
+    out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
+    together = 1 if remembers(inner[0]) else SIDE_BY_SIDE
+
+    def terms_of(first: int) -> Terms:
+        """Return the terms of those effects from the ``first`` that are computed side by side."""
+        part = inner[first : first + together]
+        filled = part + [part[-1]] * (together - len(part))
+        leaves = [
+            np.stack([np.asarray(x, float) for x in each])
+            for each in zip(*map(jax.tree.leaves, filled), strict=True)
+        ]
+        where = np.resize(np.asarray(places[first : first + together]), together)
+        terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
+        return Terms(*(np.asarray(x)[: len(part)] for x in terms))
+
+    step = together * max(FILTERED // (together * drive.q.shape[1]), 1)
+    for first in range(0, len(inner), step):
+        last = min(first + step, len(inner))
+        parts = [terms_of(n) for n in range(first, last, together)]
+        terms = Terms(*map(np.concatenate, zip(*parts, strict=True)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            added = _rows(terms, signals, columns, drive, undone, rubbing)
+        # a diverging simulation adds nothing
+        wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
+        out[first:last][:, :, columns] = np.where(wild, 0.0, added)
+        if np.any(terms.change[-1]):
+            delivered = tau.copy()
+            delivered[:, columns] += terms.change[-1]
+    return out, delivered
+
+
+def remembers(effect: Effect) -> bool:
+    """Return whether what an effect delivers depends on what was before."""
+    kind = type(effect.effect if isinstance(effect, OnJoint) else effect)
+    return kind.actuates() and kind.start is not Effect.start
+
+
+def _sliced(table: Tables, columns: Columns) -> Tables:
+    """Return the tables of some joints, as if the others did not move."""
+    return table.part(columns)
+
+
+def driven(
+    signals: Signals, tau: np.ndarray, predicted: np.ndarray, load: np.ndarray, columns: Columns
+) -> tuple[Drive, np.ndarray]:
+    """Return the inputs of effects on some joints, and at which instants (T,) a run begins."""
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
+    each = (signals.q, signals.qd, signals.qdd, tau, predicted, load)
+    tables = _sliced(signals.tables, columns)
+    return Drive._make([*(x[:, columns] for x in each), tables]), starts
+
+
+def _many(
+    structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float, finer: int
+) -> Terms:
+    """Return terms (G, T, J) of G effects of one structure.
+
+    Where they reach other joints, each is on joint ``where`` (G,).
+    """
+
+    def one(values: Any, joint: Any) -> Terms:
+        effect = jax.tree.unflatten(structure, values)
+        return along(
+            effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect,
+            drive,
+            starts,
+            dt,
+            finer,
+        )
+
+    return jax.vmap(one)(leaves, where)
+
+
+_seldom, _often = (
+    jit_quickly(_many, often, static_argnames=("structure", "dt", "finer"))
+    for often in (False, True)
+)
+
+
+def along(effect: Any, drive: Drive, starts: Any, dt: float, finer: int = 1) -> Terms:
+    """Return the terms (T, J) of one effect along a motion; differentiable by the motion.
+
+    ``starts`` (T,) says at which instants a run begins. A hidden state takes ``finer`` steps in
+    each ``dt``.
+    """
+    inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
+    change = drive.tau * 0.0
+    if inner.actuates():
+        command = effect.seen(drive.tau, drive.predicted)
+        change = _delivered(effect, drive._replace(tau=command), starts, dt, finer) - command
+
+    def instant(q: Any, qd: Any, qdd: Any, tau: Any, load: Any, table: Any) -> Any:
+        body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
+        rest, one = jnp.zeros_like(q), jnp.ones_like(q)
+        levels = (
+            effect.dry(q, qd, load, qd),
+            effect.dry(q, rest, load, one),
+            effect.dry(q, rest, load, -one),
+        )
+        return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
+
+    torque, level, up, down, inertia = jax.vmap(instant)(
+        drive.q, drive.qd, drive.qdd, drive.predicted, drive.load, drive.table
+    )
+    return Terms(
+        change,
+        torque,
+        level,
+        up,
+        down,
+        inertia,
+        effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q),
+    )
+
+
+def _delivered(effect: Any, drive: Drive, starts: Any, dt: float, finer: int) -> Any:
+    """Return the command after the effect, its mean over each step.
+
+    Its hidden state follows the measured motion and restarts with each run.
+    """
+    memory = effect.start(drive.q[0])
+    finer = finer if jax.tree.leaves(memory) else 1
+    last = jnp.append(starts[1:], True)[:, None]
+    ahead = lambda x: jnp.where(last, 0.0, jnp.concatenate([x[1:] - x[:-1], 0.0 * x[:1]]))
+
+    def step(memory: Any, now: Any) -> Any:
+        q, qd, tau, begins, further, faster, stronger = now
+        memory = jax.tree.map(lambda old, new: jnp.where(begins, new, old), memory, effect.start(q))
+        total = 0.0
+        for k in np.arange(finer) / finer:
+            command = tau + (k + 0.5 / finer - 0.5) * stronger
+            motion = q + k * further, qd + k * faster
+            delivered, memory = effect.actuate(memory, *motion, command, dt / finer)
+            total = total + delivered
+        return memory, total / finer
+
+    further, faster, stronger = map(ahead, (drive.q, drive.qd, drive.tau))
+    before = jnp.where(starts[:, None], 0.0, jnp.roll(stronger, 1, 0))
+    inputs = drive.q, drive.qd, drive.tau, starts, further, faster, 0.5 * (before + stronger)
+    if not jax.tree.leaves(memory):
+        return jax.vmap(lambda now: step(memory, now)[1])(inputs)
+    return jax.lax.scan(step, memory, inputs)[1]
+
+
+def _rows(
+    terms: Terms,
+    signals: Signals,
+    columns: Columns,
+    drive: Drive,
+    undone: bool,
+    rubbing: Sequence[Effect],
+) -> np.ndarray:
+    """Return the additional command (G, N, J) that is needed, filtered and thinned out."""
+    rows = signals.rows
+
+    def kept(x: np.ndarray, through: Any = lambda x: x) -> np.ndarray | float:
+        return np.moveaxis(through(np.moveaxis(x, 0, 1))[rows], 1, 0) if np.any(x) else 0.0
+
+    resting = signals.resting[:, columns]
+    way = by_run(signals.qd[:, columns], signals.slices, mean_sign)
+    slide = terms.level * np.where(resting, 0.0, way)
+    held = (
+        np.where(signals.pushed[:, columns], terms.up[:, rows], -terms.down[:, rows])
+        * resting[rows]
+    )
+    # the torque of a joint at rest is not filtered, either: no sliding before and after is in it
+    alone = np.where(resting, slide - terms.torque, 0.0)[:, rows]
+    moving = kept(slide - terms.torque, signals.smooth) * ~resting[rows]
+    net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
+    for k in [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
+        shift = terms.q[k] - drive.q
+        net[k] += _moved(shift, signals, rubbing, drive.load)[:, columns]
+    return net
+
+
+def _moved(
+    shift: np.ndarray, signals: Signals, rubbing: Sequence[Effect], load: np.ndarray
+) -> np.ndarray:
+    """Return the change (N, J) of the inverse dynamics and friction due to a position error.
+
+    True positions differ from the measured ones by ``shift`` (T, J); ``load`` (T, J) is the same.
+    """
+    off, at = np.flatnonzero(np.any(shift, axis=0)), signals.rows
+    speed, acceleration = np.zeros_like(shift), np.zeros_like(shift)
+    speed[:, off] = signals.differentiate(shift[:, off])
+    acceleration[:, off] = signals.differentiate(speed[:, off])
+    there = (signals.q + shift, signals.qd + speed, signals.qdd + acceleration)
+    moved = inverse_dynamics(signals.body, *(x[at] for x in there)) - signals.tables.torque[at]
+    # friction of joints on which no effect feels it is the same
+    reached = [(e, np.arange(shift.shape[1])[narrowed([e])[0]]) for e in rubbing]
+    if turned := [(e, on) for e, on in reached if np.isin(off, on).any()]:
+        felt = np.unique(np.concatenate([on for _, on in turned]))
+        truly = signals._replace(q=there[0], qd=there[1])
+        before, after = (
+            friction_along([e for e, _ in turned], s, signals.tau, load) for s in (signals, truly)
+        )
+        change = np.where(signals.resting, 0.0, before - after)[:, felt]
+        moved[:, felt] += signals.smooth(change)[at] * ~signals.resting[at][:, felt]
+    return moved

@@ -1,0 +1,169 @@
+"""Whether the log's columns, signs, zeros, units and gravity are those of the model.
+
+Each of a few other readings of the log (a joint's torque or position with the opposite sign, its
+zero 90° or 180° away, its position in degrees, the columns of two joints exchanged, the base
+mounted another way round, torques without those that carry the weight, torques in a unit that is
+powers of ten away, all positions in degrees) is tried with the model's own inertias and with
+friction, rotor inertia and offset on every joint. The best one is taken while it reduces some
+joint's error to a third or less, also of what is left without any model: where friction alone
+explains a torque, every larger unit makes errors look smaller. What was taken is reported, with
+others that are as good, and nothing is changed.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import nnls
+
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.systems.tables import inverse_dynamics
+
+WRONG = 0.2  # of the command's spread: joints with more error than this make one ask
+FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at most
+ALIKE = 0.01  # difference of squared errors below which two readings are equally good
+ENOUGH = 400  # rows
+UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
+MOUNTED = {
+    "the base stood upright, with its z axis up": (0, 0, -1),
+    "the base hung upside down": (0, 0, 1),
+    "the base stood on a wall with its x axis up": (-1, 0, 0),
+    "the base stood on a wall with its x axis down": (1, 0, 0),
+    "the base stood on a wall with its y axis up": (0, -1, 0),
+    "the base stood on a wall with its y axis down": (0, 1, 0),
+    "the torques that carry the weight had been left out": (0, 0, 0),
+}
+
+
+class Reading(NamedTuple):
+    """How a log of J joints is read."""
+
+    position: np.ndarray  # (J,) factors of positions, velocities and accelerations
+    zero: np.ndarray  # (J,) what is added to positions [rad]
+    torque: np.ndarray  # (J,) factors of torques
+    down: np.ndarray  # (3,) direction of gravity, or none
+    moved: np.ndarray  # (J,) columns in which positions are
+    driven: np.ndarray  # (J,) columns in which torques are
+
+
+def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
+    """Return sentences about joints, called ``names``, that another reading explains far better."""
+    source = getattr(rows.signals.body, "source", None)
+    if source is None:
+        return []
+    size, some = (
+        len(names),
+        np.linspace(0, len(rows.gap) - 1, min(ENOUGH, len(rows.gap))).astype(int),
+    )
+    gravity = np.array(source.opt.gravity)
+    strength = float(np.linalg.norm(gravity))
+    one = np.ones(size)
+    own = np.arange(size)
+    now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300), own, own)
+    left = _left(rows, some, now, strength)
+    bare = _left(rows, some, now, strength, share=0.0)
+    said: list[str] = []
+    while np.any(left > WRONG) and len(said) <= size:
+        others = _others(now, source, names)
+        tried = [(*other, _left(rows, some, other[-1], strength)) for other in others]
+        most = FEWER * np.minimum(left, bare)
+        better = [t for t in tried if np.any((t[-1] <= most) & (left > WRONG))]
+        error = [float(np.sum(t[-1] ** 2)) for t in better]
+        if not better or min(error) >= np.sum(left**2):
+            break
+        alike = [t for t, e in zip(better, error, strict=True) if e <= min(error) + ALIKE]
+        said.append(_sentence([t[:2] for t in alike], left, alike[0][-1], names))
+        now, left = alike[0][-2:]
+    return said
+
+
+def _sentence(
+    alike: Sequence[tuple[int | None, str]], before: np.ndarray, after: np.ndarray, names: Any
+) -> str:
+    worst = int(np.argmax(before - after))
+    how = " or ".join(
+        f"{'the log' if joint is None else names[joint]} reads as if {what}"
+        for joint, what in alike
+    )
+    return (
+        f"{how}: friction and the model's inertias would then leave {after[worst]:.0%} of"
+        f" {names[worst]}'s torque instead of {before[worst]:.0%}; check how positions and torques"
+        " were recorded"
+    )
+
+
+def _others(
+    now: Reading, source: Any, names: Sequence[str]
+) -> Iterator[tuple[int | None, str, Reading]]:
+    """Yield the readings next to one: the joint, what is different there, and the reading."""
+    size = len(names)
+    degrees = np.where(source.jnt_type == 3, np.pi / 180.0, 1.0)  # of hinges
+    for j in range(size):
+        turned = lambda values, j=j: np.where(np.arange(size) == j, -values, values)
+        yield j, "its torque had the opposite sign", now._replace(torque=turned(now.torque))
+        back = now._replace(position=turned(now.position))
+        yield j, "its position had the opposite sign", back
+        both = back._replace(torque=turned(now.torque))
+        yield j, "its position and torque had the opposite sign", both
+        if degrees[j] != 1.0:
+            here = np.arange(size) == j
+            for angle in (90, -90, 180):
+                what = f"{angle}° had to be added to its position"
+                yield j, what, now._replace(zero=now.zero + np.deg2rad(angle) * here)
+            scaled = now.position * np.where(here, degrees, 1.0)
+            yield j, "its position was in degrees", now._replace(position=scaled)
+    for a, b in combinations(range(size), 2):
+        order = np.arange(size)
+        order[[a, b]] = b, a
+        moved, driven, both = now.moved[order], now.driven[order], f"of {names[a]} and {names[b]}"
+        yield None, f"the positions {both} had been exchanged", now._replace(moved=moved)
+        yield None, f"the torques {both} had been exchanged", now._replace(driven=driven)
+        exchanged = now._replace(moved=moved, driven=driven)
+        yield None, f"the positions and torques {both} had been exchanged", exchanged
+    for factor in UNITS:
+        larger = now._replace(torque=now.torque * factor)
+        yield None, f"its torques had to be multiplied by {factor:g}", larger
+    yield None, "its positions were in degrees", now._replace(position=now.position * degrees)
+    if now.down.any():
+        for what, down in MOUNTED.items():
+            yield None, what, now._replace(down=np.array(down, float))
+
+
+def _left(
+    rows: Rows, some: np.ndarray, reading: Reading, strength: float, share: float = 1.0
+) -> np.ndarray:
+    """Return the error (J,) that is left over the command's spread, zero where nothing moves.
+
+    Of the model a ``share`` is taken: with none, friction, rotor inertia and offset are left.
+    """
+    signals, kept, moved, driven = rows.signals, rows.signals.rows[some], *reading[-2:]
+    q, qd, qdd = (
+        reading.position * x[kept][:, moved] for x in (signals.q, signals.qd, signals.qdd)
+    )
+    source = signals.body.source
+    standing = np.array(source.opt.gravity)
+    source.opt.gravity = strength * reading.down
+    try:
+        torque = inverse_dynamics(signals.body, q + reading.zero, qd, qdd)
+    finally:
+        source.opt.gravity = standing
+    # what the model's own effects need but its friction, of which it may have too much
+    own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
+    target = reading.torque * rows.command[some][:, driven] - share * (own[some] + torque)
+    out, spread = np.zeros(len(reading.zero)), rows.spread[driven]
+    # not where a joint rests: what counts there is the torque that broke it away
+    for j, use in enumerate((rows.used[some][:, driven] & signals.moving[kept][:, moved]).T):
+        if use.sum() > 8 and spread[j] > 0.0:
+            slow = max(float(abs(reading.position[j]) * signals.rest_speed[moved[j]]), 1e-12)
+            x = np.stack([qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j]], 1)[use]
+            size = np.maximum(np.abs(x).max(0), 1e-300)
+            # an offset of either sign takes the means
+            x, y = (part - part.mean(0) for part in (x / size, target[use, j]))
+            out[j] = (
+                nnls(x, y, maxiter=1000)[1]
+                / np.sqrt(use.sum())
+                / spread[j]
+                / abs(reading.torque[j])
+            )
+    return out

@@ -1,0 +1,237 @@
+"""Gram matrices of the items that may be in a set of effects.
+
+They are computed once, block by block of a log, so that each set is one small solve. Columns are
+scaled to about one, and divided by the noise of their joint.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.gap.evidence.delivery import Delivery, delivery
+from jaxidl.gap.evidence.rows import Rows
+
+Key = tuple[str, int | None]  # an effect's name and its joint
+# name, joint and part of an effect: one shape of each at a time
+Group = tuple[str, int | None, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """One shape of an effect: P columns of the predicted command on some joints.
+
+    Items are compared by identity.
+    """
+
+    group: Group
+    shape: Any  # see :mod:`jaxidl.gap.fit.library`
+    joints: tuple[int, ...]  # the K joints that it affects
+    columns: Float[np.ndarray, "P N K"] = field(repr=False)
+    lower: Float[np.ndarray, " P"]
+    upper: Float[np.ndarray, " P"]
+    odds: float  # log prior odds
+    # precision of the prior on its coefficients: inverse squares of plausible values
+    precision: Float[np.ndarray, " P"]
+    actuates: bool = False  # true if it changes what the motor delivers
+    common: bool = False  # true if part of the envelope
+    always: bool = False  # true if part of every set without being an effect
+    # additional commands on its joints (S, N, K), and what it holds back of them (S, P, N, K) [1]
+    push: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+    deaf: np.ndarray | None = field(
+        default=None, repr=False
+    )  # (P, K) share of samples at which no additional command passes
+
+    @property
+    def key(self) -> Key:
+        """Name and joint."""
+        return self.group[:2]
+
+
+class Anchor(NamedTuple):
+    """Evidence of another log of the same machine about items that both share.
+
+    Changes of their coefficients increase its error.
+    """
+
+    items: tuple[Item, ...]
+    information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
+    pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
+
+
+def samples_alike(count: np.ndarray, effective: np.ndarray) -> float:
+    """Return how many of ``count`` (J,) samples count as one if ``effective`` (J,) are independent.
+
+    It is the median over the joints.
+    """
+    return float(np.median(count / np.maximum(effective, 1.0)))
+
+
+class Gram:
+    """Gram matrices of a library of items on the rows of a log."""
+
+    def __init__(
+        self,
+        rows: Rows,
+        items: Sequence[Item],
+        noise: np.ndarray,
+        effective: np.ndarray,
+        anchor: Anchor | None = None,
+        old: "Gram | None" = None,
+    ):
+        """Compute the Gram matrices.
+
+        Args:
+            rows: N rows, B training blocks, others held out.
+            items: all items that may be in a set.
+            noise: (J,) root mean square residual of the envelope [N or Nm].
+            effective: (J,) effective number of training samples.
+            anchor: evidence of another log about some of the items.
+            old: the score of the same rows with other items; what both share is not computed again.
+        """
+        self.rows, self.items = rows, list(items)
+        self.noise, self.effective = noise, effective
+        # also holds items that ``narrowed`` leaves out, so that no other item gets their identity
+        self._alive = list(items)
+        sizes = np.cumsum([0, *(len(i.lower) for i in items)])
+        self.place = {
+            id(i): np.arange(a, b) for i, a, b in zip(items, sizes, sizes[1:], strict=False)
+        }
+        self.total = int(sizes[-1])
+        kept_aside = sorted({int(b) for b in rows.block if b < 0}, reverse=True)
+        order = [*range(int(rows.block.max()) + 1), *kept_aside]
+        self.training = np.array([b >= 0 for b in order])
+        joints = rows.gap.shape[1]
+        self.which: list[np.ndarray] = []  # for each joint: indices of the columns that affect it
+        self.gram: list[np.ndarray] = []  # ... (B, p, p)
+        self.right: list[np.ndarray] = []  # ... (B, p)
+        # squares of the gap itself, and number of rows
+        self.square, self.count = np.zeros((2, len(order), joints))
+        self.deliveries: list[Delivery] = []  # for each joint: what its actuators let through
+        scale = np.zeros(self.total)
+        weights = rows.used / np.maximum(noise, 1e-300)
+        for i in items:
+            for k, j in enumerate(i.joints):
+                scale[self.place[id(i)]] += np.sum((i.columns[:, :, k] * weights[:, j]) ** 2, 1)
+        # columns without any effect on this log keep their own unit
+        self.dead = scale <= 1e-24 * max(scale.max(initial=0.0), 1e-300)
+        self.scale = np.where(self.dead, 1.0, np.sqrt(scale / max(rows.training.sum(), 1)))
+        same = np.full(self.total, -1)  # indices in the old score
+        before = {} if old is None else old.place
+        for i in items:
+            same[self.place[id(i)]] = before.get(id(i), -1)
+        for j in range(joints):
+            on = [(i, i.joints.index(j)) for i in items if j in i.joints]
+            which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
+            x = np.concatenate(
+                [np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)]
+            )
+            x = rows.steady(x * weights[:, j] / self.scale[which, None], j).T  # (N, p)
+            y = rows.steady(rows.gap[:, j] * weights[:, j], j)
+            parts = [rows.block == b for b in order]
+            g = np.empty((len(order), len(which), len(which)))
+            kept = np.flatnonzero(same[which] >= 0)
+            fresh = np.flatnonzero(same[which] < 0)
+            if old is not None:
+                at = old.local[j][same[which[kept]]]
+                g[:, kept[:, None], kept] = old.gram[j][:, at[:, None], at]
+            for n, b in enumerate(parts):
+                across = x[b].T @ x[b][:, fresh]
+                g[n][:, fresh], g[n][fresh] = across, across.T
+            self.gram.append(g)
+            self.right.append(np.stack([x[b].T @ y[b] for b in parts]))
+            self.square[:, j] = [y[b] @ y[b] for b in parts]
+            self.count[:, j] = [rows.used[b, j].sum() for b in parts]
+            self.which.append(which)
+            acting = [i for i, _ in on if i.actuates]
+            at = self.indices(acting)
+            self.deliveries.append(delivery(rows, j, noise[j], acting, at, self.scale[at]))
+        # variance of the command [noise^2]
+        self.variance = np.array([d.variance for d in self.deliveries])
+        self.bounds = [
+            np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale
+            for side in ("lower", "upper")
+        ]
+        self.prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / self.scale**2
+        self.alike = samples_alike(self.count[self.training].sum(0), effective)
+        self.anchor = anchor
+        self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
+        if anchor is not None:
+            at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
+            self.anchored[np.ix_(at, at)] = (
+                anchor.information / self.scale[at, None] / self.scale[at]
+            )
+            self.pull[at] = anchor.pull / self.scale[at]
+        self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
+        self.local = [np.full(self.total, -1) for _ in range(joints)]
+        for local, which in zip(self.local, self.which, strict=True):
+            local[which] = np.arange(len(which))
+        self.weights = np.ones(int(self.training.sum()))  # weights of the training blocks
+
+    def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal equations (B, P, P) and (B, P) of a set's coefficients.
+
+        There is one for each training block.
+        """
+        at = self.indices(members)
+        gram, right, _ = self._normal(at)
+        return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
+
+    def known(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+        """Return what priors and another log add to the normal equations of a set.
+
+        These are a matrix (P, P) and a right side (P,).
+        """
+        at = self.indices(members)
+        s = self.scale[at]
+        return self._known(at) * s[:, None] * s, self.pull[at] * s
+
+    def _known(self, at: np.ndarray) -> np.ndarray:
+        return self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
+
+    def _normal(
+        self, at: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
+        blocks = len(self.weights)  # training blocks come first
+        gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
+        own = []
+        for local, g, h in zip(self.local, self.gram, self.right, strict=True):
+            here = np.flatnonzero(local[at] >= 0)
+            there = local[at[here]]
+            g, h = g[:blocks, there[:, None], there], h[:blocks, there]
+            own.append((here, g, h))
+            gram[:, here[:, None], here] += g
+            right[:, here] += h
+        return gram, right, own
+
+    @cached_property
+    def whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
+        """Return Gram matrix (P, P) and right side (P,) of all items on all training blocks.
+
+        Also return the items by their width: indices (n, p), their own part of the matrix (n, p, p)
+        and on which joints (n, J) they are.
+        """
+        gram, push = self.anchored.copy(), self.pull.copy()
+        for which, g, h in zip(self.which, self.gram, self.right, strict=True):
+            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[self.training], 1)
+            push[which] += self.weights @ h[self.training]
+        widths = []
+        for width in sorted({len(i.lower) for i in self.items} - {0}):
+            items = [i for i in self.items if len(i.lower) == width]
+            where = np.stack([self.place[id(i)] for i in items])
+            own = gram[where[:, :, None], where[:, None, :]].copy()
+            own[:, np.arange(width), np.arange(width)] += (
+                self.prior[where] + 1e-6 * np.diagonal(gram)[where] + 1e-9
+            )
+            on = np.zeros((len(items), len(self.which)))
+            for n, i in enumerate(items):
+                on[n, list(i.joints)] = 1.0
+            widths.append((items, where, own, on))
+        return gram, push, widths
+
+    def indices(self, members: Iterable[Item]) -> np.ndarray:
+        """Return the indices of the columns of some items."""
+        return np.concatenate([np.zeros(0, int), *(self.place[id(m)] for m in members)])

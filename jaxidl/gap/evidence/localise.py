@@ -1,0 +1,141 @@
+"""The regimes in which a residual occurs: its energy by joint and regime, in sentences."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from jaxidl.gap.evidence.rows import Rows, rms
+
+# a regime stands out if its share of the energy is this many times its share of the time
+EXCESS = 1.5
+LEAST = 0.08  # and its share is at least this much of the joint's energy
+MOST = 4  # most places reported for each joint
+
+
+class Place(NamedTuple):
+    """A regime of a joint, and its share of the joint's residual energy."""
+
+    joint: int
+    regime: str
+    share: float  # share of the joint's residual energy
+    time: float  # share of the samples that count: of a rest it is one
+    sentence: str
+
+
+def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[Place]:
+    """Return the regimes of each joint that stand out, the most striking first.
+
+    Joints are in the order of their relative residual.
+    """
+    counted = data.used
+    size = (rms(residual, counted) / np.maximum(data.spread, 1e-12)).tolist()
+    places = []
+    for j in np.argsort(size)[::-1].tolist():
+        energy = residual[:, j] ** 2 * counted[:, j]
+        found = []
+        for regime, mask, words in _regimes(data, j):
+            share = float(energy[mask].sum() / max(energy.sum(), 1e-300))
+            time = float(np.sum(mask & counted[:, j]) / max(np.sum(counted[:, j]), 1))
+            if share > LEAST and share > EXCESS * time and time > 0.0:
+                sentence = (
+                    f"{names[j]}: {share:.0%} of the residual's energy lies {words}, which is"
+                    f" {time:.0%} of the samples that count"
+                )
+                found.append(Place(j, regime, share, time, sentence))
+        found.sort(key=lambda p: p.share * np.log(p.share / p.time), reverse=True)
+        places += found[:MOST] or [_everywhere(j, names[j], size[j])]
+        places += _direction(data, residual, j, names[j])
+    return places
+
+
+def _everywhere(joint: int, name: str, size: float) -> Place:
+    return Place(
+        joint,
+        "everywhere",
+        1.0,
+        1.0,
+        f"{name}: the residual, {size:.1%} of the command's spread, is spread evenly over all"
+        " regimes",
+    )
+
+
+def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
+    """Return name, rows and description of each regime."""
+    signals, rows = data.signals, data.signals.rows
+    resting = signals.resting[rows]
+    q, qd, qdd, tau = (x[rows, j] for x in (signals.q, signals.qd, signals.qdd, signals.tau))
+    speed = np.abs(qd)
+    low, high = np.quantile(speed, [0.25, 0.75])
+    reach = np.quantile(np.abs(qdd), 0.75), np.quantile(np.abs(tau), 0.75)
+    thirds = np.quantile(q, [1 / 3, 2 / 3])
+    turn = _near(
+        np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0,
+        max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt))),
+    )
+    quarters = np.arange(len(rows)) * 4 // len(rows)
+    out = [
+        ("standstill", resting[:, j], "where the joint is at rest"),
+        ("reversal", turn & ~resting[:, j], "within 50 ms of a reversal"),
+        ("low speed", speed < low, f"below a speed of {low:.3g}"),
+        ("high speed", speed > high, f"above a speed of {high:.3g}"),
+        ("positive direction", qd > signals.rest_speed[j], "in motion forwards"),
+        ("negative direction", qd < -signals.rest_speed[j], "in motion backwards"),
+        ("low position", q < thirds[0], f"at positions below {thirds[0]:.3g}"),
+        (
+            "middle position",
+            (q >= thirds[0]) & (q <= thirds[1]),
+            f"at positions between {thirds[0]:.3g} and {thirds[1]:.3g}",
+        ),
+        ("high position", q > thirds[1], f"at positions above {thirds[1]:.3g}"),
+        ("high acceleration", np.abs(qdd) > reach[0], f"above an acceleration of {reach[0]:.3g}"),
+        ("high load", np.abs(tau) > reach[1], f"above a torque of {reach[1]:.3g}"),
+    ]
+    return out + [
+        (
+            f"quarter {k + 1}",
+            quarters == k,
+            f"in the {('first', 'second', 'third', 'last')[k]} quarter of the log",
+        )
+        for k in range(4)
+    ]
+
+
+def _near(events: np.ndarray, reach: int) -> np.ndarray:
+    return np.convolve(events, np.ones(2 * reach + 1), "same") > 0
+
+
+def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Place]:
+    """Return places of a residual that follows the direction of motion, or is constant.
+
+    Also return the frequencies that it has.
+    """
+    counted = data.used[:, j]
+    rows = data.signals.rows
+    qd, r = data.signals.qd[rows, j][counted], residual[counted, j]
+    if len(r) < 64:
+        return []
+    energy = np.mean(r**2)
+    dry = np.mean(r * np.sign(qd)) ** 2 / max(energy, 1e-300)
+    mean = np.mean(r) ** 2 / max(energy, 1e-300)
+    found = []
+    if dry > 0.25:
+        way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
+        found.append(
+            Place(
+                j,
+                "direction",
+                float(dry),
+                1.0,
+                f"{name}: {dry:.0%} of it is a constant torque {way} the motion",
+            )
+        )
+    if mean > 0.25:
+        found.append(
+            Place(j, "offset", float(mean), 1.0, f"{name}: {mean:.0%} of it is one constant torque")
+        )
+    dt = float(np.median(np.diff(rows))) * data.signals.dt
+    f, power = signal.welch(residual[:, j], 1.0 / dt, nperseg=min(256, len(rows)))
+    top = f[np.searchsorted(np.cumsum(power), 0.8 * power.sum())]
+    found.append(Place(j, "frequency", 0.8, 1.0, f"{name}: 80% of it lies below {top:.2g} Hz"))
+    return found

@@ -1,0 +1,197 @@
+"""The rows of a log that fits share.
+
+They hold the model's residual, and say which rows are fitted, in which blocks.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from jaxidl.effects import Effect
+from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.drift import slower, weighted, weights_of
+from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.recurrence import returns
+from jaxidl.logs.low_pass import at_instants
+from jaxidl.logs.signals import Signals
+from jaxidl.systems.free import inner
+
+# training blocks; samples of real machines are correlated, blocks hardly are
+BLOCKS = 16
+ASIDE = 6  # blocks of the held-out rows
+# an end of a log with this many times the rest's peak torque, speed or acceleration is not held out
+FURTHER = 1.2
+STRETCH = 1.5  # see ``kept_rows`` [s]
+# errors below this multiple of the noise are equal: a changed inertia changes the noise
+NOISE_MARGIN = 1.2
+LEAST_FLOOR = 0.003  # share of the command's spread: no simulation is assumed to be better
+
+
+class Rows(NamedTuple):
+    """N rows of J joints.
+
+    Of a joint at rest only the last instant of each rest counts, with the torque that broke it
+    away.
+    """
+
+    gap: Float[np.ndarray, "N J"]  # command minus the predicted one [N or Nm]
+    command: Float[np.ndarray, "N J"]  # filtered [N or Nm]
+    used: Bool[np.ndarray, "N J"]
+    block: np.ndarray  # (N,) number of the block; held-out blocks count down from -1
+    floor: Float[np.ndarray, " J"]  # noise floor [N or Nm]
+    spread: Float[np.ndarray, " J"]  # spread of the command [N or Nm]
+    tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
+    friction: Float[np.ndarray, "N J"]  # torque that the model's own friction needs [N or Nm]
+    unloaded: Float[np.ndarray, "T J"]  # torque of friction that needs no load [N or Nm]
+    signals: Signals
+    effects: tuple[Effect, ...] = ()  # the model's own
+    # (J,) by how much later torques are assumed to be logged [s]
+    shift: float | np.ndarray = 0.0
+    returns: tuple[int, ...] = ()  # after how many instants the motion is there again
+    # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
+    slow: np.ndarray | None = None
+    # effects of the model and of what was found whose friction acts where the joints truly are
+    rubbing: tuple[Effect, ...] = ()
+
+    def shifted(self, shift: float | np.ndarray) -> "Rows":
+        """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
+        s = self.signals
+        t, each = np.arange(len(s.q)) * s.dt, np.broadcast_to(shift, s.q.shape[1:])
+        moved = lambda x: np.concatenate(
+            [
+                np.stack(
+                    [at_instants(c, t[r], t[r] - d) for c, d in zip(x[r].T, each, strict=True)], 1
+                )
+                for r in s.slices
+            ]
+        )
+        tau = moved(self.tau)
+        command = s.command(tau)[s.rows]
+        late = s._replace(tau=moved(s.tau))
+        gap = self.gap + command - self.command
+        return self._replace(
+            gap=gap, command=command, tau=tau, signals=late, shift=self.shift + each
+        )
+
+    def evened(self, left: np.ndarray) -> "Rows":
+        """Return the rows with training blocks of similar time and residual energy.
+
+        The energy is that of ``left`` (N, J). What happens in one moment of a log, such as a limit
+        that is reached once, is then in several blocks and can be predicted.
+        """
+        square = left**2 * self.used * self.training[:, None]
+        share = square / np.maximum(square.sum(0), 1e-300)
+        density = 1.0 / self.training.sum() + share.max(1) / max(share.max(1).sum(), 1e-300)
+        at = np.cumsum(np.where(self.training, density, 0.0))
+        number = np.minimum(
+            BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1
+        ).astype(int)
+        return self._replace(block=np.where(self.training, number, self.block))
+
+    def drifting(self, left: np.ndarray) -> "Rows":
+        """Return the rows in which drift, as in a residual ``left`` (N, J), counts little."""
+        use, signals = self.used & self.training[:, None], self.signals
+        seconds = signals.dt * float(np.median(np.diff(signals.rows))) * use.sum(0)
+        each = [weights_of(left[on, j], seconds[j]) for j, on in enumerate(use.T)]
+        return self._replace(slow=np.stack(each))
+
+    def steady(self, x: np.ndarray, joint: int) -> np.ndarray:
+        """Return torques (..., N) of a joint with less weight on slow components.
+
+        Those of held-out rows, which are a shorter time, are fewer.
+        """
+        if self.slow is None:
+            return x
+        out, use = np.array(x, float), self.used[:, joint]
+        here, there = use & self.training, use & ~self.training
+        out[..., here] = weighted(out[..., here], self.slow[joint])
+        shorter = there.sum() / max(here.sum(), 1)
+        out[..., there] = weighted(out[..., there], slower(self.slow[joint], shorter))
+        return out
+
+    def whole(self) -> "Rows":
+        """Return the rows with none held out."""
+        return self._replace(block=np.where(self.training, self.block, BLOCKS - 1 - self.block))
+
+    @property
+    def training(self) -> np.ndarray:
+        """Return which rows (N,) are fitted."""
+        return self.block >= 0
+
+
+def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 0.3) -> Rows:
+    """Return the rows of a log with the model's residual there.
+
+    Args:
+        signals: the log, prepared for the model: what its effects do to the encoders is undone
+            there.
+        effects: the model's own effects, in addition to its rigid body.
+        held_out: share of the rows that is held out.
+    """
+    rows, tau, gap = signals.rows, signals.tau, signals.balance.copy()
+    used = signals.moving[rows].copy()
+    for j, peaks in enumerate(signals.peaks):
+        at = np.searchsorted(rows, peaks[:, 0])
+        gap[at, j], used[at, j] = peaks[:, 1], True
+    friction, unloaded = np.zeros_like(gap), friction_along(effects, signals, tau)
+    for effect in effects:
+        added, tau = additions([effect], signals, tau, tau, undone=True, friction=unloaded)
+        gap = gap - added[0]
+        friction += added[0] if inner(effect).friction else 0.0
+    command = signals.command(tau)[rows]
+    train = kept_rows(signals, held_out)
+    block = np.zeros(len(rows), int)
+    block[train] = np.arange(train.sum()) * BLOCKS // max(train.sum(), 1)
+    block[~train] = -1 - np.arange((~train).sum()) * ASIDE // max((~train).sum(), 1)
+    spread = np.std(signals.tau[rows], axis=0)
+    return Rows(
+        gap,
+        command,
+        used,
+        block,
+        np.maximum(NOISE_MARGIN * signals.noise_floor, LEAST_FLOOR * spread),
+        spread,
+        tau,
+        friction,
+        unloaded,
+        signals,
+        tuple(effects),
+        returns=returns(signals),
+        rubbing=tuple(effects),
+    )
+
+
+def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
+    """Return which of the kept rows (N,) are fitted.
+
+    They are all but the last share ``held_out`` of every run. Something that happens only at the
+    end of a log, such as saturation in fast motion, could neither be found if that end were held
+    out nor be verified if it were not. So where the ends contain faster or harder motion than the
+    rest, stretches of ``STRETCH`` seconds each have their own last part held out.
+    """
+    rows = signals.rows
+    counts = [int(np.sum((rows >= r.start) & (rows < r.stop))) for r in signals.slices]
+    place = np.concatenate([np.linspace(0.0, 1.0, count, endpoint=False) for count in counts])
+    last = place >= 1.0 - held_out
+    if not last.any():
+        return ~last
+    command = signals.balance + signals.tables.torque[rows]
+    sizes = [np.abs(command), *(np.abs(x[rows]) for x in (signals.qd, signals.qdd))]
+    reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])
+    if np.all(reach(last) <= FURTHER * reach(~last)):
+        return ~last
+    duration = len(rows) * np.median(np.diff(rows)) * signals.dt
+    stretches = max(2, round(duration / STRETCH))
+    return (np.arange(len(rows)) * stretches / len(rows)) % 1.0 < 1.0 - held_out
+
+
+def instants_of(signals: Signals, rows: np.ndarray) -> Bool[np.ndarray, " T"]:
+    """Return which instants (T,) of the log lie among some of the kept rows (N,)."""
+    return np.interp(np.arange(len(signals.q)), signals.rows, rows) > 0.5
+
+
+def rms(x: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Return the root mean square (J,) of ``x`` (N, J) where ``use`` (N, J) is true."""
+    return np.sqrt(np.sum(x**2 * use, 0) / np.maximum(use.sum(0), 1))

@@ -1,0 +1,178 @@
+"""A fit that stays physical.
+
+Parameters stay within bounds, friction dissipates wherever the log went, and links could be built.
+Least squares under linear and linear matrix inequalities is a small conic program, solved by an
+interior-point method (Goulart and Chen, Clarabel, 2024).
+"""
+
+# Clarabel's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Sequence
+
+import clarabel
+import numpy as np
+from scipy import sparse
+
+from jaxidl.effects import Effect
+from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.links import Links, change_of, links_of, physical, pseudo_inertia
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.fit.score import Score, Solution
+
+PLACES = 80  # number of a joint's rows at which its friction must dissipate
+FAST = 3.0  # times the rest speed: closer to a reversal the filter blurs the direction
+
+
+def consistent(
+    gram: np.ndarray,
+    right: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    unequal: np.ndarray,
+    least: np.ndarray,
+    cones: Sequence[tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray | None:
+    """Return the minimum (P,) of x·gram·x/2 − right·x, or None if there is none.
+
+    Args:
+        gram: (P, P); right: (P,).
+        lower, upper: (P,) bounds.
+        unequal: (M, P); least: (M,): unequal @ x >= least.
+        cones: pairs of a matrix (4, 4) and its derivatives (P, 4, 4): their sum is to be positive
+            semidefinite.
+    """
+    size = np.sqrt(np.diag(gram))
+    size = np.where(size > 1e-12 * size.max(initial=0.0), size, 1.0)
+    eye = np.eye(len(right))
+    low, high = np.isfinite(lower), np.isfinite(upper)
+    rows = [-eye[low], eye[high], -unequal]
+    sides = [-lower[low], upper[high], -least]
+    kinds: list[object] = [clarabel.NonnegativeConeT(sum(len(r) for r in rows))]
+    i, j = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+    weight = np.where(i == j, 1.0, np.sqrt(2.0))
+    for base, slopes in cones:
+        scale = 1.0 / max(np.abs(base).max(), 1e-9)
+        rows.append(-scale * (slopes[:, i, j] * weight).T)
+        sides.append(scale * base[i, j] * weight)
+        kinds.append(clarabel.PSDTriangleConeT(4))
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    a = sparse.csc_matrix(np.concatenate(rows) / size)
+    p = sparse.csc_matrix(np.triu(gram / size / size[:, None]))
+    found = clarabel.DefaultSolver(
+        p, -right / size, a, np.concatenate(sides), kinds, settings
+    ).solve()
+    if str(found.status) not in ("Solved", "AlmostSolved"):
+        return None
+    return np.clip(np.asarray(found.x) / size, lower, upper)
+
+
+def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None:
+    """Return physical coefficients (P,) of a set.
+
+    None if its own coefficients are physical already, or none could be found.
+    """
+    fits = physical_fits(score, found, rows, folds=False)
+    return None if fits is None else fits[0]
+
+
+def physical_fits(
+    score: Score, found: Solution, rows: Rows, folds: bool = True
+) -> np.ndarray | None:
+    """Return physical coefficients (1 + B, P) of a set fitted to all blocks and without each of B.
+
+    None if its own coefficients are physical already.
+    """
+    members, count = found.members, len(found.x)
+    places = {id(m): found.of(m) for m in members}
+    cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
+    unequal, least = dissipating(members, rows, places, count)
+    physical = all(
+        np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones
+    )
+    if physical and not np.any(unequal @ found.x < least - 1e-9):
+        return None
+    gram, right = score.normal(members)
+    known, pull = score.known(members)
+    pull = pull + score.dilution(found)
+    lower, upper = (
+        np.concatenate([np.zeros(0), *(getattr(m, side) for m in members)])
+        for side in ("lower", "upper")
+    )
+    whole = gram.sum(0), right.sum(0)
+    x = np.concatenate([found.x[None], found.folds]) if folds else found.x[None].copy()
+    for k in range(len(x)):
+        g, h = whole if k == 0 else (whole[0] - gram[k - 1], whole[1] - right[k - 1])
+        ridge = np.diag(1e-9 * np.diag(g) + 1e-12)
+        best = consistent(g + known + ridge, h + pull, lower, upper, unequal, least, cones)
+        x[k] = x[k] if best is None else best
+    return x
+
+
+def dissipating(
+    members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (M, P): friction of a joint against its motion, by the coefficients.
+
+    There is one row for each of a number of places of the log. Also return the least values (M,)
+    of their products with the coefficients: the model's own friction may be less, not reversed.
+    """
+    out, least, signals = [], [], rows.signals
+    for j in range(rows.gap.shape[1]):
+        here = [
+            m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)
+        ]
+        speed = signals.qd[signals.rows, j]
+        fast = np.flatnonzero(rows.used[:, j] & (np.abs(speed) > FAST * signals.rest_speed[j]))
+        if not here or not len(fast):
+            continue
+        picked = fast[np.argsort(np.abs(speed[fast]))][
+            np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)
+        ]
+        part = np.zeros((len(picked), count))
+        for m in here:
+            part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
+        size = max(np.abs(part).max(), 1e-300)
+        out.append(part / size)
+        own = rows.friction[picked, j] * np.sign(speed[picked])
+        least.append(-np.maximum(own, 0.0) / size)
+    if not out:
+        return np.zeros((0, count)), np.zeros(0)
+    return np.concatenate(out), np.concatenate(least)
+
+
+def buildable(
+    members: Sequence[Item],
+    links: Links | None,
+    own: Sequence[Effect],
+    places: dict[int, slice],
+    count: int,
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return the pseudo-inertia of each link that the members change, and its derivatives.
+
+    The model's ``own`` effects are included.
+    """
+    if links is None:
+        return []
+    slopes = np.zeros((count, *links.nominal.shape))
+    for m in members:
+        if m.shape is not None and m.shape.free and m.shape.cls.alter is not Effect.alter:
+            for k, row in enumerate(np.eye(len(m.lower))):
+                slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
+    nominal = links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
+    if links.same:  # a load is then part of the last link
+        slopes[:, -2] += slopes[:, -1]
+        nominal[-2] += nominal[-1] - links.nominal[-1]
+        slopes, nominal = slopes[:, :-1], nominal[:-1]
+    found = []
+    for link, numbers in enumerate(nominal):
+        if not np.any(slopes[:, link]) or not physical(numbers):
+            continue
+        # if the tensor is not free, at least the mass is
+        whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))
+        base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
+        if not whole:
+            base, change = base[3, 3] * np.eye(4), change[:, 3, 3, None, None] * np.eye(4)
+        found.append((base, change))
+    return found

@@ -1,0 +1,298 @@
+"""The library: what every effect of the catalogue would add to the command of this log.
+
+It covers every shape that an effect offers. What is linear in an effect's amplitudes is one group
+of columns. What has a shape (a speed, a period, a delay ...) is one group for each starting shape;
+of these the few that promise most beside all common effects are kept.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import uniform_filter1d
+
+from jaxidl.effects import CATALOGUE, Scale
+from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.gram import Anchor, Item, samples_alike
+from jaxidl.gap.evidence.items import columns_of, items_of
+from jaxidl.gap.evidence.links import links_of
+from jaxidl.gap.evidence.projection import ALIGNMENT, Projection, aligned, alignments
+from jaxidl.gap.evidence.recurrence import copies
+from jaxidl.gap.evidence.rows import Rows, rms
+from jaxidl.gap.evidence.samples import correlation_beside
+from jaxidl.gap.evidence.shape import Present, effect_at, shapes_of, vector
+from jaxidl.gap.fit.prior import plausible
+from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.logs.low_pass import at_instants
+
+ALIKE = 20.0  # correlated samples that count as one, before their number is known
+PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
+HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
+DEAF = 0.8
+
+
+def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
+    """Return items with the response of actuators to small additional commands.
+
+    It is what they hold back of two: one along the command, and the residual backwards in time.
+    The latter has the spectrum of the residual and nothing to do with the motion: an actuator that
+    holds it back would also make noise smaller that is on the command. The items further have the
+    share of samples at which they hold back all of a command while it is held.
+    """
+    acting = [i for i in items if i.actuates]
+    signals, shapes = rows.signals, [i.shape for i in acting]
+    size = np.where(rows.spread > 0.0, PUSH * rows.spread, 1.0)  # joints without a drive
+    without = columns_of(shapes, rows, predicted)
+    noise = (rows.tau - predicted)[::-1]
+    noise = noise / np.maximum(np.sqrt(np.mean(noise**2, 0)), 1e-300)
+
+    def kept(way: np.ndarray) -> list[np.ndarray]:
+        more = columns_of(shapes, rows._replace(tau=rows.tau + size * way), predicted + size * way)
+        return [(a - b) / size for a, b in zip(more, without, strict=True)]
+
+    long = max(3, round(HELD / (signals.dt * float(np.median(np.diff(signals.rows, prepend=0))))))
+    use = rows.used & rows.training[:, None]
+    ways = np.stack([np.sign(rows.command), signals.command(noise)[signals.rows]])
+    out = {}
+    for i, along, back, held in zip(
+        acting, kept(np.sign(rows.tau)), kept(noise), kept(np.ones_like(rows.tau)), strict=True
+    ):
+        deaf = (uniform_filter1d(held, long, axis=1) > DEAF) & use
+        on = list(i.joints)
+        out[id(i)] = {
+            "push": (ways[:, :, on], np.stack([along, back])[..., on]),
+            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, on],
+        }
+    return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
+
+
+def scales(rows: Rows) -> list[Scale]:
+    """Return the magnitudes on each joint.
+
+    Positions are those of training rows: a table over others would not be fitted there.
+    """
+    signals, residual = rows.signals, rms(rows.gap, rows.used)
+    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], (0.002, 0.998), axis=0)
+    inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
+    mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
+    free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
+    speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
+    size = np.abs(signals.tau)
+    torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
+    return [
+        Scale(
+            float(torque[j]),
+            float(speed[j]),
+            float(lows[j]),
+            float(highs[j]),
+            float(inertia[j]),
+            float(residual[j]),
+            signals.band,
+            signals.interval,
+            j,
+            len(lows),
+            tuple(lows.tolist()),
+            tuple(highs.tolist()),
+            float(signals.rest_speed[j]),
+            float(effort[j]),
+            float(typical[j]),
+            float(free[j]),
+        )
+        for j in range(len(lows))
+    ]
+
+
+class Library(NamedTuple):
+    """Items of a log, the residual of all common effects together, and the items' score."""
+
+    rows: Rows
+    score: Score
+    envelope: Solution
+    predicted: np.ndarray  # (T, J) command predicted by all common effects [N or Nm]
+    still: tuple[int, ...]  # joints that never move
+
+
+class Reference(NamedTuple):
+    """Another log of the same machine: what both have in common, and its evidence about that."""
+
+    items: tuple[Item, ...]  # items of that log
+    information: np.ndarray  # (P, P)
+    pull: np.ndarray  # (P,)
+
+
+def library(
+    rows: Rows, names: Sequence[str], own: Present, reference: Reference | None = None
+) -> Library:
+    """Return the library of the effects ``names``.
+
+    Args:
+        rows: N rows of the log.
+        names: names in the catalogue.
+        own: effects that the model has already.
+        reference: another log, for which the model was made; then only changes since then compete.
+    """
+    signals = rows.signals
+    every = scales(rows)
+    moving = [s for s in every if s.speed > 0.0 and rows.used[:, s.joint].any()]
+    predicted = rows.tau
+    classes = [CATALOGUE[name] for name in names]
+    offered = {
+        cls: [
+            s
+            for scale in (every[:1] if cls.whole else moving)
+            for s in shapes_of(cls, scale, own, reference is not None)
+        ]
+        for cls in classes
+    }
+    links = links_of(signals.body)
+    # parts before the effects that contain them
+    classes = sorted(classes, key=lambda cls: len(cls.contains()))
+    common: list[Item] = []
+    for cls in classes:
+        if cls.common:
+            common += [
+                plausible(i, links, ALIKE) for i in items_of(offered[cls], rows, predicted, common)
+            ]
+    rows = aligned(rows, common)
+    spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
+    first = Score(rows, common, spread, np.ones(len(spread)))
+    envelope = first.solve(common)
+    left = residual(rows, envelope)
+    rows = rows.evened(left).drifting(left)
+    noise, effective = noise_of(rows, left, common)
+    predicted = upsampled(rows, rows.command - left)
+    rows = with_friction(rows, envelope)
+    alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
+    common = [plausible(i, links, alike) for i in common]
+    shared = (
+        tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
+    )
+    items = [*common, *shared, *alignments(rows, predicted, alike)]
+    projected = Projection(rows, items, noise)
+    for cls in classes:
+        if not cls.common:
+            best = projected.best(items_of(offered[cls], rows, predicted, items), left, effective)
+            items += [
+                i if i.actuates else plausible(i, links, alike)
+                for i in pushed(best, rows, predicted)
+            ]
+    basic = [i for i in items if i.common or i.always]
+    score = Score(
+        rows,
+        items,
+        noise,
+        effective,
+        Anchor(shared, reference.information, reference.pull) if reference is not None else None,
+    )
+    still = tuple(j for j in range(len(every)) if every[j] not in moving)
+    return Library(rows, score, score.solve(basic), predicted, still)
+
+
+def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
+    """Return an item of another log on this one: both have it in common, so it is no finding."""
+    (columns,) = columns_of([i.shape], rows, predicted)
+    far = np.full(len(i.lower), np.inf)
+    joints = tuple(range(columns.shape[2]))
+    group = (i.group[0], i.group[1], f"{i.group[2]} before")
+    return replace(
+        i,
+        group=group,
+        joints=joints,
+        columns=columns,
+        lower=-far,
+        upper=far,
+        odds=0.0,
+        common=False,
+        always=True,
+        push=None,
+        deaf=None,
+        actuates=False,
+    )
+
+
+def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
+    """Return root mean square (J,) [N or Nm] and effective number of samples (J,) of a residual.
+
+    The residual ``left`` is (N, J), that of ``items``. Training rows count, and drift is weighted
+    down.
+    """
+    use = rows.used & rows.training[:, None]
+    left = np.stack([rows.steady(part, j) for j, part in enumerate(left.T)], 1)
+    noise = np.maximum(rms(left, use), rows.floor)
+    effective, at = np.zeros(len(noise)), rows.signals.rows
+    for j, here in enumerate(use.T):
+        if here.any():
+            beside = [
+                rows.steady(i.columns[:, :, i.joints.index(j)], j) for i in items if j in i.joints
+            ]
+            columns = np.concatenate([np.zeros((0, len(left))), *beside])[:, here]
+            alike, repeated = copies(rows.returns, left[here, j], at[here])
+            alike *= correlation_beside(left[here, j], columns, repeated)
+            effective[j] = here.sum() / alike
+    return noise, effective
+
+
+def residual(rows: Rows, found: Solution) -> np.ndarray:
+    """Return the residual (N, J) [N or Nm] of a set."""
+    return residual_on(rows, found, range(rows.gap.shape[1]))
+
+
+def own_residual(rows: Rows, found: Solution) -> np.ndarray:
+    """Return the model's own residual (N, J) [N or Nm], torques aligned in time as in a set."""
+    members = [m for m in found.members if m.key[0] == ALIGNMENT]
+    return residual_on(rows, found, range(rows.gap.shape[1]), members)
+
+
+def residual_on(
+    rows: Rows, found: Solution, joints: Sequence[int], members: Sequence[Item] | None = None
+) -> np.ndarray:
+    """Return the residual (N, K) [N or Nm] of a set, or of some members, on K of the joints."""
+    left = rows.gap[:, list(joints)].copy()
+    for m in found.members if members is None else members:
+        on = [k for k, j in enumerate(joints) if j in m.joints]
+        own = [m.joints.index(joints[k]) for k in on]
+        if own:
+            left[:, on] -= np.tensordot(found.x[found.of(m)], m.columns[:, :, own], 1)
+    return left
+
+
+def load_of(rows: Rows, found: Solution) -> np.ndarray:
+    """Return the torque (T, J) that a set predicts to reach the joints [N or Nm].
+
+    It is the load that friction reads: the command that the set predicts, after the motor.
+    """
+    acting = [m for m in found.members if m.actuates]
+    held_back = rows.gap - residual_on(rows, found, range(rows.gap.shape[1]), acting)
+    return upsampled(rows, rows.command - residual(rows, found) - held_back)
+
+
+def with_friction(rows: Rows, found: Solution) -> Rows:
+    """Return the rows with the friction of a set that needs no load; it reduces the load."""
+    rows = rubbed(rows, found)
+    return rows._replace(unloaded=friction_along(rows.rubbing, rows.signals, rows.tau))
+
+
+def rubbed(rows: Rows, found: Solution) -> Rows:
+    """Return the rows with the friction that acts behind an encoder: the model's and a set's."""
+    own = [
+        effect_at(m.shape, vector(m.shape, found.x[found.of(m)]))
+        for m in found.members
+        if m.shape is not None and m.shape.cls.friction
+    ]
+    return rows._replace(rubbing=(*rows.effects, *own))
+
+
+def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
+    """Return a command (T, J) from its values (N, J) at the rows.
+
+    It is the logged one where a joint rests and near the ends of runs.
+    """
+    out, at = rows.tau.copy(), rows.signals.rows
+    value = np.where(rows.used, command, rows.command)
+    for run in rows.signals.slices:
+        inside = (at >= run.start) & (at < run.stop)
+        if inside.sum() > 3:
+            between = np.arange(at[inside][0], at[inside][-1] + 1)
+            out[between] = at_instants(value[inside], at[inside], between)
+    return out

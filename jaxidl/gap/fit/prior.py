@@ -1,0 +1,62 @@
+"""The prior on the coefficients of changes of links: how large a change is plausible.
+
+A load may be as heavy as the robot, but it is a compact body: about its own centre its inertia is
+about that of its mass at a tenth of the robot's reach. So a light load does not stand for the
+inertia of a rotor.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from jaxidl.effects import Effect
+from jaxidl.effects.ten import moved
+from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.items import items_of
+from jaxidl.gap.evidence.links import Links, change_of, links_of
+from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.fit.score import Score, Solution
+
+
+def plausible(i: Item, links: Links | None, alike: float) -> Item:
+    """Return an item with the prior on its coefficients.
+
+    Neighbouring samples are correlated, ``alike`` of them count as one, and the prior is weighted
+    like the data.
+    """
+    if links is None or not changes_links(i):
+        return i
+    change = changes(i, links)
+    load = change[:, -1]
+    heavy = load[np.abs(load[:, 0]).argmax()]
+    if heavy[0] != 0.0:  # a load, about the point at which one more kilogram of it would be
+        change[:, -1] = [moved(ten, np.eye(3), -heavy[1:4] / heavy[0]) for ten in load]
+    return replace(i, precision=alike * np.sum((change / links.plausible) ** 2, (1, 2)))
+
+
+def changes_links(i: Item) -> bool:
+    """Return whether the coefficients of an item are changes of links."""
+    return i.shape is not None and i.shape.cls.alter is not Effect.alter and bool(i.shape.free)
+
+
+def changes(i: Item, links: Links) -> np.ndarray:
+    """Return the changes of the links (P, J + 1, 10) per unit of each coefficient."""
+    return np.stack([change_of(i.shape.at(row), links) for row in np.eye(len(i.lower))])
+
+
+def compact(m: Item, now: Solution, rows: Rows, score: Score, predicted: np.ndarray) -> Item | None:
+    """Return a load of a set about its centre, with the prior on its inertia that its mass implies.
+
+    None for any other effect. The mass counts with two standard errors: if a log does not determine
+    it, any inertia may be.
+    """
+    links = links_of(rows.signals.body)
+    if links is None or not changes_links(m) or not np.any(mass := changes(m, links)[:, -1, 0]):
+        return None
+    own, settled = now.of(m), m.shape.at(now.x[now.of(m)]).settled()
+    fixed = {n: np.asarray(getattr(settled, n), float) for n in m.shape.cls.fixed}
+    shape = m.shape._replace(values={**m.shape.values, **fixed})
+    (fresh,) = items_of([shape], rows, predicted)
+    error = np.sqrt(mass @ score.covariance(now)[own, own] @ mass)
+    heavy = float(abs(mass @ now.x[own]) + 2.0 * error)
+    return plausible(fresh, links.loaded(heavy), score.alike)

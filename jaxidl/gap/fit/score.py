@@ -1,0 +1,278 @@
+"""The score of a set of effects: its prediction of left-out blocks, and its prior.
+
+score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects of log(p / (1 - p))
+           - sum over coefficients of (x / s)^2 / 2:
+
+* e is the mean squared error of the command on blocks left out, in units of the envelope's
+  residual. Where effects change what the motor delivers it is taken relative to the share of the
+  command's variance that they let through. At samples where a little more command would deliver no
+  more, any command explains the motion: there the command's own variance takes e's place.
+* N is the effective number of samples, which accounts for the autocorrelation of the envelope's
+  residual and of its columns (:mod:`jaxidl.gap.evidence.samples`), and for motions that are
+  repeated (:mod:`jaxidl.gap.evidence.recurrence`).
+* p is the effect's prior.
+* s is how large a coefficient x may plausibly be, if something is known about it: changes of links
+  (:mod:`jaxidl.gap.fit.prior`).
+
+A set costs one small solve for each block (:mod:`jaxidl.gap.evidence.gram`).
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from jaxidl.gap.evidence.delivery import Delivery
+from jaxidl.gap.evidence.gram import Gram, Item
+from jaxidl.gap.fit.bounded import bounded
+
+RIDGE = 1e-9  # ridge relative to each column's own information
+DILUTED = 3  # steps against regression dilution
+
+
+class Solution(NamedTuple):
+    """A fitted set: P coefficients, B blocks, J joints."""
+
+    members: tuple[Item, ...]
+    x: Float[np.ndarray, " P"]  # fitted on all training blocks
+    folds: Float[np.ndarray, "B P"]  # fitted without one block each
+    error: Float[np.ndarray, "B J"]  # sum of squares on each block, fitted without it [noise^2]
+    passed: Float[np.ndarray, " J"]  # share of the command's variance that reaches the joint
+    value: float
+
+    def of(self, item: Item) -> slice:
+        """Return where an item's coefficients are."""
+        at = 0
+        for m in self.members:
+            if m is item:
+                return slice(at, at + len(m.lower))
+            at += len(m.lower)
+        raise KeyError(item.group)
+
+
+def unconnected(members: Iterable[Item]) -> list[tuple[Item, ...]]:
+    """Return the parts of a set that have no joint in common, such as a hand's fingers."""
+    parts: list[tuple[set[int], list[Item]]] = []
+    for m in members:
+        joints, own = set(m.joints), [m]
+        rest = []
+        for on, part in parts:
+            if on & joints:
+                joints, own = joints | on, part + own
+            else:
+                rest.append((on, part))
+        parts = [*rest, (joints, own)]
+    return [tuple(part) for _, part in parts]
+
+
+class Score(Gram):
+    """The score of sets of a library's items."""
+
+    def __init__(self, *args: Any, **more: Any):
+        """Take the arguments of :class:`jaxidl.gap.evidence.gram.Gram`."""
+        super().__init__(*args, **more)
+        self._solved: dict[frozenset[int], Solution] = {}
+        # what :func:`jaxidl.gap.choice.estimates.promise` said so far
+        self.promised: dict[Any, dict[int, float]] = {}
+        self.enough: dict[int, float] = {}  # and :func:`jaxidl.gap.choice.estimates.enough`
+
+    def solve(self, members: Iterable[Item]) -> Solution:
+        """Return the set fitted with and without each block, and its score."""
+        members = tuple(sorted(members, key=lambda i: self.place[id(i)][0] if len(i.lower) else -1))
+        known = frozenset(map(id, members))
+        if known not in self._solved:
+            parts = [] if self.anchor is not None else unconnected(members)
+            self._solved[known] = (
+                self._together(members, parts) if len(parts) > 1 else self._solve(members)
+            )
+        return self._solved[known]
+
+    def _together(self, members: tuple[Item, ...], parts: Sequence[tuple[Item, ...]]) -> Solution:
+        """Return the solution of a set whose ``parts`` have no joint in common."""
+        bare = self.solve(())
+        width = sum(len(m.lower) for m in members)
+        x, folds = np.zeros(width), np.zeros((len(bare.folds), width))
+        error, passed, value = bare.error.copy(), bare.passed.copy(), bare.value
+        at = np.cumsum([0, *(len(m.lower) for m in members)])
+        where = {id(m): np.arange(a, b) for m, a, b in zip(members, at, at[1:], strict=False)}
+        for part in parts:
+            own = self.solve(part)
+            on = sorted({j for m in part for j in m.joints})
+            here = np.concatenate([where[id(m)] for m in own.members])
+            x[here], folds[:, here] = own.x, own.folds
+            error[:, on], passed[on] = own.error[:, on], own.passed[on]
+            value += own.value - bare.value
+        return Solution(members, x, folds, error, passed, value)
+
+    def _solve(self, members: tuple[Item, ...]) -> Solution:
+        at = self.indices(members)
+        blocks = len(self.weights)
+        gram, right, own = self._normal(at)
+        w = self.weights[:, None]
+        whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
+        left = (
+            np.concatenate([whole[None], whole - w[:, :, None] * gram]),
+            np.concatenate([wanted[None], wanted - w * right]),
+        )
+        more, acting = 0.0, self._acting(at)
+        joints = [self._normal_of(own, d.joint) for d in acting]
+        for _ in range(DILUTED if acting else 0):
+            first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
+            more = self._dilution(first, acting, joints)
+        x = self._bounded(left[0], left[1] + more, at)
+        error = np.zeros((len(gram), len(self.which)))
+        for j, (here, g, h) in enumerate(own):
+            part = x[1:, here]
+            error[:, j] = self.square[:blocks, j] + np.sum(
+                ((g @ part[..., None])[..., 0] - 2 * h) * part, 1
+            )
+        error, (passed, heard) = np.maximum(error, 0.0), self._passed(acting, x[0])
+        mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
+        value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
+        return Solution(
+            members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
+        )
+
+    def dilution(self, found: Solution) -> np.ndarray:
+        """Return what to add to the right side (P,) of a set's normal equations for its score.
+
+        Least squares make the error small also by making the command small: the log's own command,
+        which actuators read, has the residual in it (regression dilution, Fuller 1987). With this
+        added, coefficients instead make the error small relative to what arrives of the command.
+        """
+        at = self.indices(found.members)
+        own, acting = self._normal(at)[2], self._acting(at)
+        joints = [self._normal_of(own, d.joint) for d in acting]
+        return self._dilution(found.x * self.scale[at], acting, joints) * self.scale[at]
+
+    def _acting(self, at: np.ndarray) -> list[Delivery]:
+        """Return what columns ``at`` (P,) let through, of each joint where some act."""
+        return [d for each in self.deliveries if (d := each.among(at, self.total)) is not None]
+
+    def _normal_of(self, own: Sequence[Any], j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return a joint's normal equations on all blocks, and which coefficients they are of."""
+        here, g, h = own[j]
+        return here, np.tensordot(self.weights, g, 1), self.weights @ h
+
+    def _dilution(
+        self, x: np.ndarray, acting: Sequence[Delivery], joints: Sequence[Any]
+    ) -> np.ndarray:
+        """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
+        out, blocks = np.zeros(len(x)), len(self.weights)
+        for d, (here, gram, right) in zip(acting, joints, strict=True):
+            (share, slope), part = d.share(x), x[here]
+            left = self.weights @ self.square[:blocks, d.joint] + part @ (gram @ part - 2 * right)
+            out[d.places] += 0.5 * max(float(left), 0.0) * slope / share
+        return out
+
+    def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
+        """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
+
+        The prior is weighted like the data: ``alike`` samples count as one.
+        """
+        return float(0.5 * self.prior[at] @ x**2 / self.alike)
+
+    def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
+        """Return the score of a mean squared error (J,).
+
+        ``heard`` (J,) is the share of samples that contain information about the command.
+        """
+        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(
+            np.maximum(self.variance, self.floor)
+        )
+        return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
+
+    def _passed(self, acting: Sequence[Delivery], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how much of each joint's command (J,) actuators let through.
+
+        Also return the share of informative samples (J,).
+        """
+        passed, heard = np.ones((2, len(self.which)))
+        for d in acting:
+            passed[d.joint], heard[d.joint] = d.share(x)[0], d.heard(x)
+        return passed, heard
+
+    def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
+        """Return solutions (F, P) of F normal equations of columns ``at`` (P,)."""
+        if not len(at):
+            return right
+        own, gram = np.diagonal(gram, axis1=1, axis2=2), gram.copy()
+        steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
+        gram[:, np.arange(len(at)), np.arange(len(at))] += steady
+        if self.anchor is not None:
+            gram = gram + self.anchored[np.ix_(at, at)]
+        lower, upper = self.bounds[0][at], self.bounds[1][at]
+        return bounded(gram, right + self.pull[at], lower, upper, self.dead[at])
+
+    def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
+        """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
+        at, blocks = self.indices(members), len(self.weights)
+        _, _, own = self._normal(at)
+        scaled, error = x * self.scale[at], np.zeros(len(own))
+        for j, (here, g, h) in enumerate(own):
+            part = scaled[here]
+            error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
+        passed, heard = self._passed(self._acting(at), scaled)
+        mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
+        return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
+
+    def covariance(self, found: Solution) -> np.ndarray:
+        """Return the covariance (P, P) of a set's coefficients.
+
+        What the log does not determine is as wide as the prior.
+        """
+        at = self.indices(found.members)
+        gram, _, own = self._normal(at)
+        known = self._known(at)
+        middle = known * self.alike
+        for (here, g, _), square in zip(own, self.square_of(found), strict=True):
+            middle[np.ix_(here, here)] += g.sum(0) * square
+        inside = gram.sum(0) + known
+        inside[np.diag_indices(len(at))] += RIDGE * np.diagonal(inside) + 1e-12
+        inverse = np.linalg.inv(inside)
+        return inverse @ middle @ inverse / self.scale[at, None] / self.scale[at]
+
+    def square_of(self, found: Solution) -> np.ndarray:
+        """Return the mean square (J,) of an effective sample of a set's residual [noise^2].
+
+        The floor below which all errors are equal counts once per block.
+        """
+        blocks = len(self.weights)
+        floor = self.floor * self.count[:blocks].sum(0) / blocks
+        return found.error.sum(0) / np.maximum(self.effective, 1.0) + floor
+
+    def aside(self, found: Solution) -> np.ndarray:
+        """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""
+        at = self.indices(found.members)
+        x, rest = found.x * self.scale[at], ~self.training
+        error = self.square[rest].copy()
+        for j, local in enumerate(self.local):
+            here = np.flatnonzero(local[at] >= 0)
+            there, part = local[at[here]], x[here]
+            error[:, j] += -2 * self.right[j][len(self.weights) :, there] @ part
+            error[:, j] += np.einsum(
+                "bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part
+            )
+        return np.maximum(error, 0.0)
+
+    def having(self, items: Sequence[Item]) -> "Score":
+        """Return the score of these items on the same rows; what both share is kept."""
+        return Score(self.rows, items, self.noise, self.effective, self.anchor, self)
+
+    def narrowed(self, items: Sequence[Item]) -> "Score":
+        """Return the score of some of the items only."""
+        return self._with(items=list(items), _solved=self._solved, promised={}, enough={})
+
+    def resampled(self, weights: np.ndarray) -> "Score":
+        """Return the score on blocks drawn with replacement.
+
+        ``weights`` (B,) are how often each was drawn.
+        """
+        return self._with(weights=weights, _solved={}, promised={}, enough={})
+
+    def _with(self, **changes: Any) -> "Score":
+        other = object.__new__(Score)
+        other.__dict__.update({**self.__dict__, **changes})
+        other.__dict__.pop("whole", None)
+        return other

@@ -1,0 +1,96 @@
+"""The verdict on a log: what is certain, what is in doubt, and what stays unexplained."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jaxidl.gap.choice import estimates
+from jaxidl.gap.choice.find import Found
+from jaxidl.gap.choice.rivals import Tie
+from jaxidl.gap.result.diagnosis import LIKELY, MUCH, Ambiguity, Finding, Row
+from jaxidl.gap.result.words import experiment
+
+MORE = 1.5  # times what a reference log leaves: less may come from another motion
+SHOWN = 12  # most rivals reported
+
+
+def verdict_of(
+    findings: Sequence[Finding], doubts: Sequence[Ambiguity], unexplained: Sequence[int]
+) -> str:
+    """Return the verdict.
+
+    A suspicion that is more likely wrong than right does not make a named effect ambiguous.
+    """
+    if unexplained:
+        return "unexplained"
+    sure = {(f.name, f.joint) for f in findings if f.sure}
+    likely = {(f.name, f.joint) for f in findings if f.confidence >= LIKELY} - sure
+    if sure and not any(
+        set(d.candidates) & likely and not set(d.candidates) & sure for d in doubts
+    ):
+        return "named"
+    return "ambiguous" if findings else "nothing_missing"
+
+
+def doubts_of(ties: Sequence[Tie], named: Sequence[Finding]) -> tuple[Ambiguity, ...]:
+    """Return sets of effects that the log cannot tell apart, of which the first was found."""
+    there = {(f.name, f.joint) for f in named}
+    sets = [tuple(dict.fromkeys(g[:2] for g in (*t.found, *t.instead))) for t in ties]
+    return tuple(
+        Ambiguity(keys, experiment(keys))
+        for keys in dict.fromkeys(sets)
+        if len(keys) > 1 and keys[0] in there
+    )
+
+
+def unexplained_joints(
+    remaining: Sequence[float],
+    everywhere: Sequence[float],
+    network: Sequence[tuple[float, float]],
+    envelope: Sequence[float],
+    spread: Sequence[float],
+    floor: Sequence[float],
+    earlier: Sequence[float] | None = None,
+) -> tuple[int, ...]:
+    """Return joints with a large residual.
+
+    Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
+    state, in all of the log, or all of it on held-out data if it exceeds that of the envelope or
+    the command's own spread, than which no model at all would do better.
+
+    Args:
+        remaining: (J,) residual in the model returned, on held-out data [N or Nm].
+        everywhere: (J,) the same in all of the log [N or Nm].
+        network: (J,) share of it that a network removes, and its standard error.
+        envelope: (J,) residual of the envelope [N or Nm].
+        spread: (J,) of the command [N or Nm].
+        floor: (J,) error due to encoder noise alone [N or Nm].
+        earlier: (J,) what a reference log leaves [N or Nm]: no more than that is no change.
+    """
+    out = []
+    for j, (gain, stderr) in enumerate(network):
+        left, much = remaining[j], MUCH * spread[j]
+        worst = max(left, everywhere[j])
+        predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
+        systematic = predicted > much and gain > 2.0 * stderr
+        beaten = left > much and left > min(1.1 * envelope[j], spread[j])
+        before = 0.0 if earlier is None else MORE * earlier[j]
+        if worst > max(2.0 * floor[j], before) and (systematic or beaten):
+            out.append(j)
+    return tuple(out)
+
+
+def rivals_of(found: Found) -> tuple[Row, ...]:
+    """Return the effects that were not chosen, and why."""
+    dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
+    promise = estimates.promise(found.score, found.solution.members)
+    rest = sorted(
+        (i for i in found.score.items if id(i) in promise and not i.always),
+        key=lambda i: -promise[id(i)],
+    )
+    seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
+    for i in rest:
+        if i.key not in seen and len(dropped) < SHOWN:
+            seen.add(i.key)
+            dropped.append(Row(i.key[0], i.key[1], promise[id(i)], "it does not raise the score"))
+    return tuple(dropped)
