@@ -1,7 +1,8 @@
 """A control step of the seven-joint arm in generated C on one core, a million calls: rigid body
 with the effects of a corrected model, seven networks, guard, filters and DOOMED.
 
-Each program and the feedforward in Python take turns. Programs run with real-time priority where
+Each program and the feedforward in Python take turns. A loop without memory, as long as the fastest
+step, shows how much of the long times is the machine's. Programs run with real-time priority where
 the machine allows it, as a robot's loop does. Weights are random, as their values cost no time.
 """
 
@@ -43,13 +44,20 @@ static double now(clockid_t clock)
     return 1e6 * (double)t.tv_sec + 1e-3 * (double)t.tv_nsec;
 }
 
-int main(int count, char **given) /* calls, bytes to touch between two calls */
+static double count_up(int times, double x)
 {
-    const int calls = atoi(given[1]), touch = atoi(given[2]);
+    while (times--) x = 0.999 * x + 0.1;
+    return x;
+}
+
+/* calls, bytes to touch between two calls, turns of a loop in place of a step (0: a step) */
+int main(int count, char **given)
+{
+    const int calls = atoi(given[1]), touch = atoi(given[2]), counted = atoi(given[3]);
     float *spent = malloc(2 * sizeof(float) * (size_t)calls);
     volatile char *other = malloc((size_t)touch + 1);
     arm_state s;
-    arm_real q[7], qd[7], d[7], dd[7], tau[7], sum = 0;
+    arm_real q[7], qd[7], d[7], dd[7], tau[7] = {0}, sum = 0;
     int t, j, k;
     (void)count;
     for (j = 0; j < 7; j++) q[j] = 0;
@@ -65,7 +73,8 @@ int main(int count, char **given) /* calls, bytes to touch between two calls */
         for (k = 0; k < touch; k += 64) other[k]++;
         cpu = now(CLOCK_THREAD_CPUTIME_ID);
         wall = now(CLOCK_MONOTONIC);
-        arm_step(&s, q, t * ARM_DT, d, qd, dd, tau);
+        if (counted) tau[0] = (arm_real)count_up(counted, tau[0]);
+        else arm_step(&s, q, t * ARM_DT, d, qd, dd, tau);
         spent[2 * t] = (float)(now(CLOCK_MONOTONIC) - wall);
         spent[2 * t + 1] = (float)(now(CLOCK_THREAD_CPUTIME_ID) - cpu);
         sum += tau[0];
@@ -81,6 +90,7 @@ FLAGS = {
     "double, networks too": ("-DARM_DOUBLE_NETWORKS",),
     "double, networks too, the machine's own vectors": ("-DARM_DOUBLE_NETWORKS", "-march=native"),
 }
+FASTEST = "double, the machine's own vectors"
 COLD = 8 * 2**20  # bytes between two calls: more than the caches near the core
 MANY = 10**9
 
@@ -108,6 +118,11 @@ def main() -> None:
             name: built(Path(folder), k, flags) for k, (name, flags) in enumerate(FLAGS.items())
         }
         runs = {name: functools.partial(stepped, program, 0) for name, program in programs.items()}
+        fastest, turns = programs[FASTEST], 1000
+        took = [np.median(stepped(fastest, 0, 10_000, turns=n)[:, 0]) for n in (0, turns)]
+        runs["a loop without memory, as long as the second row"] = functools.partial(
+            stepped, fastest, 0, turns=round(turns * took[0] / took[1])
+        )
         runs["double, caches emptied before each call"] = functools.partial(
             stepped, programs["double"], COLD, most=options.calls // 50
         )
@@ -145,11 +160,13 @@ def realtime() -> bool:
     return subprocess.run(["chrt", "-f", "50", "true"], capture_output=True).returncode == 0
 
 
-def stepped(program: Path, touch: int, calls: int, most: int = MANY) -> np.ndarray:
-    """Wall-clock and processor time (calls, 2) [µs] of a C program's steps."""
+def stepped(program: Path, touch: int, calls: int, most: int = MANY, turns: int = 0) -> np.ndarray:
+    """Wall-clock and processor time (calls, 2) [µs] of a C program's steps, or a loop's turns."""
     words = [*(["chrt", "-f", "50"] if realtime() else []), program]
     calls = min(calls, max(most // PARTS, 1))
-    done = subprocess.run([*words, str(calls), str(touch)], capture_output=True, check=True)
+    done = subprocess.run(
+        [*words, str(calls), str(touch), str(turns)], capture_output=True, check=True
+    )
     return np.frombuffer(done.stdout, np.float32).reshape(calls, 2)
 
 
