@@ -47,7 +47,8 @@ jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as th
 # Signatures are checked for as long as the suite runs, but for the benchmark's engine, a plain
 # Python loop of 10⁵ small steps
 CHECKED = [f"jaxidl.{path.stem}" for path in (ROOT / "jaxidl").glob("[a-z]*") if path.stem != "gap"]
-CHECKED += [f"jaxidl.gap.{path.stem}" for path in (ROOT / "jaxidl" / "gap").glob("[a-z]*.py")]
+GAP = (ROOT / "jaxidl" / "gap").glob("[a-z]*")
+CHECKED += [f"jaxidl.gap.{path.stem}" for path in GAP if path.stem != "benchmark"]
 install_import_hook(CHECKED, "beartype.beartype")
 
 from jaxidl.backend import CPU_OPTIONS, compiler_options
