@@ -3,6 +3,8 @@
 And effects beside those they contain.
 """
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from jaxidl.gap.evidence.items import beside, items_of
 from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.evidence.rows import rms, rows_of
 from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
-from jaxidl.gap.fit.consistent import consistent
+from jaxidl.gap.fit.consistent import PLACES, consistent, dissipating
 from jaxidl.gap.fit.library import library, load_of, pushed, residual, scales, upsampled
 from jaxidl.gap.fit.prior import plausible
 from jaxidl.gap.fit.shapes import fitted
@@ -218,6 +220,25 @@ def test_columns_of_shapes_side_by_side_are_those_of_each_alone(two_link):
             )
         if name == "inertia_error":
             assert {i.group[2]: i.joints for i in together} == {"extra": (1,), "mass": (0, 1)}
+
+
+def test_a_place_that_the_filter_blurs_forbids_no_friction(two_link):
+    """Filtered, friction under load seems to feed motion at one place; no coefficient could."""
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    wave = np.sign(rows.signals.qd[rows.signals.rows, 0])
+    blurred = np.flatnonzero(rows.used[:, 0])
+    blurred = blurred[np.abs(rows.signals.qd[rows.signals.rows, 0][blurred]).argmax()]
+    wave[blurred] *= -1e-3
+    (one,) = (
+        replace(i, columns=wave[None, :, None])
+        for i in items_of(shapes_of(CATALOGUE["coulomb_friction"], scales(rows)[0]), rows, rows.tau)
+    )
+    any_sign = replace(one, lower=np.full(1, -np.inf))
+    for item, count in ((one, PLACES - 1), (any_sign, PLACES)):
+        unequal, least = dissipating([item], rows, {id(item): slice(0, 1)}, 1)
+        assert len(unequal) == len(least) == count
+    assert np.all(dissipating([one], rows, {id(one): slice(0, 1)}, 1)[0] > 0.0)
 
 
 def test_where_ties_are_sought_effects_read_the_predicted_command(

@@ -115,8 +115,10 @@ def dissipating(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return rows (M, P): friction of a joint against its motion, by the coefficients.
 
-    There is one row for each of a number of places of the log. Also return the least values (M,)
-    of their products with the coefficients: the model's own friction may be less, not reversed.
+    There is one row for each of a number of places of the log, but for those where an effect that
+    dissipates with any coefficient seems to feed motion: there the filter blurs it. Also return the
+    least values (M,) of their products with the coefficients: the model's own friction may be less,
+    not reversed.
     """
     out, least, signals = [], [], rows.signals
     for j in range(rows.gap.shape[1]):
@@ -130,12 +132,14 @@ def dissipating(
         picked = fast[np.argsort(np.abs(speed[fast]))][
             np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)
         ]
-        part = np.zeros((len(picked), count))
+        part, clear = np.zeros((len(picked), count)), np.ones(len(picked), bool)
         for m in here:
             part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
+            if np.all(m.lower >= 0.0):
+                clear &= np.all(part[:, places[id(m)]] >= 0.0, axis=1)
         size = max(np.abs(part).max(), 1e-300)
-        out.append(part / size)
-        own = rows.friction[picked, j] * np.sign(speed[picked])
+        out.append(part[clear] / size)
+        own = rows.friction[picked[clear], j] * np.sign(speed[picked[clear]])
         least.append(-np.maximum(own, 0.0) / size)
     if not out:
         return np.zeros((0, count)), np.zeros(0)
