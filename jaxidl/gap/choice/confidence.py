@@ -1,8 +1,9 @@
 """The confidence of a finding by resampling.
 
-Blocks of the log are drawn again with replacement, and the search improves its result on each draw.
-The share of draws in which an effect is still found is one factor of its confidence
-(:mod:`jaxidl.gap.result.calibration`). Resampling does not detect imitation: an effect that takes
+On each draw the blocks of the log get random weights (the Bayesian bootstrap, Rubin 1981), and the
+search improves its result. The share of draws in which an effect is still found is one factor of
+its confidence (:mod:`jaxidl.gap.result.calibration`). No block is left out of a draw: with it would
+go positions that no other block visits, and with those a table over position. Resampling does not detect imitation: an effect that takes
 the place of one missing from the catalogue is found on every draw. Which effects can replace each
 other shows in what takes a member's place when it is not found.
 """
@@ -41,7 +42,7 @@ def support(
     seed: int = 0,
     watch: Callable[[float], None] = lambda share: None,
 ) -> Support:
-    """Return how often each member of a set stays when the training blocks are resampled."""
+    """Return how often each member of a set stays when the training blocks are weighed anew."""
     rng, blocks = np.random.default_rng(seed), len(score.weights)
     there = {m.group: 0 for m in found.members}
     instead: dict[Group, dict[Group, int]] = {m.group: {} for m in found.members}
@@ -49,7 +50,7 @@ def support(
     rival = _rivals(score, found)
     for draw in range(draws):
         watch(draw / draws)
-        weights = rng.multinomial(blocks, np.ones(blocks) / blocks).astype(float)
+        weights = blocks * rng.dirichlet(np.ones(blocks))
         now = search(rival.resampled(weights), found.members, swap=False)
         groups = {m.group: m for m in now.members}
         new = [m for m in now.members if m.group not in there]

@@ -265,10 +265,7 @@ class Score(Gram):
         return self._with(items=list(items), _solved=self._solved, promised={}, enough={})
 
     def resampled(self, weights: np.ndarray) -> "Score":
-        """Return the score on blocks drawn with replacement.
-
-        ``weights`` (B,) are how often each was drawn.
-        """
+        """Return the score with training blocks that count ``weights`` (B,) times."""
         return self._with(weights=weights, _solved={}, promised={}, enough={})
 
     def _with(self, **changes: Any) -> "Score":
