@@ -3,9 +3,10 @@
 On each draw the blocks of the log get random weights (the Bayesian bootstrap, Rubin 1981), and the
 search improves its result. The share of draws in which an effect is still found is one factor of
 its confidence (:mod:`jaxidl.gap.result.calibration`). No block is left out of a draw: with it would
-go positions that no other block visits, and with those a table over position. Resampling does not detect imitation: an effect that takes
-the place of one missing from the catalogue is found on every draw. Which effects can replace each
-other shows in what takes a member's place when it is not found.
+go positions that no other block visits, and with those a table over position. Resampling does not
+detect imitation: an effect that takes the place of one missing from the catalogue is found on every
+draw. Which effects can replace each other shows in what takes a member's place when it is not
+found.
 """
 
 from collections.abc import Callable, Sequence
