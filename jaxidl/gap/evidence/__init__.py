@@ -1,10 +1,11 @@
 """What a log says: its rows, and what each effect would add to the command along them.
 
 In reading order: ``rows`` (what all fits share), ``shape`` and ``additions`` (an effect's torque at
-each row, ``friction`` by its mean around an instant, ``delivery`` for what actuators let through),
+each row; ``friction`` by its mean around an instant, ``delivery`` for what actuators let through),
 ``items`` (the same as columns of a regression) and ``gram`` (their products by block). Beside them
-what qualifies a log: ``conventions``, ``clock``, ``noise``, ``samples``, ``drift``, ``recurrence``,
-``projection``; and what the columns concern: ``reach``, ``links``, ``localise``.
+stand what qualifies a log: ``conventions``, ``clock``, ``noise``, ``samples``, ``drift``,
+``recurrence``, ``projection``. ``reach`` says which joints an effect concerns, ``links`` how a link
+may change, ``localise`` in which regimes a residual occurs.
 """
 
 __all__: list[str] = []  # what is public of it, jaxidl.gap lists
