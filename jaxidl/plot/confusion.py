@@ -80,6 +80,11 @@ def _ordered(names: Any) -> list[str]:
 
 
 def write_confusion(score: dict[str, Any], out: Path) -> list[Path]:
-    """Write confusion.png and confusion.pdf into ``out``."""
+    """Write confusion.png and confusion.pdf into ``out``.
+
+    There is no matrix, and nothing is written, if all cases are whole robots.
+    """
+    if not score["confusion"]:
+        return []
     with house_style():
         return save(plot_confusion(score), out, "confusion")

@@ -12,6 +12,7 @@ from jaxidl.paper.example import example
 from jaxidl.paper.grid import NOISE_LEVELS, Grid
 from jaxidl.paper.runs import LearningRun, settings_of
 from jaxidl.paper.study import PaperStudy
+from jaxidl.plot.confusion import write_confusion
 from jaxidl.plot.figures import FIGURES, averages, caption, conditions, draw_all, illustration
 from tests.helpers.results import as_in_the_paper, results
 
@@ -109,3 +110,8 @@ def test_results_without_an_example_run_are_named(tmp_path):
 def test_a_study_of_one_execution_is_drawn_too(quick, tmp_path):
     data = shown(replace(Grid.quick(), executions=1))
     assert len(draw_all(data, tmp_path)) == 2 * len(FIGURES)
+
+
+def test_a_benchmark_of_whole_robots_alone_has_no_confusion_matrix(tmp_path):
+    assert write_confusion({"confusion": {}}, tmp_path) == []
+    assert not list(tmp_path.iterdir())
