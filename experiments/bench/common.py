@@ -73,15 +73,22 @@ def _cpuinfo() -> list[str]:
 def report(title: str, rows: list[dict[str, Any]], to: Path | None, **about: Any) -> None:
     """Print the rows as a table and, if asked, write them as JSON."""
     from rich.console import Console
+    from rich.markup import escape  # "[s]" is a unit, not a style
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left")
+    table = Table(title=escape(title), title_justify="left")
     for column in rows[0]:
-        table.add_column(column, justify="left" if isinstance(rows[0][column], str) else "right")
+        table.add_column(
+            escape(column), justify="left" if isinstance(rows[0][column], str) else "right"
+        )
     for row in rows:
         table.add_row(
             *(
-                "" if value is None else f"{value:.4g}" if isinstance(value, float) else str(value)
+                ""
+                if value is None
+                else f"{value:.4g}"
+                if isinstance(value, float)
+                else escape(str(value))
                 for value in row.values()
             )
         )

@@ -1,118 +1,115 @@
-"""The full grid on the GPUs of one host: seconds to compile, seconds to run, memory, and what TF32
-would change.
+"""The full grid on the GPUs of one host: seconds to compile and to run, memory, and how far results
+depend on the device and on TF32.
 
-    python experiments/bench/gpu_grid.py [--json FILE] [--per-device 320] [--seeds 10]
-    [--profile 0]
+    python experiments/bench/gpu_grid.py [--json FILE] [--per-device N] [--seeds 10] [--chunks 0]
+    [--precision 1]
 
-Networks are computed in full single precision. Tensor cores would round products' inputs to 10 bits
-(TF32) unless told not to; the last rows compare both on the same runs, before training has
-amplified the difference and after. ``--profile 1`` leaves a trace of one chunk in the folder
-``gpu_profile``.
+``--chunks 1`` stops after as many chunks; on a machine's CPU (``JAX_PLATFORMS=cpu``) one chunk is
+enough to compare. Networks are computed in full single precision. Tensor cores would round
+products' inputs to 10 bits (TF32) unless told not to; the last rows compare a GPU in full precision
+with itself in TF32 and with the CPU on the same runs: before training has amplified the difference
+and after.
 """
 
 import sys
 import time
+from typing import Any
 
 import jax
 import numpy as np
 from common import arguments, machine, report
 
+from jaxidl.backend import choose_devices
 from jaxidl.jobs.points import points
-from jaxidl.jobs.programs import Chunk, Job, chunks, layout, program, without_padding
+from jaxidl.jobs.programs import Chunk, Job, Layout, chunks, layout, program, without_padding
 from jaxidl.paper import runs
 from jaxidl.paper.grid import Grid
 from jaxidl.paper.study import PaperStudy
 
 jax.config.update("jax_enable_x64", True)
+# of one condition each
+PAIRED = Grid(
+    ("pid",), friction=(5.0,), stiction=(5.0,), epochs=(20,), seeds=(1,), sources=("joint",)
+)
 
 
-def whole_grid(job: Job, grid: Grid, plan, profile: bool) -> tuple[float, float, int]:
-    """Seconds of compilation, of everything else, and the number of chunks."""
-    todo = list(chunks(list(points(grid.dims())), job, plan.devices, plan.per_device))
-    began, compiled = time.perf_counter(), {}
-    for chunk in todo:
+def whole_grid(job: Job, todo: list[Chunk], plan: Layout) -> tuple[list[float], list[float]]:
+    """Seconds of each kind's compilation, and of each chunk's run with its inputs and results."""
+    compiled: dict[Any, Any] = {}
+    compiling, running = [], []
+    for index, chunk in enumerate(todo):
+        inputs, began = job.traced(chunk.padded()), time.perf_counter()
         if chunk.kind not in compiled:
             run = program(job.run, chunk.kind, plan.devices, plan.width)
-            compiled[chunk.kind] = run.lower(job.traced(chunk.padded())).compile()
-    compiling, began = time.perf_counter() - began, time.perf_counter()
-    for index, chunk in enumerate(todo):
-        inputs = job.traced(chunk.padded())
-        if profile and index == len(todo) // 2:
-            with jax.profiler.trace("gpu_profile"):
-                jax.block_until_ready(compiled[chunk.kind](inputs))
-        else:
-            without_padding(compiled[chunk.kind](inputs), chunk)
+            compiled[chunk.kind] = run.lower(inputs).compile()
+            compiling.append(time.perf_counter() - began)
+        began = time.perf_counter()
+        without_padding(compiled[chunk.kind](job.traced(chunk.padded())), chunk)
+        running.append(time.perf_counter() - began)
         print(
-            f"\rchunk {index + 1}/{len(todo)}, {time.perf_counter() - began:.0f} s",
-            end="",
+            f"chunk {index + 1}/{len(todo)}: {sum(compiling):.0f} s compiling, {sum(running):.0f} s"
+            " running",
             file=sys.stderr,
         )
-    print(file=sys.stderr)
-    return compiling, time.perf_counter() - began, len(todo)
+    return compiling, running
 
 
-def precision_rows(study: PaperStudy) -> list[dict]:
-    """The same 32 runs in TF32 and in full single precision: relative difference of q_error at
-    three executions.
+def precision_rows(study: PaperStudy) -> list[dict[str, Any]]:
+    """The same eight runs on the GPU in full precision, in TF32, and on the CPU: relative
+    difference of q_error at four executions.
     """
-    grid = Grid(
-        ("pid",),
-        friction=(5.0,),
-        stiction=(5.0,),
-        epochs=(20,),
-        seeds=(1, 2, 3, 4),
-        sources=("joint",),
-    )
-    at, job = list(points(grid.dims())), runs.LearningRun(study, grid.executions).job()
-    chunk = Chunk(job.kind(at[0]), at, len(at))
-    found = {}
-    for precision in (runs.MATMUL_PRECISION, "tensorfloat32"):
+    at, job = list(points(PAIRED.dims())), runs.LearningRun(study, PAIRED.executions).job()
+    chunk, rows = Chunk(job.kind(at[0]), at, len(at)), job.traced(at)
+
+    def found(precision: str) -> np.ndarray:
         runs.MATMUL_PRECISION = precision
         program.cache_clear()
         run = program(job.run, chunk.kind, 1, len(at))
-        found[precision] = without_padding(run(job.traced(at)), chunk)["q_error"]
-    full, tf32 = found.values()
+        return without_padding(run(rows), chunk)["q_error"]
+
+    full, tf32 = found("float32"), found("tensorfloat32")
+    runs.MATMUL_PRECISION = "float32"
+    one = lambda row: job.run(**dict(chunk.kind), **row)["q_error"]
+    with jax.default_device(jax.devices("cpu")[0]):
+        cpu = np.asarray(jax.jit(lambda rows: jax.lax.map(one, rows))(rows))
     return [
         {
-            "what": f"TF32, execution {k}: median relative change of q_error",
-            "figure": float(np.median(abs(tf32 / full - 1)[:, k])),
+            "what": f"{name}, execution {k}: median relative change of q_error",
+            "figure": float(np.median(abs(other / full - 1)[:, k])),
         }
-        for k in (1, 5, grid.executions - 1)
+        for name, other in (("TF32", tf32), ("the CPU", cpu))
+        for k in (0, 1, 5, PAIRED.executions - 1)
     ]
 
 
-def main() -> int:
-    options = arguments(__doc__ or "", per_device=320, seeds=10, profile=0)
-    if jax.default_backend() != "gpu":
-        print(
-            f"gpu_grid.py: expected a GPU; got {jax.default_backend()}; install jax[cuda] on a"
-            " machine that has one",
-            file=sys.stderr,
-        )
-        return 2
+def main() -> None:
+    choose_devices(None)
+    options = arguments(__doc__ or "", per_device=0, seeds=10, chunks=0, precision=1)
     study, grid = PaperStudy(), Grid(seeds=tuple(range(1, 1 + options.seeds)))
-    plan = layout(None, options.per_device, None)
+    plan = layout(None, options.per_device or None, None)
     job = runs.LearningRun(study, grid.executions).job()
-    kinds = len(set(map(job.kind, points(grid.dims()))))
-    compiling, running, count = whole_grid(job, grid, plan, bool(options.profile))
+    todo = list(chunks(list(points(grid.dims())), job, plan.devices, plan.per_device))
+    todo = todo[: options.chunks or None]
+    compiling, running = whole_grid(job, todo, plan)
     memory = (jax.devices()[0].memory_stats() or {}).get("peak_bytes_in_use", 0) / 2**30
+    count = sum(len(chunk.points) for chunk in todo)
     table = [
-        {
-            "what": f"compilation of {kinds} programs [s]",
-            "figure": compiling,
-        },
-        {"what": f"{len(grid)} learning runs in {count} chunks [s]", "figure": running},
+        {"what": f"compilation of {len(compiling)} programs [s]", "figure": sum(compiling)},
+        {"what": f"{count} learning runs in {len(todo)} chunks [s]", "figure": sum(running)},
         {"what": "peak memory of the first GPU [GiB]", "figure": memory},
-        *precision_rows(study),
     ]
+    if options.precision and jax.default_backend() != "cpu":
+        table += precision_rows(study)
     report(
-        f"The grid on {plan.devices} GPU(s), {plan.per_device} runs on each",
+        f"The grid on {plan.devices} device(s), {plan.per_device} runs on each, {plan.width} side"
+        " by side",
         table,
         options.json,
         machine=machine(),
+        compiling=compiling,
+        running=running,
     )
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -56,6 +56,9 @@ COMMANDS = {
     "bench": bench.bench,
 }
 
+# runs side by side, which a GPU is for; the others make many small programs, one after the other,
+# take three times as long on a GPU, and would reserve most of its memory
+SIDE_BY_SIDE = ("sweep", "reproduce", "ablate", "tune", "arm", "bench")
 GARBAGE = 100_000  # objects between two collections
 # All matrices are small: threads that share one wait for each other longer than they compute
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -71,8 +74,11 @@ def main(arguments: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
     try:
-        run = _parse(sys.argv[1:] if arguments is None else arguments)
+        words = sys.argv[1:] if arguments is None else arguments
+        run = _parse(words)
         if run is not None:
+            if words[0] not in SIDE_BY_SIDE:
+                os.environ.setdefault("JAX_PLATFORMS", "cpu")
             from jaxidl.backend import keep_programs  # JAX: not for a help text
 
             keep_programs()

@@ -124,6 +124,10 @@ class Effect(struct.PyTreeNode):
         """
         return jnp.zeros_like(qd)
 
+    def grips(self) -> bool:
+        """Return whether it has dry friction; a plant without it is simulated in less time."""
+        return type(self).dry is not Effect.dry
+
     def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
         """Return which joints (J,) the effect keeps from accelerating, or to which share [-].
 

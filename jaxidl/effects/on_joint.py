@@ -78,6 +78,9 @@ class OnJoint(Effect):
         own = self.effect.dry(self._of(q), self._of(qd), self._of(tau), self._of(direction))
         return self._put(jnp.zeros_like(qd), own)
 
+    def grips(self) -> bool:
+        return self.effect.grips()
+
     def holds(self, q: Joints, qd: Joints, tau: Joints) -> JointMask | Joints:
         own = self.effect.holds(self._of(q), self._of(qd), self._of(tau))
         return self._put(jnp.zeros(qd.shape, own.dtype), own)

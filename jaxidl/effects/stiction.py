@@ -68,6 +68,9 @@ class Stiction(Effect):
             ),
         )
 
+    def grips(self) -> bool:
+        return not self.signed
+
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
         if self.signed:
             return jnp.zeros_like(qd)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.effects import Effect, OnJoint
+from jaxidl.effects import Effect
 from jaxidl.effects.load import dissipates, load
 from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
@@ -70,7 +70,10 @@ class Plant(struct.PyTreeNode):
             body = effect.alter(body)
             total = total + effect.torque(q, qd, tau)
             held = either(held, effect.holds(q, qd, tau))
-        qdd, dry = body.forward_dynamics(q, qd, total), any(map(_grips, self.effects))
+        qdd, dry = (
+            body.forward_dynamics(q, qd, total),
+            any(effect.grips() for effect in self.effects),
+        )
         if not (implicit or dry):
             return choose(held, 0.0, qdd)
         mobility = body.mobility(q)
@@ -97,7 +100,7 @@ class Plant(struct.PyTreeNode):
 
         See :meth:`jaxidl.effects.Effect.dry`; ``load`` (J,) is what passes the gears.
         """
-        levels = (effect.dry(q, qd, load, direction) for effect in self.effects if _grips(effect))
+        levels = (effect.dry(q, qd, load, direction) for effect in self.effects if effect.grips())
         return jnp.maximum(sum(levels, jnp.zeros_like(qd)), 0.0)
 
     def inverse_dynamics(self, q: Joints, qd: Joints, qdd: Joints) -> Joints:
@@ -152,11 +155,6 @@ class Plant(struct.PyTreeNode):
         return q
 
 
-def _grips(effect: Effect) -> bool:
-    """Return whether the effect has dry friction."""
-    return type(effect.effect if isinstance(effect, OnJoint) else effect).dry is not Effect.dry
-
-
 def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) -> Joints:
     """Return the torque (J,) within ±``level`` that brings the joints closest to rest.
 
@@ -164,19 +162,21 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
     ``push`` (J,), the acceleration [m/s^2] to be braked to come to rest in one step. One joint
     needs one round, joints coupled by inertia need more.
     """
+    joints, own = range(push.shape[0]), jnp.diagonal(mobility)
+    alone, coupling = push / own, mobility / own[:, None]
 
-    def around(_: Any, grip: Joints) -> Joints:
-        for j in range(push.shape[0]):
-            left = push[j] - mobility[j] @ grip + mobility[j, j] * grip[j]
-            grip = grip.at[j].set(jnp.clip(left / mobility[j, j], -level[j], level[j]))
-        return grip
+    # on numbers instead of vectors: a round is one kernel of a GPU instead of several for each
+    # joint
+    def around(_: Any, grip: tuple[Array, ...]) -> tuple[Array, ...]:
+        now = list(grip)
+        for j in joints:
+            left = alone[j] - sum(coupling[j, i] * now[i] for i in joints if i != j)
+            now[j] = jnp.clip(left, -level[j], level[j])
+        return tuple(now)
 
-    grip = jnp.zeros_like(push)
-    return (
-        around(0, grip)
-        if push.shape[0] == 1
-        else jax.lax.fori_loop(0, GAUSS_SEIDEL_ROUNDS, around, grip)
-    )
+    rounds = 1 if len(joints) == 1 else GAUSS_SEIDEL_ROUNDS
+    grip = tuple(jnp.zeros_like(push[j]) for j in joints)
+    return jnp.stack(jax.lax.fori_loop(0, rounds, around, grip))
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:

@@ -61,7 +61,7 @@ def effects(given: Sequence[Effect], joints: int) -> str:
             traced = trace(effect.torque, q, qd, tau, what=own.name)
             to = "rubbed" if dissipates(effect) else "given"
             torques.append(_lines(writer, effect, traced, to, number))
-        if type(own).dry is not Effect.dry:
+        if effect.grips():
             traced = trace(effect.dry, q, qd, load, direction, what=own.name)
             grips.append(_lines(writer, effect, traced, "grip", number))
     if not torques and not grips:
