@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from flax import struct
 from jaxtyping import Array, Float
 
+from jaxidl.backend import rounds_at_once
 from jaxidl.effects import Effect
 from jaxidl.effects.load import dissipates, load
 from jaxidl.effects.smooth import Share, choose, either
@@ -176,7 +177,7 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
 
     rounds = 1 if len(joints) == 1 else GAUSS_SEIDEL_ROUNDS
     grip = tuple(jnp.zeros_like(push[j]) for j in joints)
-    return jnp.stack(jax.lax.fori_loop(0, rounds, around, grip))
+    return jnp.stack(jax.lax.fori_loop(0, rounds, around, grip, unroll=rounds_at_once()))
 
 
 def integrate(state: State, qdd: Joints, dt: float) -> State:

@@ -290,6 +290,19 @@ def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_
     assert not (tmp_path / "r.nc").exists()
 
 
+@pytest.mark.parametrize(
+    ("words", "platform"),
+    [
+        (["gap", "none.csv", "--model", "none.xml"], "cpu"),
+        (["sweep", "--executions", "0"], None),
+    ],
+)
+def test_only_what_runs_side_by_side_takes_a_gpu(words, platform, monkeypatch, capsys):
+    monkeypatch.delenv("JAX_PLATFORMS")
+    assert main(words) == 2
+    assert os.environ.get("JAX_PLATFORMS") == platform
+
+
 def test_nothing_is_computed_before_the_devices_are_chosen():
     """Importing the package must not start a JAX backend: the command line sets the number of
     devices after it.

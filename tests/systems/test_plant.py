@@ -8,6 +8,7 @@ import pytest
 from jaxidl.effects import (
     ActuatorLag,
     ConstantOffset,
+    CoulombFriction,
     InertiaError,
     SensingNoise,
     ViscousFriction,
@@ -89,3 +90,16 @@ def test_stiction_feels_the_delivered_torque_not_the_command():
     # delivered: 6 N at first
     after, _ = plant.step(rest, plant.start(rest.q), jnp.array([600.0, 600.0]), 1e-3)
     np.testing.assert_array_equal(after.qd, 0.0)
+
+
+def test_friction_that_no_effect_has_is_not_solved_for():
+    """The paper's stiction holds, and has no dry friction: its step needs no rounds of a solver."""
+    state, tau = State(jnp.zeros(2), jnp.zeros(2)), jnp.ones(2)
+
+    def loops(*effects):
+        plant = Plant(point_mass(2.0, 2), effects)
+        step = jax.make_jaxpr(lambda: plant.step(state, plant.start(state.q), tau, 1e-3))()
+        return str(step).count("scan[")
+
+    assert loops(paper_stiction(jnp.array(5.0)), PaperFriction(jnp.array(5.0))) == 0
+    assert loops(CoulombFriction(jnp.ones(2))) == 1
