@@ -9,7 +9,7 @@ from jaxidl.effects.actuator import (
     TorqueScale,
 )
 from jaxidl.effects.base import Effect
-from jaxidl.effects.catalogue import CATALOGUE, from_dict, register, searchable, searched
+from jaxidl.effects.catalogue import CATALOGUE, from_dict, place_of, register, searchable, searched
 from jaxidl.effects.dry import AsymmetricFriction, CoulombFriction, StribeckFriction
 from jaxidl.effects.friction import QuadraticDrag, ViscousFriction
 from jaxidl.effects.gears import (
@@ -71,6 +71,7 @@ __all__ = [
     "ViscousFriction",
     "added_to",
     "from_dict",
+    "place_of",
     "placed",
     "register",
     "searchable",

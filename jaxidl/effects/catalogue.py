@@ -59,14 +59,16 @@ CATALOGUE: dict[str, type[Effect]] = {
         ConstantOffset,
         Spring,
         TorqueRipple,
-        TorqueScale,
-        TorqueCurve,
+        # in the order in which a command passes them: it comes late, the drive limits it, its
+        # current follows, the motor turns that into torque, and the gear passes it on
+        ActuatorDelay,
         TorqueSaturation,
         ActuatorLag,
-        ActuatorDelay,
+        TorqueCurve,
+        TorqueScale,
+        MotorCoupling,
         JointElasticity,
         Backlash,
-        MotorCoupling,
         PositionBias,
         SensorDelay,
         SensingNoise,
@@ -92,6 +94,11 @@ def searched() -> tuple[str, ...]:
     add no torque.
     """
     return tuple(name for name in searchable() if name not in _aside)
+
+
+def place_of(name: str) -> int:
+    """Return the place of an effect in the catalogue; a command passes effects in this order."""
+    return list(CATALOGUE).index(name)
 
 
 def searchable() -> tuple[str, ...]:

@@ -111,7 +111,7 @@ def _compose(d: Diagnosis, folder: Path, aside: Path) -> list[str]:
     pictures = [f"{PICTURES}/{name}.png" for name in figures]
     for name, content in zip(pictures, figures.values(), strict=True):
         (aside / name).write_bytes(content)
-    _, effects = write_patched(d.model, [*d.common, *(f.effect for f in d.findings)], aside)
+    _, effects = write_patched(d.model, d.added, aside)
     record = json.loads(effects.read_text(encoding="utf-8"))["effects"]
     # an option may be a path
     (aside / PAGE).write_bytes(page(d, figures, record, folder).encode(errors="replace"))

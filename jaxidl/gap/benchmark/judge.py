@@ -137,18 +137,16 @@ def sums(hidden: Record) -> set[Key]:
     return {(part, key(hidden)[1]) for part in SUMS.get(hidden["effect"], ())}
 
 
-def tied(truth: Record) -> bool:
-    """Return whether a case's only hidden effect has an equivalent that no log distinguishes.
+def tied(hidden: Record, mechanism: str) -> bool:
+    """Return whether a hidden effect has an equivalent that no log of its mechanism distinguishes.
 
-    The log is of this mechanism. On a pendulum a payload at the right place also scales inertia and
+    On a pendulum a payload at the right place also scales inertia and
     weight alike, as a heavier body or a weaker motor does.
     """
-    effect, parameters = truth["hidden"][0]["effect"], truth["hidden"][0]["parameters"]
+    effect, parameters = hidden["effect"], hidden["parameters"]
     heavier = parameters.get("kind") == "mass" and parameters["extra"] > 0
     weaker = effect == "torque_scale" and parameters["scale"] < 1
-    return effect in TIED[truth["mechanism"]] or (
-        truth["mechanism"] == "pendulum" and (heavier or weaker)
-    )
+    return effect in TIED[mechanism] or (mechanism == "pendulum" and (heavier or weaker))
 
 
 def pair_credits(hidden: Iterable[Record], report: Record | None) -> list[float]:

@@ -90,14 +90,20 @@ def _singles(pairs: list[Pair]) -> dict[str, Any]:
     """
     credits = [judge.single_credit(truth["hidden"][0], report) for truth, report in pairs]
     rows = list(zip((truth for truth, _ in pairs), credits, strict=True))
+    in_full = (_in_full(truth, truth["hidden"][0], credit) for truth, credit in rows)
     return {
         "right": share(credits),
-        "right_or_tied": share(1.0 if c == 0.5 and judge.tied(truth) else c for truth, c in rows),
+        "right_or_tied": share(in_full),
         "by_severity": _by(rows, lambda truth: truth["severity"]),
         "by_mechanism": _by(rows, lambda truth: truth["mechanism"]),
         "by_effect": _by(rows, lambda truth: truth["hidden"][0]["effect"]),
         "verdicts": _verdicts(pairs),
     }
+
+
+def _in_full(truth: Record, hidden: Record, credit: float) -> float:
+    """Return the credit, in full for an ambiguity that is physical."""
+    return 1.0 if credit == 0.5 and judge.tied(hidden, truth["mechanism"]) else credit
 
 
 def _by(
@@ -148,7 +154,8 @@ def _pairs(pairs: list[Pair]) -> dict[str, Any]:
     """Return ``both``, ``found`` and ``exact`` of pairs.
 
     ``both``: both effects found, the mean of their credits but 0 if one is missed; ``found``: share
-    of all effects; ``exact``: both are named and no other.
+    of all effects, and ``found_or_tied`` with full credit for an ambiguity that is physical;
+    ``exact``: both are named and no other.
     """
     credits = [judge.pair_credits(truth["hidden"], report) for truth, report in pairs]
     rows = [
@@ -162,6 +169,11 @@ def _pairs(pairs: list[Pair]) -> dict[str, Any]:
     return {
         "both": share(credit for _, credit in rows),
         "found": share(credit for both in credits for credit in both),
+        "found_or_tied": share(
+            _in_full(truth, hidden, credit)
+            for (truth, _), both in zip(pairs, credits, strict=True)
+            for hidden, credit in zip(truth["hidden"], both, strict=True)
+        ),
         "exact": share(map(float, exact)),
         "by_mechanism": _by(rows, lambda truth: truth["mechanism"]),
         "verdicts": _verdicts(pairs),

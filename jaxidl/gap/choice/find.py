@@ -26,9 +26,10 @@ from jaxidl.gap.fit.library import (
     upsampled,
     with_friction,
 )
+from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.prior import compact
 from jaxidl.gap.fit.score import Score, Solution
-from jaxidl.gap.fit.shapes import fitted
+from jaxidl.gap.fit.shapes import fitted, seen_from
 from jaxidl.gap.fit.values import Value
 
 ROUNDS = 5  # rounds of fitting shapes and searching sets, and of reading a load
@@ -196,14 +197,18 @@ def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, li
 def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:
     """Return the members whose columns change.
 
-    They are those with a shape, fitted, those that read the torque, and a load.
+    They are those with a shape, fitted, those of a motor behind others, those that read the torque,
+    and a load.
     """
-    fresh, rows = [], library.rows
+    fresh, rows, x = [], library.rows, [now.x[now.of(m)] for m in now.members]
     for m in now.members:
         if m.shape is None or m.always:
             continue
+        there = arriving(m, now.members, x, rows, predicted)
         if movable(m.shape):
-            fresh.append(fitted(m, now, rows, predicted, library.score))
+            fresh.append(fitted(m, now, there, predicted, library.score))
+        elif there is not rows:
+            fresh.append(seen_from(m, m.shape, there, predicted))
         elif reads_load(m.shape):
             load = load_of(rows, now)
             fresh += items_of([m.shape], with_friction(rows, now), load, library.score.items)

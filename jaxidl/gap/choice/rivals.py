@@ -18,8 +18,9 @@ from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import movable
 from jaxidl.gap.fit.library import Library
+from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.score import Score, Solution
-from jaxidl.gap.fit.shapes import fitted
+from jaxidl.gap.fit.shapes import fitted, seen_from
 
 RIVALS = 2  # rivals tried of each effect that is not common
 ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
@@ -95,8 +96,8 @@ def contested(
         ]
         for trial in trials:
             fresh = fitted_beside(trial[:-1], trial[-1], score, rows, predicted)
-            small = score.having([*now.members, fresh])
-            after = search(small, [*trial[:-1], fresh], swap=False)
+            small = score.having([*now.members, *(i for i in fresh if i not in now.members)])
+            after = search(small, fresh, swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
                 score, now, changed = small, after, True
                 break
@@ -105,11 +106,28 @@ def contested(
 
 def fitted_beside(
     rest: Sequence[Item], new: Item, score: Score, rows: Rows, predicted: np.ndarray
-) -> Item:
-    """Return an item with its shape, if it has one, fitted beside others."""
-    if not movable(new.shape):
-        return new
-    return fitted(new, score.solve([*rest, new]), rows, predicted, score)
+) -> list[Item]:
+    """Return a set and another item, its shape, if it has one, fitted beside it.
+
+    What acts on the command behind the new item acts on what that delivers.
+    """
+    at = score.solve([*rest, new])
+    there = arriving(new, rest, [at.x[at.of(m)] for m in rest], rows, predicted)
+    if movable(new.shape):
+        new = fitted(new, at, there, predicted, score)
+    elif there is not rows:
+        new = seen_from(new, new.shape, there, predicted)
+    if not new.actuates:
+        return [*rest, new]
+    members = [*rest, new]
+    at = score.having(members).solve(members)
+    x = [at.x[at.of(m)] for m in members]
+    behind = (m for m in rest if arriving(m, [new], x[-1:], rows, predicted) is not rows)
+    moved = {
+        id(m): seen_from(m, m.shape, arriving(m, members, x, rows, predicted), predicted)
+        for m in behind
+    }
+    return [moved.get(id(m), m) for m in members]
 
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
@@ -153,16 +171,17 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             best.setdefault(i.group, i)
         for i in sorted(best.values(), key=lambda i: -worth[id(i)])[: 2 * RIVALS]:
             fresh = fitted_beside(rest, i, score, library.rows, predicted)
-            small = score.having([*rest, fresh])
-            at = search(small, [*rest, fresh], swap=False)
+            small = score.having(fresh)
+            at = search(small, fresh, swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
             reached = at.value - price(small, at, library.rows)
             if (
-                fresh in at.members
+                fresh[-1] in at.members
                 and odds > least - FARTHER
                 and reached - odds > known - least - close
             ):
-                gone = tuple(n.group for n in now.members if n not in at.members)
+                there = {n.group for n in at.members}
+                gone = tuple(n.group for n in now.members if n.group not in there)
                 if len(gone) > 1 or not part(m, i):
                     likely = float(np.exp(min(odds - least, 0.0)))
                     sets.setdefault(gone, {})[i.group] = likely, known - reached, at
@@ -202,5 +221,6 @@ def _tie(
     instead: Mapping[Group, tuple[float, float, Solution]],
 ) -> Tie:
     likely, _, at = max(instead.values(), key=lambda found: found[0])
-    moves = {m.group: at.x[at.of(m)] - now.x[now.of(m)] for m in now.members if m in at.members}
+    there = {m.group: at.x[at.of(m)] for m in at.members}
+    moves = {m.group: there[m.group] - now.x[now.of(m)] for m in now.members if m.group in there}
     return Tie(gone, tuple(instead), likely, min(falls for _, falls, _ in instead.values()), moves)

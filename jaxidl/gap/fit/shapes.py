@@ -130,12 +130,16 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         unit = np.sqrt(good / alike) * np.diag(free / np.maximum(np.abs(begin), 1e-300))[free]
         pulled = (minimum(begin, pull * unit) for pull in PULLS)
         best = next((theta for theta in pulled if square(theta) <= good), best)
-    shape = at_parameters(shape, best)
+    return seen_from(m, at_parameters(shape, best), rows, predicted)
+
+
+def seen_from(m: Item, shape: Shape, rows: Rows, predicted: np.ndarray) -> Item:
+    """Return a member with another ``shape``, or on other ``rows``.
+
+    One that does nothing there stays what it was, and the search will drop it.
+    """
     fresh = item(shape, *columns_of([shape], rows, predicted))
-    # fitted like this it does nothing: it stays what it was, and the search will drop it
-    if not fresh.joints:
-        return m
-    return pushed([fresh], rows, predicted)[0]
+    return pushed([fresh], rows, predicted)[0] if fresh.joints else m
 
 
 def taken_up(o: Item, m: Item) -> bool:

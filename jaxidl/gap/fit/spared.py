@@ -14,6 +14,7 @@ from jaxidl.gap.evidence.noise import accelerates
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import movable
 from jaxidl.gap.fit.held_out import jackknife
+from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.score import Score
 from jaxidl.gap.fit.shapes import fitted
 
@@ -50,7 +51,13 @@ def spared(
         every
     )
     before = solve(members)
-    fresh = [fitted(m, before, rows, predicted, score) if noisy(m) else m for m in members]
+    known = [before.x[before.of(m)] for m in members]
+    fresh = [
+        fitted(m, before, arriving(m, members, known, rows, predicted), predicted, score)
+        if noisy(m)
+        else m
+        for m in members
+    ]
     best, share = solve(fresh), {}
     for n, m in enumerate(fresh):
         if noisy(m) and not m.shape.free:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, place_of
 from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.rows import Rows
@@ -26,6 +26,7 @@ from jaxidl.gap.evidence.shape import Shape, build, effect_at, limits, movable, 
 from jaxidl.gap.fit.consistent import physical_fits
 from jaxidl.gap.fit.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.fit.library import residual
+from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.score import Score
 from jaxidl.gap.fit.shapes import tangent
 from jaxidl.gap.fit.spared import noisy, spared
@@ -95,7 +96,7 @@ def values(
     score: Score,
     predicted: np.ndarray,
 ) -> list[Value]:
-    """Return the effects of a set, fitted to all training rows.
+    """Return the effects of a set, fitted to all training rows, in the catalogue's order.
 
     Args:
         members: the set.
@@ -113,7 +114,8 @@ def values(
         if _plain(m):
             tangents.append(m)
             continue
-        t = tangent(m.shape, theta, rows, predicted)
+        there = arriving(m, clean.members, clean.x, rows, predicted)
+        t = tangent(m.shape, theta, there, predicted)
         base = t.value - np.tensordot(theta, t.columns, 1)
         gap -= base
         command -= base * m.actuates
@@ -144,7 +146,7 @@ def values(
             groups.setdefault(m.key, []).append(n)
     parts = absorbed(members)
     out = []
-    for key, numbers in groups.items():
+    for key, numbers in sorted(groups.items(), key=lambda group: place_of(group[0][0])):
         if key in parts:
             continue
         whole = [(members[n], fit.places[n]) for n in numbers]

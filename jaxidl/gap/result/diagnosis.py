@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.effects import CATALOGUE, Effect, place_of
 from jaxidl.files import as_json, plain
 from jaxidl.gap.evidence.gram import Key
 from jaxidl.gap.evidence.localise import Place
@@ -152,12 +152,15 @@ class Diagnosis:
     refinement: Refinement | None = field(default=None, repr=False)  # the result of :meth:`refined`
 
     @property
+    def added(self) -> tuple[Effect, ...]:
+        """All effects that the model lacks, in the order in which a command passes them."""
+        found = sorted(self.findings, key=lambda f: place_of(f.name))
+        return (*self.common, *(f.effect for f in found))
+
+    @property
     def plant(self) -> Plant:
         """The model with the effects found: it simulates, controls and learns like any other."""
-        return Plant(
-            self.model.plant.body,
-            (*self.model.plant.effects, *self.common, *(f.effect for f in self.findings)),
-        )
+        return Plant(self.model.plant.body, (*self.model.plant.effects, *self.added))
 
     @property
     def doubtful(self) -> bool:

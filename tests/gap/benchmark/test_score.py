@@ -123,7 +123,7 @@ def test_the_sum_of_others_is_the_effect_and_its_parts_may_stand_beside_it():
     )
     assert judge.single_credit(hidden(), report()) == 0.0
     assert judge.pair_credits([gear, hidden()], report(load, motor)) == [1.0, 0.0]
-    assert judge.tied(case(gear))
+    assert judge.tied(gear, "slider")
     for effect in (load, motor):
         assert is_right(case(gear), report(load, motor), {"effect": effect[0], "joint": 0})
     assert not is_right(case(gear), report(load, motor), {"effect": "inertia_error", "joint": 0})
@@ -140,13 +140,17 @@ def test_each_effect_of_a_pair_has_its_own_credit():
 
 
 def test_effects_that_no_log_can_tell_apart_are_tied():
-    assert judge.tied(case(hidden("torque_scale", scale=1.2)))
-    assert judge.tied(case(hidden("sensor_delay", delay=0.01), mechanism="pendulum"))
-    assert not judge.tied(case(hidden("sensor_delay", delay=0.01), mechanism="two_link"))
-    assert judge.tied(case(hidden("torque_scale", scale=0.8), mechanism="pendulum"))
-    assert not judge.tied(case(hidden("torque_scale", scale=1.2), mechanism="pendulum"))
-    assert judge.tied(case(hidden("inertia_error", extra=0.2, kind="mass"), mechanism="pendulum"))
-    assert not judge.tied(case(hidden()))
+    assert judge.tied(hidden("torque_scale", scale=1.2), "slider")
+    assert judge.tied(hidden("sensor_delay", delay=0.01), "pendulum")
+    assert not judge.tied(hidden("sensor_delay", delay=0.01), "two_link")
+    assert judge.tied(hidden("torque_scale", scale=0.8), "pendulum")
+    assert not judge.tied(hidden("torque_scale", scale=1.2), "pendulum")
+    assert judge.tied(hidden("inertia_error", extra=0.2, kind="mass"), "pendulum")
+    assert not judge.tied(hidden(), "slider")
+    late, early = ("sensor_delay", 0), ("actuator_delay", 0)
+    truth = {"pair": case(hidden(), hidden(late[0], delay=0.01))}
+    pairs = score(truth, {"pair": report(C, ambiguous=[[late, early]])})["pairs"]
+    assert (pairs["found"]["share"], pairs["found_or_tied"]["share"]) == (0.75, 1.0)
 
 
 @pytest.mark.parametrize(
