@@ -191,6 +191,7 @@ def gap_benchmark() -> str:
          share(single["right"])),
         ("… if a tie that physics makes counts in full", share(single["right_or_tied"])),
         ("two effects: each of them found", share(b["pairs"]["found"])),
+        ("… if a tie that physics makes counts in full", share(b["pairs"]["found_or_tied"])),
         ("an effect that the catalogue does not have: misnamed with confidence",
          share(b["outside"]["misnamed"])),
         ("names at a confidence of 0.9 to 1.0 that are right: robots", best["robot"]),

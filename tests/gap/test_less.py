@@ -34,6 +34,7 @@ def measured(viscous, dry, seed):
     return gap.from_arrays(*(columns[name] for name in ("time", "q0", "tau0")))
 
 
+@pytest.mark.slow
 def test_less_friction_than_the_model_has_is_named_and_handed_out(tmp_path):
     (tmp_path / "model.xml").write_text(TOO_MUCH)
     found = gap.diagnose(measured(0.2, 0.15, 5), tmp_path / "model.xml")
@@ -139,6 +140,7 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
     ]
 
 
+@pytest.mark.slow
 def test_nothing_takes_the_place_of_what_the_whole_log_does_not_confirm(tmp_path, monkeypatch):
     """Other kinds of friction would imitate it."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)

@@ -69,6 +69,7 @@ def test_nothing_is_named_where_nothing_is_hidden(tmp_path, mechanism):
     assert not found.findings
 
 
+@pytest.mark.slow
 def test_friction_under_load_reads_the_torque_behind_a_late_motor(tmp_path):
     found = gap.diagnose(
         *hidden(
@@ -127,6 +128,7 @@ def test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous(tmp
     assert "known mass" in found.ambiguous[0].experiment
 
 
+@pytest.mark.slow
 def test_no_other_explanation_feeds_the_motion(tmp_path):
     """Friction that brakes where the motor drives, and pushes where the load does, is none."""
     found = gap.diagnose(
@@ -144,6 +146,7 @@ def test_a_wrong_zero_a_tilted_base_and_a_turned_link_are_one_on_a_pendulum(tmp_
     assert {name for name, _ in doubt.candidates} == {"position_bias", "base_tilt", "com_error"}
 
 
+@pytest.mark.slow
 def test_a_link_that_is_heavier_and_off_centre_may_be_a_load(tmp_path):
     load = ("payload", None, {"mass": 0.2, "com": [0.05, 0.0, -0.22]})
     found = gap.diagnose(*hidden(tmp_path, "two_link", load), rollouts=False)

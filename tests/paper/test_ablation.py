@@ -160,6 +160,7 @@ def test_an_ablation_of_traced_numbers_compiles_once_and_one_of_sizes_once_each(
         jax.monitoring.clear_event_listeners()
 
 
+@pytest.mark.slow
 def test_results_are_labelled_continued_and_extended(small_study, tmp_path):
     grid = replace(
         SMALL, vary=(("train_on", ("true_state", "sensed_state")), ("alpha", (0.1, 0.2)))

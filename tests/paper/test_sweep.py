@@ -165,6 +165,7 @@ def test_a_traced_run_is_the_grids_run(whole):
     np.testing.assert_allclose(metrics.q_error, row, rtol=1e-2, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_grid_compiles_once_per_kind(tmp_path, small_study):
     """Noise, friction, stiction, gains and seeds are traced; only controller, source and epochs
     make programs.

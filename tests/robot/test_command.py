@@ -35,6 +35,7 @@ def test_two_iterations_from_the_command_line(logs, gantry, tmp_path, capsys):
     assert load(two).feedforward_limit.tolist() == [20.0, 20.0]
 
 
+@pytest.mark.slow
 def test_a_gripper_that_is_not_logged_is_left_out(logs, gantry, tmp_path, capsys):
     finger = (
         '<body pos="0 0 0.1"><joint name="finger" type="slide"/>'
