@@ -120,7 +120,7 @@ def register(cls: Any = None, *, searched: bool = True) -> Any:
     process, :func:`from_dict`, ``effects.json`` beside a model, the gap workflow and its reports
     know it. A class of the same module and qualified name replaces the earlier one, so a notebook's
     cell can be run again. An effect's static fields must be whole numbers or flags if it is to be
-    stored.
+    stored. What it does to a command comes after what the built-in ones do.
 
     Args:
         cls: a subclass of :class:`Effect` with ``name``, ``sentence``, and ``parameters`` that name

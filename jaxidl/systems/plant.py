@@ -71,10 +71,8 @@ class Plant(struct.PyTreeNode):
             body = effect.alter(body)
             total = total + effect.torque(q, qd, tau)
             held = either(held, effect.holds(q, qd, tau))
-        qdd, dry = (
-            body.forward_dynamics(q, qd, total),
-            any(effect.grips() for effect in self.effects),
-        )
+        qdd = body.forward_dynamics(q, qd, total)
+        dry = any(effect.grips() for effect in self.effects)
         if not (implicit or dry):
             return choose(held, 0.0, qdd)
         mobility = body.mobility(q)

@@ -10,8 +10,9 @@
 4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
    one by another, by all that it can imitate or by a part that it contains, or replace two by one
    or two.
-5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`), give effects that read the torque
-   the one that is now predicted behind the motor, and go to 4 until the set no longer changes.
+5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`), give effects of a motor the command
+   that arrives at them (:mod:`jaxidl.gap.fit.motors`) and effects that read the torque the one that
+   is now predicted behind the motor, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.choice.objections`) that are on a bound, that their standard
    error does not distinguish from zero, that are not physical, that only make the encoder's noise
    smaller (:mod:`jaxidl.gap.evidence.noise`), or without which held-out blocks are predicted
