@@ -56,8 +56,8 @@ COMMANDS = {
     "bench": bench.bench,
 }
 
-# runs side by side, which a GPU is for; the others run many small programs, one after the other: gap
-# takes three times as long on a GPU, and any would reserve most of its memory
+# runs side by side, which a GPU is for; the others run many small programs, one after the other:
+# gap takes three times as long on a GPU, and any would reserve most of its memory
 SIDE_BY_SIDE = ("sweep", "reproduce", "ablate", "tune", "arm", "bench")
 GARBAGE = 100_000  # objects between two collections
 # All matrices are small: threads that share one wait for each other longer than they compute
