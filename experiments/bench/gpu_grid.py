@@ -6,7 +6,7 @@ depend on the device and on TF32.
 
 ``--chunks 1`` stops after as many chunks; on a machine's CPU (``JAX_PLATFORMS=cpu``) one chunk is
 enough to compare. Networks are computed in full single precision. Tensor cores would round
-products' inputs to 10 bits (TF32) unless told not to; the last rows compare a GPU in full precision
+products' inputs to 10 bits (TF32) by default; the last rows compare a GPU in full precision
 with itself in TF32 and with the CPU on the same runs: before training has amplified the difference
 and after.
 """
