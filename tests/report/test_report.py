@@ -16,15 +16,18 @@ from matplotlib.figure import Figure
 from jaxidl import report
 from jaxidl.effects import (
     CATALOGUE,
+    ActuatorLag,
     CoulombFriction,
     InertiaError,
     OnJoint,
     Payload,
     PositionDependentFriction,
+    TorqueScale,
     ViscousFriction,
 )
 from jaxidl.errors import StoreError
 from jaxidl.gap.evidence.localise import Place
+from jaxidl.gap.fit.refine import Refinement
 from jaxidl.gap.result.diagnosis import (
     Ambiguity,
     Diagnosis,
@@ -39,6 +42,7 @@ from jaxidl.gap.result.diagnosis import (
 from jaxidl.gap.result.words import number, percent, plus_minus, summarise
 from jaxidl.gap.workflow import diagnose
 from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import prepare
 from jaxidl.report import FIGURES, draw, folder, page, save, table
 from jaxidl.report.common import broken
 from jaxidl.report.matrix import spelled
@@ -717,3 +721,31 @@ def test_a_measured_log_from_end_to_end(tmp_path):
     found = read_model(tmp_path / "out" / "model.xml").plant.effects
     assert float(found[0].effect.coefficient[0]) == pytest.approx(3.0, rel=0.05)
     assert float(found[1].effect.level[0]) == pytest.approx(1.5, rel=0.05)
+
+
+def test_a_command_passes_the_effects_in_the_catalogues_order(tmp_path, monkeypatch):
+    """In the model handed out and in a fit to motion; the findings keep their own order."""
+    lag = OnJoint(ActuatorLag(jnp.array([0.02])), 0, 2)
+    scale = OnJoint(TorqueScale(jnp.array([1.2])), 0, 2)
+    one = lambda name, effect, parameter, value: replace(
+        finding(name, 0, effect, {parameter: Estimate(value, "1", 0.01)}),
+        bounds={parameter: (0.0, 2.0)},
+    )
+    findings = (
+        one("torque_scale", scale, "scale", 1.2),
+        one("actuator_lag", lag, "time_constant", 0.02),
+    )
+    t = 0.01 * np.arange(400)
+    log = from_arrays(t, np.sin(np.stack([t, 2.0 * t], 1)), np.cos(np.stack([t, t], 1)))
+    signals = prepare(log, chain(tmp_path, ("slide", "hinge")).plant.body)
+    d = made_up(tmp_path, findings=findings, signals=signals)
+    assert d.plant.effects == d.added == (lag, scale)
+
+    def refine(model, found, signals, bounds, **options):
+        values = tuple({name: np.ones(1) for name in each} for each in bounds)
+        return Refinement(False, "no", tuple(found), values, values, values, 0.5, (1, 1))
+
+    monkeypatch.setattr("jaxidl.gap.result.refined.refine", refine)
+    r = d.refined().refinement
+    assert r.effects == (scale, lag)
+    assert [list(values) for values in r.given] == [["scale"], ["time_constant"]]

@@ -140,8 +140,8 @@ def sums(hidden: Record) -> set[Key]:
 def tied(hidden: Record, mechanism: str) -> bool:
     """Return whether a hidden effect has an equivalent that no log of its mechanism distinguishes.
 
-    On a pendulum a payload at the right place also scales inertia and
-    weight alike, as a heavier body or a weaker motor does.
+    On a pendulum a payload at the right place also scales inertia and weight alike, as a heavier
+    body or a weaker motor does.
     """
     effect, parameters = hidden["effect"], hidden["parameters"]
     heavier = parameters.get("kind") == "mass" and parameters["extra"] > 0

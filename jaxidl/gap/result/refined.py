@@ -6,6 +6,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from jaxidl.effects import place_of
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.fit.balance import balance
@@ -26,9 +27,24 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         )
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
-    found, bounds = [f.effect for f in d.findings], [_bounds(f) for f in d.findings]
-    model = Plant(d.model.plant.body, (*d.model.plant.effects, *d.common))
-    r = refine(model, found, signals, bounds, held_out=d.options["held_out"], window=window)
+    # findings are in the order of what they explain; a command passes them in that of the catalogue
+    order = sorted(range(len(d.findings)), key=lambda k: place_of(d.findings[k].name))
+    passed = [d.findings[k] for k in order]
+    r = refine(
+        Plant(d.model.plant.body, (*d.model.plant.effects, *d.common)),
+        [f.effect for f in passed],
+        signals,
+        [_bounds(f) for f in passed],
+        held_out=d.options["held_out"],
+        window=window,
+    )
+    back = np.argsort(order)
+    r = r._replace(
+        **{
+            n: tuple(getattr(r, n)[k] for k in back)
+            for n in ("effects", "given", "refined", "stderr")
+        }
+    )
     if not r.accepted or r.after is None or r.residual is None:
         return replace(d, refinement=r)
     d = replace(d, refinement=r)
@@ -37,7 +53,8 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     relative = np.array(r.after.torque_rms) / np.maximum(command, 1e-300)
     gap = d.gap._replace(after=Side(r.after.torque_rms, relative.tolist(), r.after.rollout_rms))
     with jax.enable_x64(True):
-        rows, _ = balance(signals, model.effects, (), d.options["held_out"])
+        own = (*d.model.plant.effects, *d.common)
+        rows, _ = balance(signals, own, (), d.options["held_out"])
     remaining = tuple(localise(rows, r.residual, d.model.names))
     return replace(
         d,
