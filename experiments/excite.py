@@ -190,7 +190,7 @@ def open_cases(work: Path, root: int, severities: tuple[str, ...]) -> list[tuple
         names = {name for group in judge.candidates(report) for name, _ in group}
         names |= {e["effect"] for e in [*report["effects"], *near]}
         truly = known[case.id]["hidden"][0]["effect"]
-        tied = judge.tied(known[case.id]) or any(
+        tied = judge.tied(known[case.id]["hidden"][0], case.mechanism) or any(
             case.mechanism == where and truly in group and len((names | {truly}) & group) > 1
             for where, group in TIED
         )

@@ -9,6 +9,7 @@ the sweep stays in ``--sweeps`` (default: FOLDER), and an interrupted run contin
 
 import itertools
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,7 @@ def blurred(run: Trajectory, law: FeedbackLaw) -> Dataset:
 
 def on_true_states(run: Trajectory, law: FeedbackLaw) -> Dataset:
     """Return weighted rows at the true states, which no robot knows."""
-    return weighted(run.replace(q_sensing=run.q, qd_sensing=run.qd), law.smoothing)
+    return weighted(replace(run, q_sensing=run.q, qd_sensing=run.qd), law.smoothing)
 
 
 class Unlimited(Guard):

@@ -47,7 +47,8 @@ def in_c() -> Any:
     """
     hidden, task, law = STUDY.hidden, STUDY.task(), STUDY.law()
     inverse = inverse_dynamics_in_c()
-    true: Any = copy.copy(arm().plant.body.source)
+    body: Any = arm().plant.body
+    true = copy.copy(body.source)
     true.opt.timestep, true.dof_damping[:], true.dof_frictionloss[:] = (
         STUDY.dt,
         hidden.viscous,

@@ -236,7 +236,8 @@ def whole(out: Path) -> Whole:
         times.append(time.monotonic() - life.began)
     if life.end().status != 0:
         sys.exit(f"the undisturbed sweep failed: {life.said}")
-    return Whole(out, *times, time.monotonic() - life.began)
+    locked, first, last = times
+    return Whole(out, locked, first, last, time.monotonic() - life.began)
 
 
 @contextlib.contextmanager

@@ -9,6 +9,8 @@ notices survived: it is printed, to be looked at. With ``--only`` the rows of th
 are in FILE stay there.
 """
 
+# pyright: reportAttributeAccessIssue=false, reportCallIssue=false
+
 import ast
 import copy
 import json

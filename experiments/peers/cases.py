@@ -8,6 +8,9 @@ after the same zero-phase low-pass (Butterworth, fourth order, forwards and back
 and accelerations are central differences of the positions behind the same filter.
 """
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false, reportCallIssue=false
+
 import json
 import os
 from dataclasses import dataclass

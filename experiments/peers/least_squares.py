@@ -7,6 +7,9 @@ reference the old log is fitted, too, with the same parameters but for a load at
 which only the new log has.
 """
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import sys
 
 import mujoco

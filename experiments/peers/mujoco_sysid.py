@@ -10,6 +10,9 @@ identified model; its torque error is that of its inverse dynamics with friction
 of the speed.
 """
 
+# MuJoCo's names are made when it is imported, where a type checker does not see them
+# pyright: reportAttributeAccessIssue=false
+
 import sys
 from functools import lru_cache
 
