@@ -70,11 +70,15 @@ class OnJoint(Effect):
         return self._put(tau, delivered), memory
 
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
+        if type(self.effect).torque is Effect.torque:
+            return jnp.zeros_like(qd)
         return self._put(
             jnp.zeros_like(qd), self.effect.torque(self._of(q), self._of(qd), self._of(tau))
         )
 
     def dry(self, q: Joints, qd: Joints, tau: Joints, direction: Joints) -> Joints:
+        if not self.grips():
+            return jnp.zeros_like(qd)
         own = self.effect.dry(self._of(q), self._of(qd), self._of(tau), self._of(direction))
         return self._put(jnp.zeros_like(qd), own)
 
@@ -89,6 +93,8 @@ class OnJoint(Effect):
         return self._put(q, self.effect.sense(memory, self._of(q), self._of(noise)))
 
     def true_position(self, q: History, dt: float) -> History:
+        if type(self.effect).true_position is Effect.true_position:
+            return q
         return q.at[:, self.joint].set(self.effect.true_position(q[:, self.joint, None], dt)[:, 0])
 
     def seen(self, logged: History, predicted: History) -> History:

@@ -52,8 +52,9 @@ def withstood(
 
     The torque of a breakaway is known where it rises by little until the joint is seen to move.
     Elsewhere the largest torque of the rest counts, whichever way it points: a joint withstands as
-    much either way. But if the joint often goes against the torque, the model's own torque is wrong
-    by more than friction, and only breakaways whose torque is known count.
+    much either way. Where it is seen to move at less, the model's own torque is wrong by more than
+    friction, and the rest does not count. If the joint often goes against the torque, only
+    breakaways whose torque is known count.
     """
     spread = max(float(np.std(torque[resting])), 1e-300) if resting.any() else 1.0
     width = int(np.ceil((noise / (QUIET * spread)) ** 2)) | 1
@@ -84,7 +85,7 @@ def withstood(
     at, way, final, most, rise = np.array(found, float).reshape(-1, 5).T
     known = rise < SHARP * np.std(torque)
     against = np.sum(known & (final < 0.0)) > AGAINST * len(at)
-    counted = known if against else slice(None)
+    counted = known if against else known | (most <= final + rise)
     return np.stack([at, way * np.where(known, final, most), way], axis=1)[counted]
 
 

@@ -133,12 +133,9 @@ def _whole(d: Diagnosis, f: Finding) -> list[Any]:
 
 def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
     """Return what is lost without each effect, and where it is written."""
-    entries = (
-        [*([{}] * len(d.findings)), *record][-len(d.findings) :]
-        if record
-        else [{}] * len(d.findings)
-    )
-    order = sorted(range(len(d.findings)), key=lambda k: -np.nan_to_num(d.findings[k].gain))
+    written = {
+        id(f): entry for f, entry in zip(reversed(d.ordered), reversed(record), strict=False)
+    }
     head = [
         "effect",
         "joint",
@@ -147,7 +144,10 @@ def worth(d: Diagnosis, record: Sequence[Mapping[str, Any]]) -> Html:
         "error without → with it",
         "improvement",
     ]
-    rows = [list(_worth(d, d.findings[k], entries[k])) for k in order]
+    rows = [
+        list(_worth(d, f, written.get(id(f), {})))
+        for f in sorted(d.findings, key=lambda f: -np.nan_to_num(f.gain))
+    ]
     about = (
         "The error is that on held-out data without and with the effect, all others being fitted"
         " again."

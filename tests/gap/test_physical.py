@@ -18,6 +18,7 @@ from jaxidl.effects import (
     Scale,
     register,
 )
+from jaxidl.effects.transmission import MOTOR
 from jaxidl.gap import from_arrays
 from jaxidl.gap.choice.find import find, reread, seen_anew
 from jaxidl.gap.choice.objections import objection
@@ -26,8 +27,9 @@ from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_iner
 from jaxidl.gap.evidence.rows import rms, rows_of
 from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
 from jaxidl.gap.fit.consistent import PLACES, consistent, dissipating
-from jaxidl.gap.fit.library import library, load_of, pushed, residual, scales, upsampled
+from jaxidl.gap.fit.library import library, load_of, pushed, residual, upsampled
 from jaxidl.gap.fit.prior import plausible
+from jaxidl.gap.fit.scales import heavier, scales
 from jaxidl.gap.fit.shapes import fitted
 from jaxidl.gap.fit.values import values
 from jaxidl.logs.signals import prepare
@@ -443,6 +445,24 @@ def test_tables_over_position_end_where_the_fitted_rows_do(two_link):
     ends = lambda rows: [(s.lower, s.upper) for s in scales(rows)]
     assert ends(further) == ends(rows)
     assert ends(rows)[0][1] < clean[1][:, 0].max() + 0.01
+
+
+def test_a_drive_may_carry_the_rotor_that_the_model_lacks(two_link):
+    """The inertia of a joint is that of the model and of what all common effects add to it."""
+    rotor = np.array([0.0, 2.5])
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + rotor * qdd)
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    lib = library(rows, ("inertia_error", "coulomb_friction", "joint_elasticity"), {})
+    before = scales(rows)
+    after = heavier(before, lib.envelope, rows)
+    added = [b.inertia - a.inertia for a, b in zip(before, after, strict=True)]
+    np.testing.assert_allclose(added, rotor, atol=0.02 * rotor[1])
+    (most,) = {
+        i.shape.within["motor_inertia"][1]
+        for i in lib.score.items
+        if i.key == ("joint_elasticity", 1)
+    }
+    assert most == pytest.approx(MOTOR[1] * after[1].inertia)
 
 
 def test_a_lag_holds_back_what_has_the_residuals_spectrum_not_what_has_the_commands(two_link):

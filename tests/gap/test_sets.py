@@ -736,6 +736,23 @@ def test_coefficients_move_with_a_torque_constant_as_far_as_their_covariance_say
     np.testing.assert_allclose(got, expected, atol=1e-6 * expected.max())
 
 
+def test_what_a_bound_holds_does_not_move_with_a_torque_constant():
+    """Otherwise what the bound leaves in the residual would seem to be a wrong constant."""
+    rows, pool = constants(elsewhere=0.5)
+    least = replace(pool[0], lower=np.full(1, 0.5))  # what the gap has of it is noise
+    score = score_of(rows, [least, *pool[1:]])
+    found = score.solve([least, *pool[1:]])
+    left = residual(rows, found)
+    gap = rows.gap - least.lower[0] * np.pad(least.columns[0], ((0, 0), (0, 1)))
+    without = score_of(rows._replace(gap=gap), pool[1:])
+    rest = without.solve(pool[1:])
+    got, expected = (
+        swayed(one, set_, rows, left)[-4:, -4:] for one, set_ in ((score, found), (without, rest))
+    )
+    np.testing.assert_allclose(got, expected, rtol=1e-3)
+    np.testing.assert_array_equal(swayed(score, found, rows, left)[0], 0.0)
+
+
 def test_a_log_says_how_wrong_a_torque_constant_may_be():
     def errors(**more):
         rows, pool = constants(**more)

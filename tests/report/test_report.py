@@ -749,3 +749,18 @@ def test_a_command_passes_the_effects_in_the_catalogues_order(tmp_path, monkeypa
     r = d.refined().refinement
     assert r.effects == (scale, lag)
     assert [list(values) for values in r.given] == [["scale"], ["time_constant"]]
+
+
+def test_the_page_says_where_each_effect_is_written(tmp_path):
+    d = made_up(tmp_path, findings=(inertia(2, 1), viscous(2, 0), friction(2), viscous(2, 1)))
+    save(d, tmp_path / "out")
+    rows = re.findall(r"<tr.*?</tr>", (tmp_path / "out" / "report.html").read_text(), re.DOTALL)
+    places = {
+        "inertia error": "joint/armature, body/inertial",
+        "Coulomb friction": "joint/frictionloss",
+        "viscous friction": "joint/damping",
+    }
+    written = [(name, row) for row in rows for name in places if f"<strong>{name}</strong>" in row]
+    said = [(name, re.findall("in model.xml as ([^<]*)", row)) for name, row in written]
+    assert len(said) == 4
+    assert all(place == [places[name]] for name, place in said), said

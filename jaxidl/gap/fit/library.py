@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from jaxidl.effects import CATALOGUE, Scale
+from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.gram import Anchor, Item, samples_alike
 from jaxidl.gap.evidence.items import columns_of, items_of
@@ -21,8 +21,9 @@ from jaxidl.gap.evidence.projection import ALIGNMENT, Projection, aligned, align
 from jaxidl.gap.evidence.recurrence import copies
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.evidence.samples import correlation_beside
-from jaxidl.gap.evidence.shape import Present, effect_at, shapes_of, vector
+from jaxidl.gap.evidence.shape import Present, Shape, effect_at, shapes_of, vector
 from jaxidl.gap.fit.prior import plausible
+from jaxidl.gap.fit.scales import heavier, scales
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.logs.low_pass import at_instants
 
@@ -67,42 +68,6 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
     return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
 
-def scales(rows: Rows) -> list[Scale]:
-    """Return the magnitudes on each joint.
-
-    Positions are those of training rows: a table over others would not be fitted there.
-    """
-    signals, residual = rows.signals, rms(rows.gap, rows.used)
-    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], (0.002, 0.998), axis=0)
-    inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
-    mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
-    free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
-    speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    size = np.abs(signals.tau)
-    torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
-    return [
-        Scale(
-            float(torque[j]),
-            float(speed[j]),
-            float(lows[j]),
-            float(highs[j]),
-            float(inertia[j]),
-            float(residual[j]),
-            signals.band,
-            signals.interval,
-            j,
-            len(lows),
-            tuple(lows.tolist()),
-            tuple(highs.tolist()),
-            float(signals.rest_speed[j]),
-            float(effort[j]),
-            float(typical[j]),
-            float(free[j]),
-        )
-        for j in range(len(lows))
-    ]
-
-
 class Library(NamedTuple):
     """Items of a log, the residual of all common effects together, and the items' score."""
 
@@ -134,17 +99,14 @@ def library(
     """
     signals = rows.signals
     every = scales(rows)
-    moving = [s for s in every if s.speed > 0.0 and rows.used[:, s.joint].any()]
+    moving = [s.joint for s in every if s.speed > 0.0 and rows.used[:, s.joint].any()]
     predicted = rows.tau
+
+    def offered(cls: type[Effect]) -> list[Shape]:
+        on = [0] if cls.whole else moving
+        return [s for j in on for s in shapes_of(cls, every[j], own, reference is not None)]
+
     classes = [CATALOGUE[name] for name in names]
-    offered = {
-        cls: [
-            s
-            for scale in (every[:1] if cls.whole else moving)
-            for s in shapes_of(cls, scale, own, reference is not None)
-        ]
-        for cls in classes
-    }
     links = links_of(signals.body)
     # parts before the effects that contain them
     classes = sorted(classes, key=lambda cls: len(cls.contains()))
@@ -152,7 +114,7 @@ def library(
     for cls in classes:
         if cls.common:
             common += [
-                plausible(i, links, ALIKE) for i in items_of(offered[cls], rows, predicted, common)
+                plausible(i, links, ALIKE) for i in items_of(offered(cls), rows, predicted, common)
             ]
     rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
@@ -162,7 +124,7 @@ def library(
     rows = rows.evened(left).drifting(left)
     noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
-    rows = with_friction(rows, envelope)
+    rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
     alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
     common = [plausible(i, links, alike) for i in common]
     shared = (
@@ -172,7 +134,7 @@ def library(
     projected = Projection(rows, items, noise)
     for cls in classes:
         if not cls.common:
-            best = projected.best(items_of(offered[cls], rows, predicted, items), left, effective)
+            best = projected.best(items_of(offered(cls), rows, predicted, items), left, effective)
             items += [
                 i if i.actuates else plausible(i, links, alike)
                 for i in pushed(best, rows, predicted)
@@ -185,7 +147,7 @@ def library(
         effective,
         Anchor(shared, reference.information, reference.pull) if reference is not None else None,
     )
-    still = tuple(j for j in range(len(every)) if every[j] not in moving)
+    still = tuple(j for j in range(len(every)) if j not in moving)
     return Library(rows, score, score.solve(basic), predicted, still)
 
 

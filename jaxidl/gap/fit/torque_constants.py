@@ -27,7 +27,14 @@ def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.nd
         rows: the rows of the score.
         left: (N, J) the set's residual there [N or Nm].
     """
+    # what a bound holds, such as the alignment of torques, stays there
+    lower, upper = (
+        np.concatenate([np.zeros(0), *(getattr(m, side) for m in found.members)])
+        for side in ("lower", "upper")
+    )
+    free = ~(np.isclose(found.x, lower) | np.isclose(found.x, upper))
     own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]
+    own = np.where(np.outer(free, free), own, np.diag(np.diagonal(own)))
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
     own = own / size[:, None] / size + RIDGE * np.eye(len(own))
     joints = range(len(score.noise))
@@ -42,7 +49,7 @@ def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.nd
     for m in found.members:
         for k, j in enumerate(m.joints):
             right[found.of(m), j] = m.columns[:, :, k] @ twice[:, j]
-    right /= size[:, None]
+    right *= (free / size)[:, None]
     moves = np.linalg.solve(own, right)
     # normal equations of the errors that the set leaves, and their mean square given the log
     information, push = np.diag(np.sum(torque**2, 0)) - right.T @ moves, np.sum(torque * left, 0)

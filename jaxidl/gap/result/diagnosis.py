@@ -152,10 +152,14 @@ class Diagnosis:
     refinement: Refinement | None = field(default=None, repr=False)  # the result of :meth:`refined`
 
     @property
+    def ordered(self) -> tuple[Finding, ...]:
+        """The findings in the order in which a command passes them."""
+        return tuple(sorted(self.findings, key=lambda f: place_of(f.name)))
+
+    @property
     def added(self) -> tuple[Effect, ...]:
         """All effects that the model lacks, in the order in which a command passes them."""
-        found = sorted(self.findings, key=lambda f: place_of(f.name))
-        return (*self.common, *(f.effect for f in found))
+        return (*self.common, *(f.effect for f in self.ordered))
 
     @property
     def plant(self) -> Plant:
