@@ -21,8 +21,9 @@ from jaxidl.systems.free import inner
 # training blocks; samples of real machines are correlated, blocks hardly are
 BLOCKS = 16
 ASIDE = 6  # blocks of the held-out rows
-# an end of a log with this many times the rest's peak torque, speed or acceleration is not held out
-FURTHER = 1.2
+# an end of a log with this many times the rest's range, peak torque, speed or acceleration is not
+# held out
+FURTHER = 1.25
 STRETCH = 1.5  # see ``kept_rows`` [s]
 # errors below this multiple of the noise are equal: a changed inertia changes the noise
 NOISE_MARGIN = 1.2
@@ -168,8 +169,8 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
 
     They are all but the last share ``held_out`` of every run. Something that happens only at the
     end of a log, such as saturation in fast motion, could neither be found if that end were held
-    out nor be verified if it were not. So where the ends contain faster or harder motion than the
-    rest, stretches of ``STRETCH`` seconds each have their own last part held out.
+    out nor be verified if it were not. So where the ends contain wider, faster or harder motion
+    than the rest, stretches of ``STRETCH`` seconds each have their own last part held out.
     """
     rows = signals.rows
     counts = [int(np.sum((rows >= r.start) & (rows < r.stop))) for r in signals.slices]
@@ -178,7 +179,9 @@ def kept_rows(signals: Signals, held_out: float) -> np.ndarray:
     if not last.any():
         return ~last
     command = signals.balance + signals.tables.torque[rows]
-    sizes = [np.abs(command), *(np.abs(x[rows]) for x in (signals.qd, signals.qdd))]
+    middle = np.mean(np.quantile(signals.q[rows[~last]], (0.005, 0.995), axis=0), axis=0)
+    motion = (signals.q - middle, signals.qd, signals.qdd)
+    sizes = [np.abs(command), *(np.abs(x[rows]) for x in motion)]
     reach = lambda part: np.stack([np.quantile(x[part], 0.995, axis=0) for x in sizes])
     if np.all(reach(last) <= FURTHER * reach(~last)):
         return ~last
