@@ -170,8 +170,8 @@ def _unexplained(d: Diagnosis) -> list[str]:
         return []
     names = [d.model.names[j] for j in d.unexplained]
     lines = _wrapped(
-        f"Not explained on {listed(names)}: the residual there is larger than the catalogue or"
-        " conventional identification can explain."
+        f"Not explained on {listed(names)}: the residual there can still be predicted from the"
+        " state, or is larger than a conventional model leaves."
     )
     for j in d.unexplained:
         place = next((p.sentence for p in d.remaining if p.joint == j), None)

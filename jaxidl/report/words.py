@@ -49,7 +49,8 @@ def excess(d: Diagnosis) -> str:
 def verdict(d: Diagnosis) -> str:
     """Return the verdict in one or two sentences, after a doubt about the log as a whole."""
     names = [d.model.names[j] for j in d.unexplained]
-    said = headline(d.verdict, d.findings, names, large(d.gap, d.model.names), compared(d))
+    left = large(d.gap, d.model.names)
+    said = headline(d.verdict, d.findings, names, left, compared(d), bool(d.ambiguous))
     return d.doubt + said
 
 

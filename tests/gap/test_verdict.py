@@ -82,6 +82,8 @@ def test_the_headline_does_not_claim_what_is_hardly_likely():
     assert of(0.13).startswith("Something may be missing: 3 effects are suspected")
     assert "with a confidence of at most 13 %, which" in of(0.13)
     assert "changed" in headline("ambiguous", [found(0.2)], [], [], True)
+    alone = headline("ambiguous", [found(0.7)], [], [], others=False)
+    assert alone == "Something may be missing: 1 effect is suspected."
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,7 @@ def summarise(
             [model.names[j] for j in unexplained],
             large(gap, model.names),
             reference,
+            bool(ambiguous),
         )
     ]
     if sure:
@@ -119,6 +120,7 @@ def headline(
     unexplained: Sequence[str],
     remaining: Sequence[str],
     reference: bool = False,
+    others: bool = True,
 ) -> str:
     """Return the verdict in one or two sentences.
 
@@ -128,6 +130,7 @@ def headline(
         unexplained: names of the joints with a large residual.
         remaining: large errors that remain, the largest first.
         reference: the log was compared with an earlier one.
+        others: what is suspected has alternatives, which are listed.
     """
     named, rest = [f for f in findings if f.sure], [f for f in findings if not f.sure]
     sure, suspected, less = len(named), len(rest), sum(f.less for f in named)
@@ -145,8 +148,8 @@ def headline(
     )
     if verdict == "unexplained":
         left = (
-            f"Part of the residual on {listed(unexplained)} is not explained by any effect of the"
-            " catalogue."
+            f"Part of the residual on {listed(unexplained)} stays unexplained: this log confirms no"
+            " effect of the catalogue that removes it."
         )
         return f"{left} {lacks}, named below." if sure else left
     if verdict == "nothing_missing":
@@ -166,10 +169,12 @@ def headline(
         more = f"{suspected} {'more ' if sure else ''}effect{'s are' if suspected != 1 else ' is'}"
         hardly = likely < LIKELY and not sure
         most = f", with a confidence of {'at most ' * (suspected > 1)}{percent(likely)}" * hardly
-        other = f"{more} suspected{most}, which this log cannot distinguish from others"
+        other = f"{more} suspected{most}" + (
+            ", which this log cannot distinguish from others" if others else ""
+        )
         if sure:
             return f"{lacks}; {other}."
-        if hardly:
+        if hardly or not others:
             return f"Something may {'have changed' if reference else 'be missing'}: {other}."
         return f"Something {'has changed' if reference else 'is missing'}: {other}."
     few = "are" if suspected != 1 else "is"
