@@ -110,7 +110,7 @@ class TorqueRipple(Effect):
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         # a period is passed slowly enough to be seen
-        least = max(scale.width / 60.0, 2.0 * scale.speed / max(scale.band, 1e-9))
+        least = max(scale.width / 60.0, scale.speed / max(scale.band, 1e-9))
         waves = np.arange(1.5, max(scale.width / least, 2.0), 0.4)
         return [{"sine": 0.0, "cosine": 0.0, "period": scale.width / n} for n in waves]
 
