@@ -24,7 +24,7 @@ from jaxidl.gap.choice.find import find, reread, seen_anew
 from jaxidl.gap.choice.objections import objection
 from jaxidl.gap.evidence.items import beside, items_of
 from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_inertia
-from jaxidl.gap.evidence.rows import rms, rows_of
+from jaxidl.gap.evidence.rows import kept_rows, rms, rows_of
 from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
 from jaxidl.gap.fit.consistent import PLACES, consistent, dissipating
 from jaxidl.gap.fit.library import library, load_of, pushed, residual, upsampled
@@ -445,6 +445,19 @@ def test_tables_over_position_end_where_the_fitted_rows_do(two_link):
     ends = lambda rows: [(s.lower, s.upper) for s in scales(rows)]
     assert ends(further) == ends(rows)
     assert ends(rows)[0][1] < clean[1][:, 0].max() + 0.01
+
+
+def test_the_end_of_a_log_is_fitted_if_it_reaches_further_than_the_rest(two_link):
+    clean = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    signals = prepare(from_arrays(*clean), two_link.plant.body)
+    count = len(signals.rows)
+    fitted = kept_rows(signals, 0.3)
+    assert not fitted[int(0.75 * count) :].any()
+    q = signals.q.copy()
+    q[signals.rows[int(0.7 * count)] :, 1] += 1.0
+    further = kept_rows(signals._replace(q=q), 0.3)
+    assert 0.6 < further[int(0.75 * count) :].mean() < 0.8
+    assert further.mean() == pytest.approx(0.7, abs=0.03)
 
 
 def test_a_drive_may_carry_the_rotor_that_the_model_lacks(two_link):

@@ -32,7 +32,8 @@ def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.nd
         np.concatenate([np.zeros(0), *(getattr(m, side) for m in found.members)])
         for side in ("lower", "upper")
     )
-    free = ~(np.isclose(found.x, lower) | np.isclose(found.x, upper))
+    held = lambda bound: np.isclose(found.x, bound, rtol=1e-9, atol=0.0)
+    free = ~(held(lower) | held(upper))
     own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]
     own = np.where(np.outer(free, free), own, np.diag(np.diagonal(own)))
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
