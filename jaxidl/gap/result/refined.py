@@ -6,7 +6,6 @@ from typing import Any
 import jax
 import numpy as np
 
-from jaxidl.effects import place_of
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.fit.balance import balance
@@ -28,8 +27,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
     # findings are in the order of what they explain; a command passes them in that of the catalogue
-    order = sorted(range(len(d.findings)), key=lambda k: place_of(d.findings[k].name))
-    passed = [d.findings[k] for k in order]
+    passed = d.ordered
     r = refine(
         Plant(d.model.plant.body, (*d.model.plant.effects, *d.common)),
         [f.effect for f in passed],
@@ -38,7 +36,8 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         held_out=d.options["held_out"],
         window=window,
     )
-    back = np.argsort(order)
+    at = {id(f): k for k, f in enumerate(passed)}
+    back = [at[id(f)] for f in d.findings]
     r = r._replace(
         **{
             n: tuple(getattr(r, n)[k] for k in back)
