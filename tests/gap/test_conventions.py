@@ -177,3 +177,17 @@ def test_a_load_that_is_gone_raises_no_doubt_where_friction_explains_the_torque(
     friction = VISCOUS * qd + DRY * np.tanh(qd / 0.01)
     size = 2.0 * np.std(tau - friction, axis=0) / np.std(friction, axis=0)
     assert read(model, q, size * friction) == []
+
+
+def test_joints_that_move_in_turn_do_not_seem_exchanged(model):
+    """An exchanged log must explain all of a joint's motion, not some instants of it.
+
+    The springs make the model wrong enough to ask. There is hardly a time at which both move.
+    """
+    turn = 0.5 * (1.0 + np.tanh((T - T[-1] / 2) / 0.5))[:, None]
+    share = np.concatenate([1.0 - turn, turn], 1) ** 2
+    speed = 0.8 * np.sin(1.1 * T)[:, None] * share
+    q = DT * np.cumsum(speed, axis=0)
+    qd, qdd = np.gradient(q, DT, axis=0), np.gradient(np.gradient(q, DT, axis=0), DT, axis=0)
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd) + VISCOUS * qd + 30.0 * q
+    assert not any("exchanged" in said for said in read(model, q, tau))

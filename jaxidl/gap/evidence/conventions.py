@@ -153,17 +153,16 @@ def _left(
     target = reading.torque * rows.command[some][:, driven] - share * (own[some] + torque)
     out, spread = np.zeros(len(reading.zero)), rows.spread[driven]
     # not where a joint rests: what counts there is the torque that broke it away
-    for j, use in enumerate((rows.used[some][:, driven] & signals.moving[kept][:, moved]).T):
+    for j, use in enumerate(signals.moving[kept][:, moved].T):
         if use.sum() > 8 and spread[j] > 0.0:
             slow = max(float(abs(reading.position[j]) * signals.rest_speed[moved[j]]), 1e-12)
             x = np.stack([qd[:, j], np.tanh(qd[:, j] / slow), qdd[:, j]], 1)[use]
             size = np.maximum(np.abs(x).max(0), 1e-300)
             # an offset of either sign takes the means
             x, y = (part - part.mean(0) for part in (x / size, target[use, j]))
-            out[j] = (
-                nnls(x, y, maxiter=1000)[1]
-                / np.sqrt(use.sum())
-                / spread[j]
-                / abs(reading.torque[j])
-            )
+            there = spread[j]
+            if (moved[j], driven[j]) != (j, j):  # the other joint's torque may be constant then
+                there = min(there, float(np.std(rows.command[some][use, driven[j]])))
+            left = nnls(x, y, maxiter=1000)[1] / np.sqrt(use.sum())
+            out[j] = left / max(float(there), 1e-300) / abs(reading.torque[j])
     return out
