@@ -3,7 +3,9 @@
 H is a zero-phase Butterworth of fourth order, forwards and backwards. Its band ends where the
 encoder's noise, twice differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the
 commanded torque, and not much beyond where no command stands out of its own noise. That noise is
-the encoder's, too, through the controller: in a longer band it would be taken for delays.
+the encoder's, too, through the controller: in a longer band it would be taken for delays. So the
+torques of each joint are compared within a band of its own, which ends where its own command does
+not stand out, or its own noise reaches ``OWN_SHARE`` (:func:`bands`).
 """
 
 from collections.abc import Callable
@@ -12,9 +14,11 @@ from typing import Any
 
 import numpy as np
 from scipy import signal
+from scipy.fft import dct, idct
 from scipy.interpolate import make_interp_spline
 
 NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
+OWN_SHARE = 0.01  # and at the end of a joint's own band
 BAND = (4.0, 100.0)  # least and largest band [Hz]
 HIGHEST_BAND = 0.2  # largest band over the sampling rate
 STANDS_OUT = 4.0  # power of a command over that of its noise
@@ -31,6 +35,16 @@ def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
     """Return H applied to one run (T, ...)."""
     sections = _design(band, dt)
     return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
+
+
+def within(x: np.ndarray, rate: float, band: float) -> np.ndarray:
+    """Return samples (..., N) without what is above a band [Hz], as fast as by H.
+
+    By cosines, since samples may be missing; the others are ``rate`` per second.
+    """
+    frequency = np.arange(x.shape[-1]) * rate / (2.0 * max(x.shape[-1], 1))
+    waves = np.asarray(dct(x, norm="ortho")) / (1.0 + (frequency / band) ** 8)
+    return np.asarray(idct(waves, norm="ortho"))
 
 
 def derivative(x: np.ndarray, dt: float) -> np.ndarray:
@@ -93,6 +107,19 @@ def heard_to(x: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
     noise = np.median(power[frequency > 0.6 * frequency[-1]], axis=0)
     above = np.any(power > STANDS_OUT * noise, axis=1)
     return float(frequency[above].max(initial=0.0))
+
+
+def bands(
+    reach: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float
+) -> np.ndarray:
+    """Return up to which frequency (J,) [Hz] the torques of each joint are compared.
+
+    Arguments are those of :func:`choose_band`, and the ``band`` of all joints.
+    """
+    heard = [heard_to(tau[:, [j]], slices, dt) for j in range(tau.shape[1])]
+    unit = np.maximum(noise_torque(reach, 1.0, dt), 1e-300)
+    quiet = (OWN_SHARE * np.std(tau, axis=0) / unit) ** 0.4
+    return np.clip(np.minimum(BEYOND * np.array(heard), quiet), min(BAND[0], band), band)
 
 
 def choose_band(

@@ -17,6 +17,7 @@ from jaxidl.effects import Effect
 from jaxidl.logs.encoders import lateness, true_motion, true_positions
 from jaxidl.logs.log import Log
 from jaxidl.logs.low_pass import (
+    bands,
     by_run,
     choose_band,
     derivative,
@@ -71,6 +72,7 @@ class Signals(NamedTuple):
     late: int = 0
     # noise (J,) of the logged velocity and acceleration where those are used
     logged_noise: tuple[np.ndarray | None, np.ndarray | None] = (None, None)
+    bands: Sequence[float] = ()  # of each joint's torque, within the band [Hz]; empty: the band
 
     @property
     def every(self) -> int:
@@ -255,6 +257,7 @@ def prepare(
         late=lateness(effects, q, dt),
         notes=(*late_speed, *late_push),
         logged_noise=heard,
+        bands=bands(reach, log.tau, slices, dt, band).tolist(),
     )
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxidl.logs.low_pass import BAND, HIGHEST_BAND, choose_band, heard_to
+from jaxidl.logs.low_pass import BAND, HIGHEST_BAND, bands, choose_band, heard_to, within
 
 DT = 1e-3
 T = DT * np.arange(20_000)
@@ -61,3 +61,23 @@ def test_a_joint_without_a_drive_is_heard_by_its_motion():
     both = choose_band(np.zeros(2), q, tau, WHOLE, DT)
     assert 1.5 * 7.0 <= both < 3.0 * 7.0
     assert choose_band(np.zeros(1), q[:, :1], slow, WHOLE, DT) < 6.0
+
+
+def test_each_joint_is_compared_where_its_own_command_stands_out():
+    none = np.zeros(2)
+    fast, slow = bands(none, torque(0.05), WHOLE, DT, 60.0)
+    assert fast == pytest.approx(1.5 * 7.0, abs=3.0)
+    assert slow < 6.0
+    # encoder noise ends one joint's band, and the other's stays
+    noisy, same = bands(np.array([1e-2, 0.0]), torque(0.05), WHOLE, DT, 60.0)
+    assert noisy < 0.6 * fast
+    assert same == slow
+    # none is wider than that of all joints
+    assert np.all(bands(none, torque(0.05), WHOLE, DT, 5.0) <= 5.0)
+
+
+def test_what_is_above_a_band_is_taken_away():
+    within_it, above = np.cos(2 * np.pi * 2.0 * T), np.cos(2 * np.pi * 30.0 * T)
+    kept = within(np.stack([within_it, above]), 1.0 / DT, 10.0)
+    np.testing.assert_allclose(kept[0], within_it, atol=2e-3)
+    assert np.abs(kept[1]).max() < 0.03

@@ -14,7 +14,7 @@ from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.drift import slower, weighted, weights_of
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.recurrence import returns
-from jaxidl.logs.low_pass import at_instants
+from jaxidl.logs.low_pass import at_instants, within
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 
@@ -99,18 +99,33 @@ class Rows(NamedTuple):
         return self._replace(slow=np.stack(each))
 
     def steady(self, x: np.ndarray, joint: int) -> np.ndarray:
-        """Return torques (..., N) of a joint with less weight on slow components.
+        """Return torques (..., N) of a joint in its own band, with less weight on slow components.
 
         Those of held-out rows, which are a shorter time, are fewer.
         """
         if self.slow is None:
             return x
-        out, use = np.array(x, float), self.used[:, joint]
+        out, use = self.heard(np.array(x, float), joint), self.used[:, joint]
         here, there = use & self.training, use & ~self.training
         out[..., here] = weighted(out[..., here], self.slow[joint])
         shorter = there.sum() / max(here.sum(), 1)
         out[..., there] = weighted(out[..., there], slower(self.slow[joint], shorter))
         return out
+
+    def heard(self, x: np.ndarray, joint: int) -> np.ndarray:
+        """Return torques (..., N) of a joint in the band in which its command stands out of noise.
+
+        Those that broke a rest are not filtered.
+        """
+        s = self.signals
+        if not s.bands or s.bands[joint] >= s.band:
+            return x
+        rate = 1.0 / (s.dt * float(np.median(np.diff(s.rows))))
+        moving = self.used[:, joint] & s.moving[s.rows, joint]
+        for part in (moving & self.training, moving & ~self.training):
+            if part.any():
+                x[..., part] = within(x[..., part], rate, s.bands[joint])
+        return x
 
     def whole(self) -> "Rows":
         """Return the rows with none held out."""
@@ -147,12 +162,14 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     block[train] = np.arange(train.sum()) * BLOCKS // max(train.sum(), 1)
     block[~train] = -1 - np.arange((~train).sum()) * ASIDE // max((~train).sum(), 1)
     spread = np.std(signals.tau[rows], axis=0)
+    # the noise of positions, differentiated twice, within each joint's own band
+    own = (np.asarray(signals.bands or signals.band) / signals.band) ** 2.5
     return Rows(
         gap,
         command,
         used,
         block,
-        np.maximum(NOISE_MARGIN * signals.noise_floor, LEAST_FLOOR * spread),
+        np.maximum(NOISE_MARGIN * signals.noise_floor * own, LEAST_FLOOR * spread),
         spread,
         tau,
         friction,
