@@ -183,16 +183,16 @@ class CoupledJointFriction(Effect):
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
-        """Return variants with the next joint, if that moves.
+        """Return variants with the next joint, if both move together.
 
         The gears of a wrist connect neighbours.
         """
         values = {"speed": max(scale.rest_speed, 0.003 * scale.speed, 1e-6)}
-        neighbours = [other for other, _, _ in scale.others() if other == scale.joint + 1]
         options = [
             {"joint": scale.joint, "other": o, "difference": d}
-            for o in neighbours
+            for o in scale.neighbours()
             for d in (False, True)
+            if o > scale.joint
         ]
         return [
             Variant(values, free, options=o)
@@ -227,8 +227,7 @@ class MotorCoupling(Effect):
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:
         """Return variants between neighbouring joints, in either direction."""
-        neighbours = [other for other, _, _ in scale.others() if abs(other - scale.joint) == 1]
         return [
             Variant({}, ("share",), {"share": (-1.5, 1.5)}, {"joint": scale.joint, "other": o})
-            for o in neighbours
+            for o in scale.neighbours()
         ]

@@ -54,6 +54,7 @@ class Scale(NamedTuple):
     typical: float = 0.0  # median of the command's size [N or Nm]; 0: unknown
     # least inertia felt by the joint while the others are free [kg or kg m^2]; inf: unknown
     free: float = float("inf")
+    apart: Sequence[int] = ()  # joints that hardly ever move while this one does
 
     @property
     def width(self) -> float:
@@ -66,6 +67,14 @@ class Scale(NamedTuple):
         return [
             (j, float(low), float(high)) for j, low, high in pairs if j != self.joint and high > low
         ]
+
+    def neighbours(self) -> list[int]:
+        """Return the joints next to it that move together with it.
+
+        If two joints move in turn, no log can tell what connects them from what each has alone.
+        """
+        beside = [j for j, _, _ in self.others() if abs(j - self.joint) == 1]
+        return [j for j in beside if j not in self.apart]
 
 
 # starting values of the parameters; those not named are zero

@@ -110,3 +110,7 @@ def test_couplings_are_looked_for_between_neighbours():
     assert {v.options["other"] for v in fx.MotorCoupling.variants(scale)} == {0, 2}
     effect = placed(fx.MotorCoupling, fx.MotorCoupling.variants(scale)[0], 1, 4)
     assert (effect.joint, effect.other) == (1, 0)
+    # what connects joints that move in turn looks like what each has alone
+    in_turn = scale._replace(apart=(2,))
+    assert fx.CoupledJointFriction.variants(in_turn) == []
+    assert {v.options["other"] for v in fx.MotorCoupling.variants(in_turn)} == {0}

@@ -21,7 +21,7 @@ from jaxidl.effects import (
 from jaxidl.effects.transmission import MOTOR
 from jaxidl.gap import from_arrays
 from jaxidl.gap.choice.find import find, reread, seen_anew
-from jaxidl.gap.choice.objections import objection
+from jaxidl.gap.choice.objections import blamed, objection
 from jaxidl.gap.evidence.items import beside, items_of
 from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.evidence.rows import kept_rows, rms, rows_of
@@ -95,6 +95,17 @@ def test_an_impossible_inertia_becomes_a_possible_one():
     assert not physical(nominal + wanted)
     small = 0.04 * wanted  # what a link can lose is left alone
     np.testing.assert_allclose(best(np.eye(10), small, cones=[(base, slopes)]), small, atol=1e-5)
+
+
+def test_it_is_found_in_any_units_and_beside_bounds_that_are_far_away():
+    nominal = np.array([2.6, 0.05, 0.0, 0.36, 0.08, 0.08, 0.01, 0.0, 0.0, 0.0])
+    base, slopes = pseudo_inertia(nominal), pseudo_inertia(np.eye(10)[4:])
+    wanted = np.array([0.5, -0.4, 0.5, 0.0, 0.0, 0.0])
+    near = best(np.eye(6), wanted, cones=[(base, slopes)])
+    for size in (1e-3, 1e3):
+        gram = size**2 * np.eye(6)
+        far = best(gram, gram @ wanted, -1e4, 1e6, cones=[(base, slopes)])
+        np.testing.assert_allclose(far, near, atol=2e-3)
 
 
 def test_conditions_that_nothing_fulfils_are_reported():
@@ -510,3 +521,31 @@ def test_a_load_may_be_as_heavy_as_the_robot_and_no_part_of_it_is_free(two_link)
     sure = plausible(load, links, 1.0).precision
     assert (sure > 0.0).all()
     assert 1.0 / np.sqrt(sure[0]) == pytest.approx(links.nominal[:-1, 0].sum(), rel=0.5)
+
+
+def test_joints_that_hardly_move_together_are_apart(two_link):
+    t, q, tau = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    together = scales(rows_of(prepare(from_arrays(t, q, tau), two_link.plant.body)))
+    assert [s.apart for s in together] == [(), ()]
+    half = np.arange(len(t))[:, None] < len(t) // 2
+    still = np.where(half == np.array([True, False]), q, q[len(t) // 2])
+    in_turn = scales(rows_of(prepare(from_arrays(t, still, tau), two_link.plant.body)))
+    assert [s.apart for s in in_turn] == [(1,), (0,)]
+    assert [s.neighbours() for s in (*together, *in_turn)] == [[1], [0], [], []]
+
+
+def test_the_rare_one_of_two_that_replace_each_other_is_blamed(two_link):
+    """A rotor is not needed beside a link's inertia tensor: the tensor goes, not the rotor."""
+    rotor = np.array([0.0, 2.5])
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)) + rotor * qdd)
+    rows = rows_of(prepare(from_arrays(*log), two_link.plant.body))
+    lib = library(rows, ("inertia_error", "inertia_tensor_error"), {})
+    place = {i.group: i for i in lib.score.items}
+    own, tensor = place["inertia_error", 1, "extra"], place["inertia_tensor_error", 1, "tensor"]
+    always = [i for i in lib.score.items if i.always]
+    now = lib.score.solve([*always, own, tensor])
+    assert tensor.odds < own.odds
+    assert blamed(lib.score, now, own) is tensor
+    assert blamed(lib.score, now, tensor) is tensor
+    # alone it has only itself to blame
+    assert blamed(lib.score, lib.score.solve([*always, own]), own) is own

@@ -20,6 +20,9 @@ from jaxidl.gap.fit.score import Score, Solution
 BOUND = "its value is on a bound"
 
 
+LATE = "it is hardly more than a sampling interval"
+
+
 UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
 
 
@@ -103,7 +106,27 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
     parts = absorbed(now.members)
     judged = [m for m in now.members if m.key not in parts]
     found = [(m, why) for m in judged if (why := objection(score, now, m, min_gain, rows))]
+    found = [(m if why in (BOUND, LATE) else blamed(score, now, m), why) for m, why in found]
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
+
+
+def blamed(score: Score, now: Solution, m: Item) -> Item:
+    """Return of a member and the one that would take its place the less probable one.
+
+    A rotor may not be needed only because a rare change of a link stands for it. The other one is
+    blamed if the set is better off without that.
+    """
+    then = score.solve(without(now, m))
+    near = [n for n in then.members if not n.always and set(n.joints) & set(m.joints)]
+
+    def moved(n: Item) -> float:
+        shared = [k for k, j in enumerate(n.joints) if j in m.joints]
+        change = then.x[then.of(n)] - now.x[now.of(n)]
+        return float(np.sum(np.tensordot(change, n.columns[:, :, shared], 1) ** 2))
+
+    other = max(near, key=moved, default=m)
+    better = other.odds < m.odds and score.solve(without(now, other)).value >= then.value
+    return other if better else m
 
 
 def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
@@ -145,7 +168,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     other = score.solve([*without(now, m), *plain(score, now, m)])
     interval = rows.signals.interval
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
-        return "it is hardly more than a sampling interval"
+        return LATE
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"

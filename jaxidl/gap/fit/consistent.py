@@ -21,6 +21,7 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.fit.score import Score, Solution
 
 PLACES = 80  # number of a joint's rows at which its friction must dissipate
+FAR = 1e3  # bounds this many times beyond what the data ask for are left out: solvers stall on them
 FAST = 3.0  # times the rest speed: closer to a reversal the filter blurs the direction
 
 
@@ -44,8 +45,11 @@ def consistent(
     """
     size = np.sqrt(np.diag(gram))
     size = np.where(size > 1e-12 * size.max(initial=0.0), size, 1.0)
+    # in units in which the solution is about one
+    size = size / (np.abs(right / size).max(initial=0.0) or 1.0)
+    gram, right = gram / size / size[:, None], right / size
     eye = np.eye(len(right))
-    low, high = np.isfinite(lower), np.isfinite(upper)
+    low, high = lower * size > -FAR, upper * size < FAR
     rows = [-eye[low], eye[high], -unequal]
     sides = [-lower[low], upper[high], -least]
     kinds: list[object] = [clarabel.NonnegativeConeT(sum(len(r) for r in rows))]
@@ -59,10 +63,8 @@ def consistent(
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     a = sparse.csc_matrix(np.concatenate(rows) / size)
-    p = sparse.csc_matrix(np.triu(gram / size / size[:, None]))
-    found = clarabel.DefaultSolver(
-        p, -right / size, a, np.concatenate(sides), kinds, settings
-    ).solve()
+    p = sparse.csc_matrix(np.triu(gram))
+    found = clarabel.DefaultSolver(p, -right, a, np.concatenate(sides), kinds, settings).solve()
     if str(found.status) not in ("Solved", "AlmostSolved"):
         return None
     return np.clip(np.asarray(found.x) / size, lower, upper)

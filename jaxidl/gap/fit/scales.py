@@ -9,6 +9,8 @@ from jaxidl.gap.evidence.items import columns_of
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.fit.score import Solution
 
+TOGETHER = 0.1  # share of a joint's motion in which another one has to move, too
+
 
 def scales(rows: Rows) -> list[Scale]:
     """Return the magnitudes on each joint.
@@ -21,7 +23,8 @@ def scales(rows: Rows) -> list[Scale]:
     mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
     free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
     speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
-    size = np.abs(signals.tau)
+    size, moving = np.abs(signals.tau), signals.moving.astype(float)
+    together = moving.T @ moving >= TOGETHER * moving.sum(0)[:, None]
     torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
     return [
         Scale(
@@ -41,6 +44,7 @@ def scales(rows: Rows) -> list[Scale]:
             float(effort[j]),
             float(typical[j]),
             float(free[j]),
+            tuple(np.flatnonzero(~together[j]).tolist()),
         )
         for j in range(len(lows))
     ]
