@@ -26,6 +26,7 @@ _HINGE = {
     "N/m": "Nm/rad",
     "N s/m": "Nm s/rad",
     "N s^2/m^2": "Nm s^2/rad^2",
+    "1/N": "1/Nm",
 }
 
 

@@ -64,6 +64,7 @@ def test_each_number_has_a_name_and_a_unit(two_link):
     )
     assert free.units == ["kg", "m", "m", "m", "Nm/rad", "rad"]
     assert len(free.names) == len(free.vector) == 6
+    assert unit_of("1/N", "hinge") == "1/Nm"
     assert (unit_of("N", "slide"), unit_of("N", "hinge"), unit_of("length", "hinge")) == (
         "N",
         "Nm",

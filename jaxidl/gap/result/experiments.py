@@ -18,7 +18,7 @@ def experiment(candidates: Sequence[Key]) -> str:
     """
     names = list(dict.fromkeys(name for name, _ in candidates))
     if len(names) == 1:
-        return "move one joint at a time, with the others held still"
+        return "move all joints at once, at different speeds, and each of them alone"
     ordered = sorted((CATALOGUE[name] for name in names), key=lambda cls: cls.prior)
     return "; or ".join(list(dict.fromkeys(cls.advice for cls in ordered))[:MOST])
 
