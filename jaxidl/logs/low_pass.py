@@ -4,8 +4,8 @@ H is a zero-phase Butterworth of fourth order, forwards and backwards. Its band 
 encoder's noise, twice differentiated and multiplied by inertia, reaches ``NOISE_SHARE`` of the
 commanded torque, and not much beyond where no command stands out of its own noise. That noise is
 the encoder's, too, through the controller: in a longer band it would be taken for delays. So the
-torques of each joint are compared within a band of its own, which ends where its own command does
-not stand out, or its own noise reaches ``OWN_SHARE`` (:func:`bands`).
+torques of each joint are compared within a band of its own, which ends not much beyond where its
+own command stands out (:func:`bands`).
 """
 
 from collections.abc import Callable
@@ -18,7 +18,6 @@ from scipy.fft import dct, idct
 from scipy.interpolate import make_interp_spline
 
 NOISE_SHARE = 0.02  # noise torque over the command's spread at the end of the band
-OWN_SHARE = 0.01  # and at the end of a joint's own band
 BAND = (4.0, 100.0)  # least and largest band [Hz]
 HIGHEST_BAND = 0.2  # largest band over the sampling rate
 STANDS_OUT = 4.0  # power of a command over that of its noise
@@ -109,17 +108,14 @@ def heard_to(x: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
     return float(frequency[above].max(initial=0.0))
 
 
-def bands(
-    reach: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float
-) -> np.ndarray:
+def bands(tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float) -> np.ndarray:
     """Return up to which frequency (J,) [Hz] the torques of each joint are compared.
 
-    Arguments are those of :func:`choose_band`, and the ``band`` of all joints.
+    It is not much beyond where its own command (T, J) stands out of its noise, within the ``band``
+    of all joints.
     """
     heard = [heard_to(tau[:, [j]], slices, dt) for j in range(tau.shape[1])]
-    unit = np.maximum(noise_torque(reach, 1.0, dt), 1e-300)
-    quiet = (OWN_SHARE * np.std(tau, axis=0) / unit) ** 0.4
-    return np.clip(np.minimum(BEYOND * np.array(heard), quiet), min(BAND[0], band), band)
+    return np.clip(BEYOND * np.array(heard), min(BAND[0], band), band)
 
 
 def choose_band(

@@ -162,14 +162,12 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     block[train] = np.arange(train.sum()) * BLOCKS // max(train.sum(), 1)
     block[~train] = -1 - np.arange((~train).sum()) * ASIDE // max((~train).sum(), 1)
     spread = np.std(signals.tau[rows], axis=0)
-    # the noise of positions, differentiated twice, within each joint's own band
-    own = (np.asarray(signals.bands or signals.band) / signals.band) ** 2.5
     return Rows(
         gap,
         command,
         used,
         block,
-        np.maximum(NOISE_MARGIN * signals.noise_floor * own, LEAST_FLOOR * spread),
+        np.maximum(NOISE_MARGIN * signals.noise_floor, LEAST_FLOOR * spread),
         spread,
         tau,
         friction,
