@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from jaxidl.effects import CATALOGUE
 from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding, Key
 from jaxidl.gap.result.refined import reported_stderr
 from jaxidl.gap.result.words import (
@@ -102,12 +101,8 @@ def frame(d: Diagnosis, f: Finding) -> str:
 
     Only effects of the whole mechanism with a length have one; it is empty for others.
     """
-    units = [p.unit for p in CATALOGUE[f.name].parameters.values()]
-    return (
-        f"in the frame of {d.frame or 'the last body'}"
-        if f.joint is None and "length" in units
-        else ""
-    )
+    place = d.frame(f)
+    return "" if place is None else f"in the frame of {place or 'the last body'}"
 
 
 def confidence(f: Finding) -> str:

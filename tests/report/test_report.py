@@ -430,12 +430,16 @@ def test_the_first_table_has_joints_and_kinds(tmp_path):
     assert text.count('class="doubt"') == 2  # there, and in the list of what each is worth
     words = Elements(text).text.replace("\xa0", " ")
     assert "x 0.000 ± 0.010, y 0.100 ± 0.020, z 0.200 ± 0.030 m" in words
-    assert f"in the frame of {d.frame}" in words
-    assert d.frame
+    (place,) = {d.frame(f) for f in d.findings if f.name == "payload"}
+    assert f"in the frame of {place}" in words
+    assert place
+    # a joint's friction is in no body's frame, and neither is what no length belongs to
+    assert {d.frame(f) for f in d.findings if f.name != "payload"} == {None}
+    assert d.frame(replace(d.findings[0], name="base_tilt", joint=None)) is None
     shown = " ".join(table(d).split())
     assert "(0.75 ± 0.12 Nm" in shown
     assert "mass 1.50 ± 0.10 kg" in shown
-    assert f"in the frame of {d.frame}" in shown
+    assert f"in the frame of {place}" in shown
     assert "shoulder_joint, mass: -1.000 ± 0.050 kg" in shown
     assert "viscous friction" in shown
 

@@ -179,10 +179,14 @@ class Diagnosis:
         found = (f.name for f in self.findings)
         return list(dict.fromkeys([*found, *(name for name, _ in (*doubts, *nearest))]))
 
-    @property
-    def frame(self) -> str:
-        """Name of the body in whose frame a load is given."""
-        return getattr(self.model.plant.body, "carrier", "")
+    def frame(self, f: Finding) -> str | None:
+        """Return the name of the body in whose frame a finding's positions are given.
+
+        Only effects of the whole mechanism with a length have one.
+        """
+        units = [p.unit for p in CATALOGUE[f.name].parameters.values()]
+        placed = f.joint is None and "length" in units
+        return getattr(self.model.plant.body, "carrier", "") if placed else None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``report.json``, without ``files``."""
@@ -198,7 +202,7 @@ class Diagnosis:
                         "joint": f.joint,
                         "sentence": f.sentence,
                         "joint_name": None if f.joint is None else self.model.names[f.joint],
-                        "frame": self.frame if f.joint is None else None,
+                        "frame": self.frame(f),
                         "parameters": {name: p._asdict() for name, p in f.parameters.items()},
                         "confidence": f.confidence,
                         "evidence": f.evidence,
