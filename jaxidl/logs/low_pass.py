@@ -108,13 +108,16 @@ def heard_to(x: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
     return float(frequency[above].max(initial=0.0))
 
 
-def bands(tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float) -> np.ndarray:
+def bands(
+    q: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float
+) -> np.ndarray:
     """Return up to which frequency (J,) [Hz] the torques of each joint are compared.
 
-    It is not much beyond where its own command (T, J) stands out of its noise, within the ``band``
-    of all joints.
+    It is not much beyond where its own command (T, J) stands out of its noise, or without a drive
+    its positions (T, J), within the ``band`` of all joints.
     """
-    heard = [heard_to(tau[:, [j]], slices, dt) for j in range(tau.shape[1])]
+    shown = np.where(np.std(tau, axis=0) > 0.0, tau, q)
+    heard = [heard_to(shown[:, [j]], slices, dt) for j in range(tau.shape[1])]
     return np.clip(BEYOND * np.array(heard), min(BAND[0], band), band)
 
 

@@ -64,11 +64,15 @@ def test_a_joint_without_a_drive_is_heard_by_its_motion():
 
 
 def test_each_joint_is_compared_where_its_own_command_stands_out():
-    fast, slow = bands(torque(0.05), WHOLE, DT, 60.0)
+    commands = torque(0.05)
+    fast, slow = bands(commands, commands, WHOLE, DT, 60.0)
     assert fast == pytest.approx(1.5 * 7.0, abs=3.0)
     assert slow < 6.0
     # none is wider than that of all joints
-    assert np.all(bands(torque(0.05), WHOLE, DT, 5.0) <= 5.0)
+    assert np.all(bands(commands, commands, WHOLE, DT, 5.0) <= 5.0)
+    # a joint without a drive shows in its positions how fast it moves
+    passive = commands * np.array([0.0, 1.0])
+    np.testing.assert_allclose(bands(commands, passive, WHOLE, DT, 60.0), [fast, slow])
 
 
 def test_what_is_above_a_band_is_taken_away():
