@@ -36,7 +36,7 @@ def low_pass(x: np.ndarray, band: float, dt: float) -> np.ndarray:
     return signal.sosfiltfilt(sections, x, axis=0, padlen=min(len(x) - 1, round(1.0 / band / dt)))
 
 
-def within(x: np.ndarray, rate: float, band: float) -> np.ndarray:
+def band_limited(x: np.ndarray, rate: float, band: float) -> np.ndarray:
     """Return samples (..., N) without what is above a band [Hz], as fast as by H.
 
     By cosines, since samples may be missing; the others are ``rate`` per second.

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from jaxidl.logs.low_pass import BAND, HIGHEST_BAND, bands, choose_band, heard_to, within
+from jaxidl.logs.low_pass import (
+    BAND,
+    HIGHEST_BAND,
+    band_limited,
+    bands,
+    choose_band,
+    heard_to,
+)
 
 DT = 1e-3
 T = DT * np.arange(20_000)
@@ -77,6 +84,6 @@ def test_each_joint_is_compared_where_its_own_command_stands_out():
 
 def test_what_is_above_a_band_is_taken_away():
     within_it, above = np.cos(2 * np.pi * 2.0 * T), np.cos(2 * np.pi * 30.0 * T)
-    kept = within(np.stack([within_it, above]), 1.0 / DT, 10.0)
+    kept = band_limited(np.stack([within_it, above]), 1.0 / DT, 10.0)
     np.testing.assert_allclose(kept[0], within_it, atol=2e-3)
     assert np.abs(kept[1]).max() < 0.03

@@ -18,11 +18,7 @@ from jaxidl.gap.fit.library import residual_on
 from jaxidl.gap.fit.score import Score, Solution
 
 BOUND = "its value is on a bound"
-
-
 LATE = "it is hardly more than a sampling interval"
-
-
 UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
 
 

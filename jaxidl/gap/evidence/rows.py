@@ -14,7 +14,7 @@ from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.drift import slower, weighted, weights_of
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.recurrence import returns
-from jaxidl.logs.low_pass import at_instants, within
+from jaxidl.logs.low_pass import at_instants, band_limited
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 
@@ -124,7 +124,7 @@ class Rows(NamedTuple):
         moving = self.used[:, joint] & s.moving[s.rows, joint]
         for part in (moving & self.training, moving & ~self.training):
             if part.any():
-                x[..., part] = within(x[..., part], rate, s.bands[joint])
+                x[..., part] = band_limited(x[..., part], rate, s.bands[joint])
         return x
 
     def whole(self) -> "Rows":

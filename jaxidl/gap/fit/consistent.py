@@ -21,7 +21,8 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.fit.score import Score, Solution
 
 PLACES = 80  # number of a joint's rows at which its friction must dissipate
-FAR = 1e3  # bounds this many times beyond what the data ask for are left out: solvers stall on them
+# bounds this many times beyond what the data ask for are left out: solvers stall on them
+FAR_BOUND = 1e3
 FAST = 3.0  # times the rest speed: closer to a reversal the filter blurs the direction
 
 
@@ -49,7 +50,7 @@ def consistent(
     size = size / (np.abs(right / size).max(initial=0.0) or 1.0)
     gram, right = gram / size / size[:, None], right / size
     eye = np.eye(len(right))
-    low, high = lower * size > -FAR, upper * size < FAR
+    low, high = lower * size > -FAR_BOUND, upper * size < FAR_BOUND
     rows = [-eye[low], eye[high], -unequal]
     sides = [-lower[low], upper[high], -least]
     kinds: list[object] = [clarabel.NonnegativeConeT(sum(len(r) for r in rows))]
