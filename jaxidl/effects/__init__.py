@@ -22,6 +22,7 @@ from jaxidl.effects.gears import (
 from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTensorError, Payload
 from jaxidl.effects.on_joint import OnJoint, added_to, placed
 from jaxidl.effects.position import Spring, TorqueRipple
+from jaxidl.effects.presliding import PreslidingFriction
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
 from jaxidl.effects.stiction import Stiction
@@ -54,6 +55,7 @@ __all__ = [
     "Payload",
     "PositionBias",
     "PositionDependentFriction",
+    "PreslidingFriction",
     "QuadraticDrag",
     "Scale",
     "SensingNoise",

@@ -29,6 +29,7 @@ from jaxidl.effects.inertia import BaseTilt, ComError, InertiaError, InertiaTens
 from jaxidl.effects.on_joint import OnJoint
 from jaxidl.effects.own import check_class, obstacle, qualified
 from jaxidl.effects.position import Spring, TorqueRipple
+from jaxidl.effects.presliding import PreslidingFriction
 from jaxidl.effects.sensing import EncoderQuantisation, PositionBias, SensingNoise, SensorDelay
 from jaxidl.effects.stiction import Stiction
 from jaxidl.effects.transmission import Backlash, JointElasticity
@@ -60,7 +61,8 @@ CATALOGUE: dict[str, type[Effect]] = {
         Spring,
         TorqueRipple,
         # in the order in which a command passes them: it comes late, the drive limits it, its
-        # current follows, the motor turns that into torque, and the gear passes it on
+        # current follows, the motor turns that into torque, the gear passes it on, and what gives
+        # way before it slides takes its part
         ActuatorDelay,
         TorqueSaturation,
         ActuatorLag,
@@ -69,6 +71,7 @@ CATALOGUE: dict[str, type[Effect]] = {
         MotorCoupling,
         JointElasticity,
         Backlash,
+        PreslidingFriction,
         PositionBias,
         SensorDelay,
         SensingNoise,

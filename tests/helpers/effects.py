@@ -63,6 +63,7 @@ EXAMPLES: dict[str, Effect] = {
         fx.ActuatorDelay(pair(0.0043, 0.0077), steps=12),
         fx.JointElasticity(pair(4e3, 2e3), pair(3.0, 2.0), pair(0.6, 0.4)),
         fx.Backlash(pair(2e-3, 1e-3), pair(4e3, 3e3), pair(20.0, 15.0), pair(0.6, 0.4)),
+        fx.PreslidingFriction(pair(2.0, 1.5), pair(0.05, 0.08)),
         fx.PositionBias(pair(0.03, -0.02)),
         fx.SensorDelay(pair(0.0043, 0.0077), steps=12),
         PaperFriction(jnp.array(3.0)),

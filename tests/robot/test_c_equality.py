@@ -131,7 +131,8 @@ def test_every_effect_is_computed_or_refused(tmp_path):
             assert re.fullmatch(rf"expected .+; got .*{name}.*; .+", said)
     assert refused == {
         "thermal_friction", "torque_scale", "torque_curve", "motor_coupling", "torque_saturation",
-        "actuator_lag", "actuator_delay", "joint_elasticity", "backlash", "position_bias",
+        "actuator_lag", "actuator_delay", "joint_elasticity", "backlash",
+        "presliding_friction", "position_bias",
         "sensor_delay", "sensing_noise", "encoder_quantisation",
     }  # fmt: skip
     alone = fx.OnJoint(EXAMPLES["stribeck_friction"].replace(**_first("stribeck_friction")), 1, 2)

@@ -39,8 +39,9 @@ INJECTED: dict[str, type[Injected]] = {
     "sublinear_friction": wider.SublinearFriction,
     "coupled_joint_friction": wider.CoupledJointFriction,
     "motor_coupling": wider.MotorCoupling,
+    "presliding_friction": friction.PreslidingFriction,
 }
-"""The names of the catalogue, in its order."""
+"""The names of the catalogue."""
 
 
 def make(name: str, joint: int | None, parameters: Mapping[str, Any]) -> Injected:

@@ -121,6 +121,8 @@ def _shaped(name: str, size: float, rng: np.random.Generator, place: Place) -> d
                 "excess": size * _in(rng, 0.9, 1.5),
                 "speed": place.span * _in(rng, 0.1, 0.25),
             }
+        case "presliding_friction":
+            return {"level": size, "distance": place.span * _in(rng, 0.05, 0.15)}
         case "position_dependent_friction" | "coupled_friction":
             return {"level": size} | wave
         case "payload":
@@ -197,8 +199,6 @@ def _outside(kind: str, size: float, rng: np.random.Generator, place: Place) -> 
     """Return parameters of effects that are not in the catalogue."""
     phase = float(rng.uniform(0, 2 * math.pi))
     match kind:
-        case "hysteresis":
-            return {"level": size, "distance": place.span * _in(rng, 0.15, 0.3)}
         case "offset_drift" | "scale_drift":
             return {"amplitude": size, "frequency": _in(rng, 0.04, 0.06), "phase": phase}
         case "disturbance":

@@ -1,7 +1,7 @@
 """Friction as it is injected into MuJoCo, in the joints of a mechanism."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 from jaxidl.gap.benchmark.injected import Floats, Injected
@@ -117,3 +117,22 @@ class CoupledFriction(Injected):
     def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
         wave = math.sin(2 * math.pi * q[self.other] / self.period + self.phase)
         return -self.level * (1 + self.variation * wave) * qd[self.joint]
+
+
+@dataclass
+class PreslidingFriction(Injected):
+    """Dahl's friction [N or Nm]."""
+
+    friction: ClassVar[bool] = True
+    level: float
+    distance: float
+    _stretch: float = field(default=0.0, init=False, repr=False)
+    _step: float = field(default=0.0, init=False, repr=False)
+
+    def start(self, step: float, position: float, command: float) -> None:
+        self._stretch, self._step = 0.0, step
+
+    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
+        speed = qd[self.joint]
+        self._stretch += self._step * (speed - abs(speed) * self._stretch / self.distance)
+        return -self.level * self._stretch / self.distance

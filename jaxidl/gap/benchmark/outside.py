@@ -12,27 +12,6 @@ from jaxidl.gap.benchmark.injected import Floats, Injected
 
 
 @dataclass
-class Hysteresis(Injected):
-    """Dahl's friction with a long presliding distance [N or Nm].
-
-    It is a spring that forgets: neither dry friction nor a spring.
-    """
-
-    level: float
-    distance: float
-    _stretch: float = field(default=0.0, init=False, repr=False)
-    _step: float = field(default=0.0, init=False, repr=False)
-
-    def start(self, step: float, position: float, command: float) -> None:
-        self._stretch, self._step = 0.0, step
-
-    def torque(self, t: float, q: Floats, qd: Floats, delivered: float) -> float:
-        speed = qd[self.joint]
-        self._stretch += self._step * (speed - abs(speed) * self._stretch / self.distance)
-        return -self.level * self._stretch / self.distance
-
-
-@dataclass
 class OffsetDrift(Injected):
     """A torque that drifts slowly with time."""
 
@@ -111,7 +90,6 @@ class Dropouts(Injected):
 
 
 OUTSIDE: dict[str, type[Injected]] = {
-    "hysteresis": Hysteresis,
     "offset_drift": OffsetDrift,
     "scale_drift": ScaleDrift,
     "disturbance": Disturbance,

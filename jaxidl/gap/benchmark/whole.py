@@ -1,7 +1,8 @@
 """What is hidden in a whole robot.
 
-These are all common effects on every joint at once, up to two exotic effects, and a remainder. A
-worn robot has friction under load on half of its joints, too, and a larger remainder.
+These are all common effects on every joint at once, up to two exotic effects, a little presliding
+friction on some joints, and a remainder that no effect covers. A worn robot has friction under load
+on half of its joints, too, and more of the last two.
 """
 
 import math
@@ -15,8 +16,8 @@ from jaxidl.gap.benchmark.exotic import EXOTIC, uncommon
 from jaxidl.gap.benchmark.parts import Part, at, listed, log_uniform
 from jaxidl.gap.benchmark.worth import Motion, acts, rms
 
-# least and largest part of the remainder, as a share of the command, by the robot's family
-REMAINS = {"robot": (0.007, 0.025), "worn": (0.015, 0.06)}
+# least and largest share of the command of what is small, by the robot's family
+SMALL = {"robot": (0.007, 0.025), "worn": (0.015, 0.06)}
 # share of the largest joint torque that even an unloaded joint needs, for the sizes of its
 # friction
 TINY = 0.03
@@ -46,8 +47,10 @@ def draw(
             break
         joint = int(rng.integers(len(need)))
         odd += uncommon(rng, str(name), arm, whole, joint, common)
-    left = [_remainder(rng, arm, whole, j, REMAINS[family]) for j in range(len(need))]
-    return common + odd, [part for parts in left for part in parts]
+    left = [_small(rng, arm, whole, j, SMALL[family]) for j in range(len(need))]
+    small = [part for parts in left for part in parts]
+    known = [part for part in small if part.effect != "outside"]
+    return common + odd + known, [part for part in small if part not in known]
 
 
 def _common(rng: np.random.Generator, arm: Arm, motion: Motion, j: int, need: float) -> list[Part]:
@@ -93,16 +96,20 @@ def _command(arm: Arm, motion: Motion, parts: list[Part]) -> Motion:
     )
 
 
-def _remainder(
+def _small(
     rng: np.random.Generator, arm: Arm, motion: Motion, j: int, sizes: tuple[float, float]
 ) -> list[Part]:
-    """Return what no effect covers, each of a size between two shares of the command.
+    """Return one to three small parts, each of a size between two shares of the command.
 
-    These are hysteresis, drift and a ripple of two positions together.
+    They are presliding friction, and what no effect covers: drift, and a ripple of two positions
+    together.
     """
     span, phase = float(np.ptp(motion.q[:, j])), float(rng.uniform(0, 2 * math.pi))
     shapes: dict[str, dict[str, Any]] = {
-        "hysteresis": {"level": ("size", 1.0), "distance": span * rng.uniform(0.02, 0.1)},
+        "presliding_friction": {
+            "level": ("size", 1.0),
+            "distance": span * rng.uniform(0.02, 0.1),
+        },
         "offset_drift": {
             "amplitude": ("size", 1.0),
             "frequency": rng.uniform(0.01, 0.04),
@@ -116,11 +123,10 @@ def _remainder(
         },
     }
     parts = []
-    for kind in rng.permutation(list(shapes))[: rng.integers(1, 4)]:
-        shape = {"kind": str(kind)} | shapes[str(kind)]
-        aim = log_uniform(rng, *sizes)
-        size = aim * float(rms(motion.tau)[j])
-        parts.append(
-            Part("outside", j, at(shape, size * math.sqrt(1 if kind == "hysteresis" else 2)))
-        )
+    for kind in map(str, rng.permutation(list(shapes))[: rng.integers(1, 4)]):
+        size = log_uniform(rng, *sizes) * float(rms(motion.tau)[j])
+        if kind == "presliding_friction":
+            parts.append(Part(kind, j, at(shapes[kind], size)))
+        else:
+            parts.append(Part("outside", j, {"kind": kind} | at(shapes[kind], size * math.sqrt(2))))
     return parts
