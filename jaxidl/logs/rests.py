@@ -53,9 +53,9 @@ def withstood(
 
     The torque of a breakaway is known where it rises by little until the joint is seen to move.
     Elsewhere the largest torque of the rest counts, whichever way it points: a joint withstands as
-    much either way. Where it is seen to move at less, that torque counts the way it points:
-    friction differs, or the model's own torque is wrong. If the joint often goes against the
-    torque, only breakaways whose torque is known count.
+    much either way. But where it is seen to move at less than it withstood the other way, friction
+    differs or the model's own torque is wrong, and that rest does not count. If the joint often
+    goes against the torque, only breakaways whose torque is known count.
     """
     spread = max(float(np.std(torque[resting])), 1e-300) if resting.any() else 1.0
     width = int(np.ceil((noise / (QUIET * spread)) ** 2)) | 1
@@ -86,8 +86,8 @@ def withstood(
     at, way, final, most, rise = np.array(found, float).reshape(-1, 5).T
     known = rise < SHARP * np.std(torque)
     against = np.sum(known & (final < 0.0)) > AGAINST * len(at)
-    way = np.where(~known & (most > final + rise), -way, way)
-    counted = known if against else slice(None)
+    other = ~known & (most > final + rise)  # the largest torque points the other way
+    counted = known if against else ~other
     return np.stack([at, way * np.where(known, final, most), way], axis=1)[counted]
 
 

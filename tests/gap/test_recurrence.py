@@ -1,5 +1,7 @@
 """A motion that is repeated: it is found, and its repetitions are no further evidence."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,23 @@ def test_a_motion_that_is_ever_new_has_none(model, seconds, waves):
     assert returns(prepare(log(model, seconds, waves), model.plant.body)) == ()
 
 
+def test_pauses_of_any_length_do_not_hide_repetitions(model):
+    """Four moves, six times; after each the robot waits as long as it likes."""
+    draw = np.random.default_rng(4)
+    corners = np.array([[0.0, 0.0], [0.6, -0.4], [-0.5, 0.7], [0.9, 0.5], [0.0, 0.0]])
+    share = np.linspace(0.0, 1.0, 200)[:, None]
+    smooth = 10.0 * share**3 - 15.0 * share**4 + 6.0 * share**5
+    moves = [a + (b - a) * smooth for a, b in pairwise(corners)]
+    pause = lambda q: np.repeat(q[-1:], int(draw.integers(40, 160)), axis=0)
+    q = np.concatenate([x for _ in range(6) for move in moves for x in (move, pause(move))])
+    qd = np.gradient(q, DT, axis=0)
+    tau = inverse_dynamics(model.plant.body, q, qd, np.gradient(qd, DT, axis=0))
+    noise = 1e-6 * draw.standard_normal(q.shape)
+    signals = prepare(from_arrays(DT * np.arange(len(q)), q + noise, tau), model.plant.body)
+    cycle = (~signals.resting.all(1)).sum() / 6.0
+    np.testing.assert_allclose(returns(signals), cycle * np.arange(1, 6), atol=0.05 * cycle)
+
+
 @pytest.mark.parametrize(("noise", "alike"), [(0.0, 6.0), (1.0, 3.5), (1e3, 1.0)])
 def test_repetitions_count_as_far_as_they_differ(noise, alike):
     """1 + (M - 1) c, where c is the share of the variance that is there again."""
@@ -81,5 +100,7 @@ def test_a_user_learns_that_the_motion_is_repeated(model):
     found = diagnose(
         log(model, 5 * CYCLE, REPEATED), model, effects=["viscous_friction"], rollouts=False
     )
-    (note,) = [n for n in found.notes if "a motion of 6 s is there 5 times" in n]
+    (note,) = [
+        n for n in found.notes if "a motion of 6 s, without its pauses, is there 5 times" in n
+    ]
     assert "record other postures" in note

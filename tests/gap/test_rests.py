@@ -7,6 +7,7 @@ import pytest
 from jaxidl.effects import CoulombFriction, OnJoint
 from jaxidl.gap.benchmark.mechanisms import MASSES, MECHANISMS
 from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.rests import withstood
 from jaxidl.logs.signals import prepare
@@ -177,7 +178,7 @@ def test_a_known_breakaway_counts_even_if_the_joint_withstood_more_the_other_way
     assert torque == pytest.approx(1.2, abs=0.01)
 
 
-def test_where_a_joint_moves_at_less_than_it_withstood_that_counts_the_way_it_points():
+def test_what_a_joint_withstood_the_other_way_did_not_break_it_away():
     """A joint withstands as much either way only about the true weight."""
     t = DT * np.arange(STEPS)
     q, rests, resting = 0.5 * np.maximum(t - 4.0, 0.0) ** 2, t < 4.02, t < 3.9
@@ -187,4 +188,26 @@ def test_where_a_joint_moves_at_less_than_it_withstood_that_counts_the_way_it_po
         rests, resting, jump(before, after), q, np.ones(STEPS), 1e-4, 0
     )[:, 1:]
     np.testing.assert_allclose(found(-1.2, 1.3), [[1.2, 1.0]])
-    np.testing.assert_allclose(found(-1.2, 0.4), [[-1.2, -1.0]])
+    assert len(found(-1.2, 0.4)) == 0
+
+
+def test_a_single_rest_that_nothing_agrees_with_hardly_counts(rests):
+    rows = rows_of(rests)
+    at = np.flatnonzero(rows.used[:, 0] & ~rests.moving[rests.rows, 0])
+    way = np.where(rests.pushed[at, 0], 1.0, -1.0)
+    left = 0.01 * np.random.default_rng(0).standard_normal(rows.gap.shape)
+    trust = lambda excess: rows.trusting(placed(left, at, excess * way)).trust[:, 0]
+    agreeing, alone = np.full(len(at), 0.8), np.zeros(len(at))
+    alone[2] = 0.8
+    np.testing.assert_array_equal(trust(agreeing), 1.0)
+    np.testing.assert_array_equal(np.delete(trust(alone), at[2]), 1.0)
+    assert trust(alone)[at[2]] < 0.1
+    # what fits see of it
+    steady = rows.drifting(left).trusting(placed(left, at, alone * way)).steady(left[:, 0], 0)
+    assert abs(steady[at[2]]) < 0.1 * abs(left[at[2], 0])
+
+
+def placed(left, at, values):
+    out = left.copy()
+    out[at, 0] = values
+    return out

@@ -29,7 +29,8 @@ def late_torques(rows: Rows, items: Sequence[Item], names: Sequence[str]) -> lis
         names: names of the joints.
     """
     moving = np.flatnonzero(rows.used.any(0) & (rows.spread > 0.0))
-    projected, dt = Projection(rows, items, np.ones(len(names))), rows.signals.interval
+    once = list({i.group: i for i in items}.values())
+    projected, dt = Projection(rows, once, np.ones(len(names))), rows.signals.interval
 
     def error(late: float) -> np.ndarray:
         left = projected.residuals(rows.shifted(-late))

@@ -65,9 +65,12 @@ class Anchor(NamedTuple):
 def samples_alike(count: np.ndarray, effective: np.ndarray) -> float:
     """Return how many of ``count`` (J,) samples count as one if ``effective`` (J,) are independent.
 
-    It is the median over the joints.
+    It is the median over the joints that move.
     """
-    return float(np.median(count / np.maximum(effective, 1.0)))
+    moves = count > 0
+    return (
+        float(np.median(count[moves] / np.maximum(effective[moves], 1.0))) if moves.any() else 1.0
+    )
 
 
 class Gram:

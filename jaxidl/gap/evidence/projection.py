@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.rows import Rows
@@ -27,10 +28,7 @@ class Projection:
         self.rows = rows
         for j in range(len(noise)):
             on = [self._of(i.columns[:, :, i.joints.index(j)], j) for i in common if j in i.joints]
-            x = np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T
-            x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
-            u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
-            self.bases.append(u[:, s > 1e-5 * s.max(initial=1e-300)])
+            self.bases.append(basis(np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T))
 
     def _of(self, x: np.ndarray, j: int) -> np.ndarray:
         """Return what is fitted of torques (..., N) of a joint."""
@@ -82,6 +80,16 @@ class Projection:
         gain = float(2 * step @ (x.T @ y) - step @ gram @ step)
         rate = float(np.clip(gain / max(y @ y, 1e-300), 0.0, 1.0 - 1e-9))
         return -0.5 * effective[list(i.joints)].sum() * np.log(1.0 - rate) - len(step) + i.odds
+
+
+def basis(x: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (N, K) of columns (N, P)."""
+    x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
+    if not x.size:
+        return x
+    # LAPACK's faster driver does not always converge where columns are there twice
+    u, s, _ = linalg.svd(x, full_matrices=False, lapack_driver="gesvd")
+    return u[:, s > 1e-5 * s.max(initial=1e-300)]
 
 
 def aligned(rows: Rows, common: Sequence[Item]) -> Rows:

@@ -2,8 +2,9 @@
 
 A repetition averages noise, but what the model lacks is the same again: it is no further evidence.
 A motion returns after a lag if all joints then are again where they were, as fast as they were,
-throughout. A residual's samples then count as independent as far as they differ between one
-repetition and the next.
+throughout. Pauses do not count, since people and machines make them as long as they like: time here
+stands still while all joints rest. A residual's samples then count as independent as far as they
+differ between one repetition and the next.
 """
 
 from collections.abc import Sequence
@@ -18,11 +19,18 @@ LEAST = 0.1  # share of the log that has to be there again, and in which a joint
 INSTANTS = 8192  # instants compared
 
 
+def without_pauses(signals: Signals) -> np.ndarray:
+    """Return the number (T,) of earlier instants at which not all joints rest."""
+    goes = ~signals.resting.all(1)
+    return np.cumsum(goes) - goes
+
+
 def returns(signals: Signals) -> tuple[int, ...]:
-    """Return after how many instants of a log its motion is there again."""
-    step = max(1, len(signals.q) // INSTANTS)
+    """Return after how many instants of a log, pauses aside, its motion is there again."""
+    goes = np.flatnonzero(~signals.resting.all(1))
+    step = max(1, len(goes) // INSTANTS)
     moving = signals.moving.mean(0) > LEAST
-    state = np.concatenate([x[::step, moving] for x in (signals.q, signals.qd)], axis=1)
+    state = np.concatenate([x[goes[::step]][:, moving] for x in (signals.q, signals.qd)], axis=1)
     count, lag = len(state), np.arange(len(state))
     z = (state - state.mean(0)) / np.maximum(state.std(0), 1e-300)
     product = np.fft.irfft(np.abs(np.fft.rfft(z, 2 * count, axis=0)) ** 2, axis=0)[:count]
@@ -36,8 +44,9 @@ def returns(signals: Signals) -> tuple[int, ...]:
 
 
 def copies(lags: Sequence[int], left: np.ndarray, rows: np.ndarray) -> tuple[float, float]:
-    """Return how many samples of a residual ``left`` (N,) at instants ``rows`` (N,) count as one.
+    """Return how many samples of a residual ``left`` (N,) count as one.
 
+    They are of instants ``rows`` (N,), pauses aside.
     Of M repetitions, each some of ``lags`` after another, with a correlation c between any two it
     is 1 + (M - 1) c. The second value is M.
     """

@@ -28,6 +28,7 @@ STRETCH = 1.5  # see ``kept_rows`` [s]
 # errors below this multiple of the noise are equal: a changed inertia changes the noise
 NOISE_MARGIN = 1.2
 LEAST_FLOOR = 0.003  # share of the command's spread: no simulation is assumed to be better
+AGREES = 3.0  # rests that agree differ by at most this many times the error of motion
 
 
 class Rows(NamedTuple):
@@ -53,6 +54,7 @@ class Rows(NamedTuple):
     returns: tuple[int, ...] = ()  # after how many instants the motion is there again
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
     slow: np.ndarray | None = None
+    trust: np.ndarray | None = None  # (N, J) weights of torques that broke a rest, at most 1
     # effects of the model and of what was found whose friction acts where the joints truly are
     rubbing: tuple[Effect, ...] = ()
 
@@ -98,14 +100,34 @@ class Rows(NamedTuple):
         each = [weights_of(left[on, j], seconds[j]) for j, on in enumerate(use.T)]
         return self._replace(slow=np.stack(each))
 
+    def trusting(self, left: np.ndarray) -> "Rows":
+        """Return the rows in which no single rest counts much that is far off in ``left`` (N, J).
+
+        When a joint broke away is not always seen, and which torque it withstood depends on the
+        model's weight: one such torque among thousands of rows would decide what is named. So a
+        rest of a joint counts in full only if sliding or another rest shows as much friction.
+        """
+        rest = self.used & ~self.signals.moving[self.signals.rows]
+        usual = AGREES * rms(left, self.used & ~rest)
+        trust = np.ones(left.shape)
+        for j in np.flatnonzero(rest.any(0) & (usual > 0.0)):
+            at = np.flatnonzero(rest[:, j])
+            more = left[at, j] * np.where(self.signals.pushed[at, j], 1.0, -1.0)
+            apart = np.abs(more[:, None] - np.append(more, 0.0))
+            apart[np.diag_indices(len(at))] = np.inf
+            trust[at, j] = usual[j] / np.maximum(apart.min(1), usual[j])
+        return self._replace(trust=trust)
+
     def steady(self, x: np.ndarray, joint: int) -> np.ndarray:
         """Return torques (..., N) of a joint in its own band, with less weight on slow components.
 
-        Those of held-out rows, which are a shorter time, are fewer.
+        Those of held-out rows, which are a shorter time, are fewer. Rests have their weights.
         """
         if self.slow is None:
             return x
         out, use = self.heard(np.array(x, float), joint), self.used[:, joint]
+        if self.trust is not None:
+            out *= self.trust[:, joint]
         here, there = use & self.training, use & ~self.training
         out[..., here] = weighted(out[..., here], self.slow[joint])
         shorter = there.sum() / max(here.sum(), 1)

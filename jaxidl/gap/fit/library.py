@@ -18,7 +18,7 @@ from jaxidl.gap.evidence.gram import Anchor, Item, samples_alike
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.links import links_of
 from jaxidl.gap.evidence.projection import ALIGNMENT, Projection, aligned, alignments
-from jaxidl.gap.evidence.recurrence import copies
+from jaxidl.gap.evidence.recurrence import copies, without_pauses
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.evidence.samples import correlation_beside
 from jaxidl.gap.evidence.shape import Present, Shape, effect_at, shapes_of, vector
@@ -121,7 +121,7 @@ def library(
     first = Score(rows, common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
-    rows = rows.evened(left).drifting(left)
+    rows = rows.evened(left).drifting(left).trusting(left)
     noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
     rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
@@ -182,7 +182,7 @@ def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.nd
     use = rows.used & rows.training[:, None]
     left = np.stack([rows.steady(part, j) for j, part in enumerate(left.T)], 1)
     noise = np.maximum(rms(left, use), rows.floor)
-    effective, at = np.zeros(len(noise)), rows.signals.rows
+    effective, at = np.zeros(len(noise)), without_pauses(rows.signals)[rows.signals.rows]
     for j, here in enumerate(use.T):
         if here.any():
             beside = [

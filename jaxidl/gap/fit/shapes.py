@@ -20,6 +20,7 @@ from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.items import columns_of, item, part
 from jaxidl.gap.evidence.noise import accelerates, read_again
+from jaxidl.gap.evidence.projection import basis
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import (
     Shape,
@@ -205,10 +206,3 @@ def tangent(
     here, there, back = added[:1], added[1 : len(theta) + 1], added[len(theta) + 1 :]
     value, back = (added.mean(0), back) if shape.cls.jumps else (here[0], here)
     return Tangent(value, (there - back) / (ahead - behind)[:, None, None])
-
-
-def basis(x: np.ndarray) -> np.ndarray:
-    """Return an orthonormal basis of columns (N, P)."""
-    x = x / np.maximum(np.linalg.norm(x, axis=0), 1e-300)
-    u, s, _ = np.linalg.svd(x, full_matrices=False) if x.size else (x, np.zeros(0), None)
-    return u[:, s > 1e-5 * s.max(initial=1e-300)]

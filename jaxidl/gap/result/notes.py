@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from jaxidl.gap.evidence.recurrence import without_pauses
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.systems.mjcf import Model
 
@@ -38,10 +39,11 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
             " varied motion"
         )
     if rows.returns:
-        cycle = rows.returns[0] * rows.signals.dt
+        cycle, whole = rows.returns[0], without_pauses(rows.signals)[-1] + 1
         notes.append(
-            f"a motion of {cycle:.3g} s is there {round(duration / cycle)} times: that averages"
-            " noise, but tells no more about what is missing; record other postures and speeds"
+            f"a motion of {cycle * rows.signals.dt:.3g} s, without its pauses, is there"
+            f" {round(whole / cycle)} times: that averages noise, but tells no more about what is"
+            " missing; record other postures and speeds"
         )
     work = rows.command * rows.signals.qd[rows.signals.rows] * rows.used
     if work.sum() < -0.3 * np.abs(work).sum():
