@@ -39,9 +39,9 @@ def withstood(
     """Return the last instant of each rest that ends within the log, its torque, and its way.
 
     The instant is a ``resting`` one, the way that in which the joint breaks away or would, one of
-    ``ways`` (T,) in which it moves (1 or -1, 0 where it does not); the result is (E, 3). The
-    ``torque`` (T,) is unfiltered and lacks what the model needs without an acceleration of the
-    joint.
+    ``ways`` (T,) in which it moves (1 or -1, 0 where it does not). A fourth column of the result
+    (E, 4) is 1 where the joint went the other way. The ``torque`` (T,) is unfiltered and lacks what
+    the model needs without an acceleration of the joint.
 
     In a rest the position ``q`` (T,) stays within ``seen`` [m or rad] most of the time: a joint
     that creeps is not at rest. A rest ends when its torque exceeds what holds it, but until that is
@@ -53,9 +53,9 @@ def withstood(
 
     The torque of a breakaway is known where it rises by little until the joint is seen to move.
     Elsewhere the largest torque of the rest counts, whichever way it points: a joint withstands as
-    much either way. But where it is seen to move at less than it withstood the other way, friction
-    differs or the model's own torque is wrong, and that rest does not count. If the joint often
-    goes against the torque, only breakaways whose torque is known count.
+    much either way. Where it is seen to move at less, that torque counts the way it points:
+    friction differs, or the model's own torque is wrong. If the joint often goes against the
+    torque, only breakaways whose torque is known count.
     """
     spread = max(float(np.std(torque[resting])), 1e-300) if resting.any() else 1.0
     width = int(np.ceil((noise / (QUIET * spread)) ** 2)) | 1
@@ -86,9 +86,10 @@ def withstood(
     at, way, final, most, rise = np.array(found, float).reshape(-1, 5).T
     known = rise < SHARP * np.std(torque)
     against = np.sum(known & (final < 0.0)) > AGAINST * len(at)
-    other = ~known & (most > final + rise)  # the largest torque points the other way
-    counted = known if against else ~other
-    return np.stack([at, way * np.where(known, final, most), way], axis=1)[counted]
+    other = ~known & (most > final + rise)
+    way = np.where(other, -way, way)
+    counted = known if against else slice(None)
+    return np.stack([at, way * np.where(known, final, most), way, other], axis=1)[counted]
 
 
 def gone(away: np.ndarray, distance: float) -> int:

@@ -100,20 +100,32 @@ class Rows(NamedTuple):
         each = [weights_of(left[on, j], seconds[j]) for j, on in enumerate(use.T)]
         return self._replace(slow=np.stack(each))
 
+    def sure(self) -> "Rows":
+        """Return the rows without rests after which the joint went the other way."""
+        used = self.used.copy()
+        for j, peaks in enumerate(self.signals.peaks):
+            used[np.searchsorted(self.signals.rows, peaks[peaks[:, 3] > 0.0, 0]), j] = False
+        return self._replace(used=used)
+
     def trusting(self, left: np.ndarray) -> "Rows":
-        """Return the rows in which no single rest counts much that is far off in ``left`` (N, J).
+        """Return the rows in which no rest counts much that nothing agrees with.
 
         When a joint broke away is not always seen, and which torque it withstood depends on the
         model's weight: one such torque among thousands of rows would decide what is named. So a
-        rest of a joint counts in full only if sliding or another rest shows as much friction.
+        rest counts in full only if sliding or another rest of the joint shows as much friction, by
+        the residual ``left`` (N, J) of all common effects, fitted to the others. One after which
+        the joint went the other way is no such witness.
         """
-        rest = self.used & ~self.signals.moving[self.signals.rows]
+        s, trust = self.signals, np.ones(left.shape)
+        rest = self.used & ~s.moving[s.rows]
         usual = AGREES * rms(left, self.used & ~rest)
-        trust = np.ones(left.shape)
-        for j in np.flatnonzero(rest.any(0) & (usual > 0.0)):
-            at = np.flatnonzero(rest[:, j])
-            more = left[at, j] * np.where(self.signals.pushed[at, j], 1.0, -1.0)
+        for j, peaks in enumerate(s.peaks):
+            if not (len(peaks) and usual[j] > 0.0):
+                continue
+            at = np.searchsorted(s.rows, peaks[:, 0])
+            more = left[at, j] * peaks[:, 2]
             apart = np.abs(more[:, None] - np.append(more, 0.0))
+            apart[:, np.append(peaks[:, 3] > 0.0, False)] = np.inf
             apart[np.diag_indices(len(at))] = np.inf
             trust[at, j] = usual[j] / np.maximum(apart.min(1), usual[j])
         return self._replace(trust=trust)

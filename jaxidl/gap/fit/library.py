@@ -118,7 +118,7 @@ def library(
             ]
     rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
-    first = Score(rows, common, spread, np.ones(len(spread)))
+    first = Score(rows.sure(), common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
     rows = rows.evened(left).drifting(left).trusting(left)
