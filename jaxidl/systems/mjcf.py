@@ -68,9 +68,9 @@ def read_model(
     Raises:
         ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or
             if the file contains something that would otherwise be dropped silently: other joints,
-            equality constraints, tendons, gravity compensation, fluid forces, polynomial damping or
-            stiffness, inertia or damping of actuators, plugins, springs or friction that a flag
-            switches off.
+            other equality constraints, tendons, gravity compensation, fluid forces, polynomial
+            damping or stiffness, inertia or damping of actuators, plugins, springs or friction that
+            a flag switches off.
     """
     path, files = Path(path), contents(Path(path))
     with quietly() as said:
@@ -201,7 +201,7 @@ def load_part(
     spec = load_spec(path, text)
     notes += drop_missing(spec, path, urdf)
     notes += accept_masses(spec, path)
-    return spec, [*notes, *take_part(spec, path, joints, locked or {}, urdf)]
+    return spec, [*notes, *take_part(spec, path, joints, locked or {})]
 
 
 def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:

@@ -22,11 +22,10 @@ def take_part(
     path: Path,
     wanted: Sequence[str] | None,
     locked: Mapping[str, float],
-    urdf: bool,
 ) -> list[str]:
     """Lock the joints of a spec that are not ``wanted``, and those that mimic another one.
 
-    ``wanted`` None means all; only a URDF file has joints that mimic another.
+    ``wanted`` None means all. In MJCF a joint mimics another by an equality constraint.
 
     Args:
         locked: positions [m or rad] at which joints are locked, by name; the others as in the file.
@@ -39,30 +38,26 @@ def take_part(
     Raises:
         ModelError: for names that the file does not have, or a joint that cannot be locked there.
     """
-    mimics = (
-        [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT and e.name2]
-        if urdf
-        else []
-    )
+    mimics = [e for e in spec.equalities if e.type == mujoco.mjtEq.mjEQ_JOINT and e.name2]
     if wanted is None and not mimics:
         return []
     model = compile_spec(spec, path)
     names = joint_names(model)
     _known(wanted, names, path)
-    ties = {e.name1: (e.name2, float(e.data[0]), float(e.data[1])) for e in mimics}
+    ties = {e.name1: (e.name2, np.array(e.data[:5], float)) for e in mimics}
     if wrong := [name for name in wanted or () if name in ties]:
         got = f"{wrong[0]}, which mimics {ties[wrong[0]][0]}"
         raise ModelError(
             f"joints of {path} that move freely",
             got,
-            "leave it out, then it is locked, or remove its <mimic>",
+            "leave it out, then it is locked, or remove its <mimic> or <equality>",
         )
     moving = {name for name in names if name not in ties and (wanted is None or name in wanted)}
     if not moving:
         raise ModelError(
             f"{path} to have a joint that moves",
             "only joints that mimic others",
-            "remove a <mimic>",
+            "remove a <mimic> or <equality>",
         )
     where, notes = {}, []
     for j, name in enumerate(names):
@@ -71,9 +66,10 @@ def take_part(
         kind, reference = int(model.jnt_type[j]), float(model.qpos0[model.jnt_qposadr[j]])
         where[name] = float(locked.get(name, reference)) if kind in _MOVING else reference
         if name in ties and name not in locked:
-            master, offset, factor = ties[name]
-            at = locked.get(master, float(model.qpos0[model.joint(master).qposadr[0]]))
-            where[name] = offset + factor * at
+            master, polynomial = ties[name]
+            zero = float(model.qpos0[model.joint(master).qposadr[0]])
+            turned = locked.get(master, zero) - zero
+            where[name] = reference + float(np.polynomial.Polynomial(polynomial)(turned))
     # removed joints must not be referred to; the numbers are still those of the compiled model
     joints = {names[joint.id]: joint for joint in spec.joints}
     for name, at in where.items():
@@ -85,7 +81,7 @@ def take_part(
         spec.delete(joints[name])
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
         notes.append(f"locked, because they were not chosen or not logged: {few(free)}")
-    for name, (master, _, _) in ties.items():
+    for name, (master, _) in ties.items():
         notes.append(
             f"joint {name} mimics {master}: it is locked at {where[name]:.4g} and its own motion is"
             " ignored"

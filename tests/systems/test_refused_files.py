@@ -32,7 +32,7 @@ REFUSED = {
     "free or ball": (
         "<mujoco><worldbody><body><freejoint/><geom size='0.1'/></body></worldbody></mujoco>"
     ),
-    "equality": scene(' name="a"', after='<equality><joint joint1="a" joint2="b"/></equality>'),
+    "equality": scene(' name="a"', after='<equality><joint joint1="a"/></equality>'),
     "tendons": scene(
         ' name="a"', after='<tendon><fixed><joint joint="a" coef="1"/></fixed></tendon>'
     ),

@@ -282,9 +282,27 @@ def test_an_arm_can_be_read_without_its_gripper(tmp_path):
     )
     text, _ = patched(model, [])
     assert read_model(stored(tmp_path, text)).names == ("arm",)
-    # one finger still moves against the other
+    # the fingers are still connected
     with pytest.raises(ModelError, match="no equality constraints"):
-        read_model(stored(tmp_path, GRIPPER), joints=["arm", "f1"])
+        read_model(stored(tmp_path, GRIPPER), joints=["arm", "f2"])
+
+
+FINGERS = """<mujoco><worldbody><body><joint name="arm" axis="0 1 0"/><geom size="0.1"/>
+<body pos="0.5 0 0"><joint name="f1" type="slide" ref="0.01"/><geom size="0.02"/></body>
+<body pos="0.5 0 0"><joint name="f2" type="slide" ref="0.03"/><geom size="0.02"/></body></body>
+</worldbody>
+<equality><joint joint1="f1" joint2="f2" polycoef="0.002 -1 5 0 0"/></equality></mujoco>"""
+
+
+def test_in_mjcf_joints_mimic_others_by_an_equality(tmp_path):
+    """As MuJoCo has it: relative to the reference positions, by a polynomial."""
+    path = stored(tmp_path, FINGERS)
+    model = read_model(path, joints=["arm"], locked={"f2": 0.07})
+    where = 0.01 + 0.002 - 0.04 + 5 * 0.04**2
+    assert any(f"joint f1 mimics f2: it is locked at {where:.4g}" in note for note in model.notes)
+    assert read_model(path).names == ("arm", "f2")
+    with pytest.raises(ModelError, match="f1, which mimics f2; leave it out"):
+        read_model(path, joints=["arm", "f1"])
 
 
 def test_xacro_and_sdf_are_refused_with_the_remedy(tmp_path):
