@@ -54,7 +54,6 @@ class Rows(NamedTuple):
     returns: tuple[int, ...] = ()  # after how many instants the motion is there again
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
     slow: np.ndarray | None = None
-    trust: np.ndarray | None = None  # (N, J) weights of torques that broke a rest, at most 1
     # effects of the model and of what was found whose friction acts where the joints truly are
     rubbing: tuple[Effect, ...] = ()
 
@@ -107,39 +106,37 @@ class Rows(NamedTuple):
             used[np.searchsorted(self.signals.rows, peaks[peaks[:, 3] > 0.0, 0]), j] = False
         return self._replace(used=used)
 
-    def trusting(self, left: np.ndarray) -> "Rows":
-        """Return the rows in which no rest counts much that nothing agrees with.
+    def agreeing(self, left: np.ndarray) -> "Rows":
+        """Return the rows without rests that nothing agrees with.
 
         When a joint broke away is not always seen, and which torque it withstood depends on the
         model's weight: one such torque among thousands of rows would decide what is named. So a
-        rest counts in full only if sliding or another rest of the joint shows as much friction, by
-        the residual ``left`` (N, J) of all common effects, fitted to the others. One after which
-        the joint went the other way is no such witness.
+        rest counts only if sliding or another rest of the joint shows as much friction, by the
+        residual ``left`` (N, J) of all common effects, fitted to the others. No witness is one
+        after which the joint went the other way, or with less friction than sliding has: there the
+        joint did not break away.
         """
-        s, trust = self.signals, np.ones(left.shape)
-        rest = self.used & ~s.moving[s.rows]
-        usual = AGREES * rms(left, self.used & ~rest)
+        s, used = self.signals, self.used.copy()
+        rest = used & ~s.moving[s.rows]
+        usual = AGREES * rms(left, used & ~rest)
         for j, peaks in enumerate(s.peaks):
-            if not (len(peaks) and usual[j] > 0.0):
-                continue
-            at = np.searchsorted(s.rows, peaks[:, 0])
-            more = left[at, j] * peaks[:, 2]
-            apart = np.abs(more[:, None] - np.append(more, 0.0))
-            apart[:, np.append(peaks[:, 3] > 0.0, False)] = np.inf
-            apart[np.diag_indices(len(at))] = np.inf
-            trust[at, j] = usual[j] / np.maximum(apart.min(1), usual[j])
-        return self._replace(trust=trust)
+            if len(peaks) and usual[j] > 0.0:
+                at = np.searchsorted(s.rows, peaks[:, 0])
+                more = left[at, j] * peaks[:, 2]  # friction than sliding has
+                apart = np.abs(more[:, None] - more)
+                apart[:, (peaks[:, 3] > 0.0) | (more < -usual[j])] = np.inf
+                apart[np.diag_indices(len(at))] = np.abs(more)  # from sliding
+                used[at, j] = apart.min(1) < usual[j]
+        return self._replace(used=used)
 
     def steady(self, x: np.ndarray, joint: int) -> np.ndarray:
         """Return torques (..., N) of a joint in its own band, with less weight on slow components.
 
-        Those of held-out rows, which are a shorter time, are fewer. Rests have their weights.
+        Those of held-out rows, which are a shorter time, are fewer.
         """
         if self.slow is None:
             return x
         out, use = self.heard(np.array(x, float), joint), self.used[:, joint]
-        if self.trust is not None:
-            out *= self.trust[:, joint]
         here, there = use & self.training, use & ~self.training
         out[..., here] = weighted(out[..., here], self.slow[joint])
         shorter = there.sum() / max(here.sum(), 1)

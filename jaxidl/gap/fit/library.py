@@ -121,7 +121,7 @@ def library(
     first = Score(rows.sure(), common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
-    rows = rows.evened(left).drifting(left).trusting(left)
+    rows = rows.agreeing(left).evened(left).drifting(left)
     noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
     rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
