@@ -1,9 +1,9 @@
 """Samples that were taken evenly, but stamped when they came, or with few digits.
 
 A robot's controller samples evenly. A program that receives the samples over a network stamps them
-late and in bursts. A program that asks for each sample itself takes them unevenly, and its stamps
-are right. Motion tells one from the other: positions are smooth in the time at which they were
-taken.
+late and in bursts, or a little early and late, and some are lost. A program that asks for each
+sample itself takes them unevenly, and its stamps are right. Motion tells one from the other:
+positions are smooth in the time at which they were taken.
 """
 
 from itertools import pairwise
@@ -19,6 +19,7 @@ ROUNDS = 20  # of looking for lost samples
 WINDOW = 7  # samples through which a parabola passes if their times are right
 WINDOWS = 20_000  # most that are looked at
 SMOOTHER = 0.5  # share of the roughness that is left
+TINY = np.finfo(float).tiny
 
 
 def counted(found: Samples, notes: list[str]) -> Samples:
@@ -30,9 +31,11 @@ def counted(found: Samples, notes: list[str]) -> Samples:
     edges = np.flatnonzero(np.diff(found.run)) + 1
     for a, b in pairwise([0, *edges.tolist(), len(time)]):
         if b - a >= 2 * SOON:
-            even = _even(found.time[a:b])
-            if _evenly_taken(found.time[a:b], even, found.signals["q"][a:b]):
-                time[a:b], late = even, max(late, float(np.max(found.time[a:b] - even)))
+            q = found.signals["q"][a:b]
+            ways = (_even(found.time[a:b]), _nearest(found.time[a:b]))
+            even = min(ways, key=lambda way: np.sum(np.log(_roughness(way, q) + TINY)))
+            if _evenly_taken(found.time[a:b], even, q):
+                time[a:b], late = even, max(late, float(np.max(np.abs(found.time[a:b] - even))))
     if not late:
         return found
     notes.append(
@@ -66,6 +69,14 @@ def _even(time: np.ndarray) -> np.ndarray:
     return number * step + np.min(time - number * step)
 
 
+def _nearest(time: np.ndarray) -> np.ndarray:
+    """Return stamps (T,) on the even grid that is nearest: none is off by half an interval."""
+    between = np.diff(time)
+    number = np.append(0.0, np.cumsum(np.maximum(np.rint(between / np.median(between)), 1.0)))
+    step, begin = np.polyfit(number, time, 1)
+    return begin + step * number
+
+
 def _evenly_taken(time: np.ndarray, even: np.ndarray, q: np.ndarray) -> bool:
     """Return whether positions (T, J) are far smoother in ``even`` time (T,) than in ``time`` (T,).
 
@@ -76,9 +87,8 @@ def _evenly_taken(time: np.ndarray, even: np.ndarray, q: np.ndarray) -> bool:
     moving = np.ptp(q, axis=0) > 0.0
     if not moving.any():
         return False
-    tiny = np.finfo(float).tiny
-    ratio = np.log(_roughness(even, q[:, moving]) + tiny) - np.log(
-        _roughness(time, q[:, moving]) + tiny
+    ratio = np.log(_roughness(even, q[:, moving]) + TINY) - np.log(
+        _roughness(time, q[:, moving]) + TINY
     )
     return bool(ratio[np.argmax(np.abs(ratio))] < np.log(SMOOTHER))
 

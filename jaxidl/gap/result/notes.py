@@ -20,7 +20,7 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
         )
     still = [known.names[j] for j in range(len(known.names)) if not rows.used[:, j].any()]
     if still:
-        notes.append(f"{', '.join(still)} hardly moved: its friction cannot be found")
+        notes.append(f"{', '.join(still)} hardly moved: no friction can be found there")
     passive = [known.names[j] for j in range(len(known.names)) if rows.spread[j] == 0.0]
     if passive:
         notes.append(f"{', '.join(passive)}: no torque was commanded there")
