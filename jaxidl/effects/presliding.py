@@ -9,7 +9,10 @@ from jaxidl.effects.spec import Parameter, Scale, Variant
 from jaxidl.types import Joints
 
 SHARES = (0.005, 0.02, 0.06, 0.15)  # of the joint's range: distances that a search begins with
-SHORTEST, LONGEST = 1e-3, 0.5  # shorter is dry friction, longer a spring; shares of the range
+SHORTEST, LONGEST = (
+    1e-3,
+    0.5,
+)  # of the range: what is shorter is dry friction, what is longer a spring
 
 
 class PreslidingFriction(Effect):

@@ -46,9 +46,8 @@ def returns(signals: Signals) -> tuple[int, ...]:
 def copies(lags: Sequence[int], left: np.ndarray, rows: np.ndarray) -> tuple[float, float]:
     """Return how many samples of a residual ``left`` (N,) count as one.
 
-    They are of instants ``rows`` (N,), pauses aside.
-    Of M repetitions, each some of ``lags`` after another, with a correlation c between any two it
-    is 1 + (M - 1) c. The second value is M.
+    They are of instants ``rows`` (N,), pauses aside. Of M repetitions, each some of ``lags`` after
+    another, with a correlation c between any two it is 1 + (M - 1) c. The second value is M.
     """
     found = repeated = 1.0
     for lag in lags:

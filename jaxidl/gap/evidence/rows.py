@@ -51,7 +51,8 @@ class Rows(NamedTuple):
     effects: tuple[Effect, ...] = ()  # the model's own
     # (J,) by how much later torques are assumed to be logged [s]
     shift: float | np.ndarray = 0.0
-    returns: tuple[int, ...] = ()  # after how many instants the motion is there again
+    # after how many instants, pauses aside, the motion is there again
+    returns: tuple[int, ...] = ()
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
     slow: np.ndarray | None = None
     # effects of the model and of what was found whose friction acts where the joints truly are
@@ -122,7 +123,7 @@ class Rows(NamedTuple):
         for j, peaks in enumerate(s.peaks):
             if len(peaks) and usual[j] > 0.0:
                 at = np.searchsorted(s.rows, peaks[:, 0])
-                more = left[at, j] * peaks[:, 2]  # friction than sliding has
+                more = left[at, j] * peaks[:, 2]  # friction than in sliding
                 apart = np.abs(more[:, None] - more)
                 apart[:, (peaks[:, 3] > 0.0) | (more < -usual[j])] = np.inf
                 apart[np.diag_indices(len(at))] = np.abs(more)  # from sliding
