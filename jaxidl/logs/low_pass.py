@@ -5,7 +5,7 @@ encoder's noise, twice differentiated and multiplied by inertia, reaches ``NOISE
 commanded torque, and not much beyond where no command stands out of its own noise. That noise is
 the encoder's, too, through the controller: in a longer band it would be taken for delays. So the
 torques of each joint are compared within a band of its own, which ends not much beyond where its
-own command stands out of its noise, and of what the encoder's noise is as a torque (:func:`bands`).
+own command stands out (:func:`bands`).
 """
 
 from collections.abc import Callable
@@ -94,41 +94,30 @@ def noise_torque(reach: np.ndarray, band: float, dt: float) -> np.ndarray:
     return reach * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 4 * band**5 / 5.0)
 
 
-def heard_to(
-    x: np.ndarray, slices: tuple[slice, ...], dt: float, reach: np.ndarray | float = 0.0
-) -> float:
+def heard_to(x: np.ndarray, slices: tuple[slice, ...], dt: float) -> float:
     """Return up to which frequency [Hz] some joint's command ``x`` (T, J) stands out of its noise.
 
     Its noise is what is left above 0.6 of the Nyquist frequency: of the sensor, or of the encoder
-    through the controller. With ``reach`` (J,), encoder noise times inertia, it also has to stand
-    out of the torque that this noise seems to need.
+    through the controller.
     """
     run = max((x[s] for s in slices), key=len)
     length = min(4096, max(len(run) // 8, min(len(run), 16)))
     frequency, power = signal.welch(run, 1.0 / dt, nperseg=length, axis=0)
     noise = np.median(power[frequency > 0.6 * frequency[-1]], axis=0)
-    seeming = 2.0 * dt * np.square(reach) * (2.0 * np.pi * frequency[:, None]) ** 4
-    above = np.any(power > STANDS_OUT * (noise + seeming), axis=1)
+    above = np.any(power > STANDS_OUT * noise, axis=1)
     return float(frequency[above].max(initial=0.0))
 
 
 def bands(
-    reach: np.ndarray,
-    q: np.ndarray,
-    tau: np.ndarray,
-    slices: tuple[slice, ...],
-    dt: float,
-    band: float,
+    q: np.ndarray, tau: np.ndarray, slices: tuple[slice, ...], dt: float, band: float
 ) -> np.ndarray:
     """Return up to which frequency (J,) [Hz] the torques of each joint are compared.
 
-    It is not much beyond where its own command (T, J) stands out of noise, also of the encoder's
-    (``reach``, (J,): times inertia), or without a drive its positions (T, J), within the ``band``
-    of all joints.
+    It is not much beyond where its own command (T, J) stands out of its noise, or without a drive
+    its positions (T, J), within the ``band`` of all joints.
     """
-    driven = np.std(tau, axis=0) > 0.0
-    shown, reach = np.where(driven, tau, q), np.where(driven, reach, 0.0)
-    heard = [heard_to(shown[:, [j]], slices, dt, reach[j]) for j in range(tau.shape[1])]
+    shown = np.where(np.std(tau, axis=0) > 0.0, tau, q)
+    heard = [heard_to(shown[:, [j]], slices, dt) for j in range(tau.shape[1])]
     return np.clip(BEYOND * np.array(heard), min(BAND[0], band), band)
 
 

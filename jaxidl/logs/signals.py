@@ -258,7 +258,7 @@ def prepare(
         late=lateness(effects, q, dt),
         notes=(*late_speed, *late_push),
         logged_noise=heard,
-        bands=bands(reach, log.q, log.tau, slices, dt, band).tolist(),
+        bands=bands(log.q, log.tau, slices, dt, band).tolist(),
     )
 
 

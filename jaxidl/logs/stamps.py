@@ -98,6 +98,7 @@ def _roughness(time: np.ndarray, q: np.ndarray) -> np.ndarray:
     first = np.arange(0, len(time) - WINDOW + 1, 1 + len(time) // WINDOWS)
     rows = first[:, None] + np.arange(WINDOW)
     at = time[rows] - time[rows].mean(1, keepdims=True)
+    at = at / max(np.max(np.abs(at)), TINY)
     basis, _ = np.linalg.qr(np.stack([np.ones(at.shape), at, at**2], axis=-1))
     left = q[rows] - basis @ (np.swapaxes(basis, 1, 2) @ q[rows])
     return np.mean(left**2, axis=(0, 1))

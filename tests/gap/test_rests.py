@@ -198,11 +198,14 @@ def test_a_rest_that_nothing_agrees_with_does_not_count(rests):
 
     def counted(excess):
         left[at, 0] = np.array(excess) * rests.peaks[0][:, 2]
-        return rows.agreeing(left).used[at, 0]
+        friction = 0.0 * left
+        friction[at, 0] = LEVEL * rests.peaks[0][:, 2]
+        return rows.agreeing(left, friction).used[at, 0]
 
     several = np.full(len(at), 0.8)
     alone = np.where(np.arange(len(at)) == 2, 0.8, 0.0)
     assert counted(several).all()  # it sticks
     np.testing.assert_array_equal(counted(alone), alone == 0.0)
-    # with less friction than that of sliding a joint has not broken away, however often
-    assert not counted(-several).any()
+    # it sticks less than it slides; but with friction that pushes it has not broken away
+    assert counted(-0.5 * several).all()
+    assert not counted(-1.5 * several).any()

@@ -107,15 +107,15 @@ class Rows(NamedTuple):
             used[np.searchsorted(self.signals.rows, peaks[peaks[:, 3] > 0.0, 0]), j] = False
         return self._replace(used=used)
 
-    def agreeing(self, left: np.ndarray) -> "Rows":
+    def agreeing(self, left: np.ndarray, friction: np.ndarray) -> "Rows":
         """Return the rows without rests that nothing agrees with.
 
         When a joint broke away is not always seen, and which torque it withstood depends on the
         model's weight: one such torque among thousands of rows would decide what is named. So a
         rest counts only if sliding or another rest of the joint shows as much friction, by the
-        residual ``left`` (N, J) of all common effects, fitted to the others. No witness is one
-        after which the joint went the other way, or with less friction than sliding has: there the
-        joint did not break away.
+        residual ``left`` (N, J) of all common effects, fitted to the others, and their ``friction``
+        (N, J). No witness is one after which the joint went the other way, or whose friction would
+        push: there the joint did not break away.
         """
         s, used = self.signals, self.used.copy()
         rest = used & ~s.moving[s.rows]
@@ -124,8 +124,9 @@ class Rows(NamedTuple):
             if len(peaks) and usual[j] > 0.0:
                 at = np.searchsorted(s.rows, peaks[:, 0])
                 more = left[at, j] * peaks[:, 2]  # friction than in sliding
+                pushes = more + friction[at, j] * peaks[:, 2] < 0.0
                 apart = np.abs(more[:, None] - more)
-                apart[:, (peaks[:, 3] > 0.0) | (more < -usual[j])] = np.inf
+                apart[:, (peaks[:, 3] > 0.0) | pushes] = np.inf
                 apart[np.diag_indices(len(at))] = np.abs(more)  # from sliding
                 used[at, j] = apart.min(1) < usual[j]
         return self._replace(used=used)

@@ -121,7 +121,9 @@ def library(
     first = Score(rows.sure(), common, spread, np.ones(len(spread)))
     envelope = first.solve(common)
     left = residual(rows, envelope)
-    rows = rows.agreeing(left).evened(left).drifting(left)
+    rubs = [m for m in envelope.members if m.shape is not None and m.shape.cls.friction]
+    friction = rows.friction + rows.gap - residual_on(rows, envelope, range(left.shape[1]), rubs)
+    rows = rows.agreeing(left, friction).evened(left).drifting(left)
     noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
     rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
