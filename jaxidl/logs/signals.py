@@ -63,8 +63,7 @@ class Signals(NamedTuple):
     moving: Bool[np.ndarray, "T J"]
     # instants neither moving nor resting are next to a rest, where the filter blurs both
     resting: Bool[np.ndarray, "T J"]
-    # for each joint: last instant of each rest, the torque withstood there [N or Nm], its way, and
-    # 1 where the joint then went the other way
+    # for each joint its rests, as :func:`jaxidl.logs.rests.withstood` returns them
     peaks: tuple[Float[np.ndarray, "E 4"], ...]
     pushed: Bool[np.ndarray, "N J"]  # ways in which joints at rest are pushed: true forwards
     body: Any  # the modelled rigid body
