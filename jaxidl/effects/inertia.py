@@ -66,7 +66,8 @@ class InertiaError(Effect):
 class ComError(Effect):
     """A first moment that the model lacks on each joint's body.
 
-    The body's mass and its inertia about its frame's origin stay.
+    Its centre of mass is elsewhere, by the moment over its mass. The mass stays, and to first order
+    so does the inertia about the centre, which is what models give.
     """
 
     moment: Float[Array, "J 3"]  # in the body's frame [kg m]
@@ -84,7 +85,7 @@ class ComError(Effect):
     advice: ClassVar[str] = ACCELERATIONS
 
     def alter(self, body: Any) -> Any:
-        return body.add_link(ten(moment=self.moment))
+        return body.add_moment(self.moment)
 
     @classmethod
     def variants(cls, scale: Scale) -> list[Variant]:

@@ -35,6 +35,10 @@ class _Part:
     def add_mass(self, extra: Own | Scalar) -> "_Part":
         return _Part(self.body.add_mass(self._spread(extra)), self.joint, self.like)
 
+    def add_moment(self, extra: Float[Array, "1 3"]) -> "_Part":
+        spread = jnp.zeros((self.like.shape[0], 3)).at[self.joint].set(extra[0])
+        return _Part(self.body.add_moment(spread), self.joint, self.like)
+
 
 class OnJoint(Effect):
     """``effect`` on joint ``joint`` of ``joints``, and nothing on the others.

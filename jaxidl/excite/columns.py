@@ -40,6 +40,7 @@ class Rigid(NamedTuple):
 
     link: np.ndarray  # (G, J, 10) of the joints' bodies
     mass: np.ndarray  # (G, J)
+    moment: np.ndarray  # (G, J, 3)
     payload: np.ndarray  # (G, 10)
     rotor: np.ndarray  # (G, J)
     tilt: np.ndarray  # (G, 2)
@@ -51,7 +52,7 @@ class _Recorder:
 
     def __init__(self, joints: int):
         self.link, self.mass, self.payload = np.zeros((joints, 10)), np.zeros(joints), np.zeros(10)
-        self.rotor, self.turn = np.zeros(joints), np.zeros(2)
+        self.rotor, self.turn, self.moment = np.zeros(joints), np.zeros(2), np.zeros((joints, 3))
 
     def add_inertia(self, extra: Any) -> "_Recorder":
         self.rotor = self.rotor + np.asarray(extra)
@@ -59,6 +60,10 @@ class _Recorder:
 
     def add_mass(self, extra: Any) -> "_Recorder":
         self.mass = self.mass + np.asarray(extra)
+        return self
+
+    def add_moment(self, extra: Any) -> "_Recorder":
+        self.moment = self.moment + np.asarray(extra)
         return self
 
     def add_link(self, extra: Any) -> "_Recorder":
@@ -80,7 +85,7 @@ def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ..
     found: list[Rigid | Family] = []
     if rigid:
         records: list[Any] = [effects[n].alter(_Recorder(joints)) for n in rigid]
-        parts = ("link", "mass", "payload", "rotor", "turn")
+        parts = ("link", "mass", "moment", "payload", "rotor", "turn")
         found.append(
             Rigid(
                 **{
@@ -162,6 +167,7 @@ def added(
         return (
             jnp.einsum("tijp,gjp->gti", t.by_link, family.link)
             + jnp.einsum("tij,gj->gti", t.by_mass, family.mass)
+            + jnp.einsum("tija,gja->gti", t.by_moment, family.moment)
             + jnp.einsum("tip,gp->gti", t.by_payload, family.payload)
             + jnp.einsum("tj,gj->gtj", drive.qdd, family.rotor)
             + jnp.einsum("tia,ga->gti", t.by_tilt, family.tilt)

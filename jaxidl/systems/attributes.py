@@ -13,7 +13,7 @@ import numpy as np
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.spec import Motor
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass
+from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass, per_moment
 
 
 class Numbers:
@@ -107,6 +107,10 @@ class Rigid(NamedTuple):
         return self.add_link(
             np.broadcast_to(np.asarray(extra, float), on.shape)[:, None] * per_mass(self.model)[on]
         )
+
+    def add_moment(self, extra: Any) -> "Rigid":
+        share = per_moment(self.model)[self.model.jnt_bodyid]
+        return self.add_link(np.einsum("ja,jap->jp", np.asarray(extra, float), share))
 
     def add_payload(self, extra: Any) -> "Rigid":
         return self._replace(loads=(*self.loads, np.asarray(extra, float)))

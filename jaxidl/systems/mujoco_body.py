@@ -109,6 +109,14 @@ class MujocoBody(struct.PyTreeNode):
         share = per_mass(self.source)[list(self.bodies)]
         return self.add_link((extra + jnp.zeros(len(share)))[:, None] * share)
 
+    def add_moment(self, extra: Float[Array, "J 3"]) -> "MujocoBody":
+        """Return the body with additional first moments of its joints' bodies.
+
+        ``extra`` (J, 3) is in kg m; see :func:`per_moment`.
+        """
+        share = per_moment(self.source)[list(self.bodies)]
+        return self.add_link(jnp.einsum("ja,jap->jp", extra, share))
+
     def add_payload(self, extra: Float[Array, "10"]) -> "MujocoBody":
         """Return the body with additional inertial parameters of the last body that moves.
 
@@ -197,6 +205,21 @@ def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
     points = np.concatenate([np.ones((source.nbody, 1)), c, tensor[:, ROWS, COLUMNS]], 1)
     return np.where(
         massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None])
+    )
+
+
+def per_moment(source: mujoco.MjModel) -> Float[np.ndarray, "B 3 10"]:
+    """Return the inertial parameters of all bodies per unit of first moment.
+
+    The centre of mass is moved, and the inertia about it stays, to first order: about the frame's
+    origin it changes with the moment times the centre.
+    """
+    eye, c = np.eye(3), source.body_ipos[:, None, :]
+    cross = eye[:, :, None] * c[:, :, None, :]
+    tensor = 2.0 * np.swapaxes(c, 1, 2)[..., None] * eye - cross - np.swapaxes(cross, 2, 3)
+    moments = np.broadcast_to(eye, (source.nbody, 3, 3))
+    return np.concatenate(
+        [np.zeros((source.nbody, 3, 1)), moments, tensor[..., ROWS, COLUMNS]], axis=2
     )
 
 

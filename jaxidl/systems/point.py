@@ -35,6 +35,10 @@ class PointMass(struct.PyTreeNode):
         """Return the body with ``extra`` mass: for a point it is the same as an axis' inertia."""
         return PointMass(self.mass + extra)
 
+    def add_moment(self, extra: Float[Array, "J 3"]) -> "PointMass":
+        """Return the body unchanged: first moments need a rotation."""
+        return self
+
     def add_link(self, extra: Float[Array, "J 10"]) -> "PointMass":
         """Return the body with extra mass: the other nine parameters need a rotation."""
         return PointMass(self.mass + extra[:, 0])

@@ -111,6 +111,10 @@ class _Probe:
 
     add_mass = add_inertia
 
+    def add_moment(self, extra: Any) -> "_Probe":
+        jnp.reshape(extra, (self.joints, 3))
+        return self
+
     def add_link(self, extra: Any) -> "_Probe":
         jnp.reshape(extra, (self.joints, 10))
         return self

@@ -15,7 +15,7 @@ import numpy as np
 
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.kinematics import matrices
-from jaxidl.systems.mujoco_body import MujocoBody, last_moving, level, per_mass
+from jaxidl.systems.mujoco_body import MujocoBody, last_moving, level, per_mass, per_moment
 from jaxidl.systems.tables import Tables
 from jaxidl.types import Joints
 
@@ -49,6 +49,7 @@ def table(body: MujocoBody, q: Joints, qd: Joints, qdd: Joints) -> Tables:
         by_q=none,
         by_qd=none,
         by_mass=jnp.einsum("ijp,jp->ij", by_link, per_mass(source)[list(body.bodies)]),
+        by_moment=jnp.einsum("ijp,jap->ija", by_link, per_moment(source)[list(body.bodies)]),
         by_link=by_link,
         by_payload=by_body[last_moving(source)],
         by_gravity=gravity,

@@ -8,17 +8,14 @@ The derivatives are by everything that may be wrong about the body.
 
 from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import mujoco
 import numpy as np
-from flax import struct
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from scipy.interpolate import interp1d
 
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import last_moving, level, per_mass
+from jaxidl.systems.mujoco_body import last_moving, level, per_mass, per_moment
 from jaxidl.systems.point import PointMass
-from jaxidl.types import Joints, Scalar
 
 Rows = Float[np.ndarray, "T J"]
 
@@ -38,6 +35,8 @@ class Tables(NamedTuple):
     by_qd: Float[Any, "*T J J"]  # derivative of the torque by velocity
     # derivative of the torque by the mass of each joint's body, whose inertia changes in proportion
     by_mass: Float[Any, "*T J J"]
+    # derivative of the torque by the first moment of each joint's body, whose centre of mass moves
+    by_moment: Float[Any, "*T J J 3"]
     # derivative of the torque by the ten inertial parameters of each joint's body (second J)
     by_link: Float[Any, "*T J J 10"]
     # derivative of the torque by those of the last body that moves, maybe welded to a joint's
@@ -47,7 +46,7 @@ class Tables(NamedTuple):
 
     def part(self, joints: slice | list[int]) -> "Tables":
         """Return the tables (T rows) of some joints, as if the others did not move."""
-        square = ("inertia", "by_q", "by_qd", "by_mass", "by_link")
+        square = ("inertia", "by_q", "by_qd", "by_mass", "by_moment", "by_link")
         own = {name: values[:, joints] for name, values in self._asdict().items()}
         return Tables(**{name: x[:, :, joints] if name in square else x for name, x in own.items()})
 
@@ -64,6 +63,8 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     by_payload = _by_body(motion, last_moving(body.source), body.source)
     by_link = np.stack([_by_body(motion, b, body.source) for b in body.bodies], 2)
     by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
+    share = per_moment(body.source)[list(body.bodies)]
+    by_moment = np.einsum("tijp,jap->tija", by_link, share, optimize=True)
     by_gravity = _by_gravity(motion, body.source)
     coarse = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
     along = lambda part: interp1d(coarse, part, axis=0, assume_sorted=True)(np.arange(len(q)))
@@ -78,11 +79,30 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
         by_q,
         by_qd,
         by_mass,
+        by_moment,
         by_link,
         by_payload,
         by_gravity,
         by_tilt,
     )
+
+
+def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
+    """Return the torque (T, J, 2) per small turn of the base that changed links add [Nm].
+
+    ``change`` (J + 1, 10) has the additional inertial parameters of the joints' bodies and of the
+    last body that moves: the turn changes the direction of their weight, too.
+    """
+    source, out = body.source, np.zeros((*q.shape, 2))
+    motion = _motion(source, q, np.zeros_like(q), np.zeros_like(q))
+    for b, numbers in zip((*body.bodies, last_moving(source)), change, strict=True):
+        for a, gravity in enumerate(level(source).T):
+            falling = np.zeros_like(motion.acceleration)
+            falling[..., 3:] = -gravity
+            still = motion._replace(speed=0.0 * motion.speed, acceleration=falling)
+            if np.any(numbers):
+                out[..., a] += _by_body(still, b, source) @ numbers
+    return out
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
@@ -108,6 +128,7 @@ def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
         none,
         none,
         by_mass,
+        np.zeros((*none.shape, 3)),
         by_link,
         by_payload,
         gravity,
@@ -253,32 +274,3 @@ def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndar
         inverse(source, data)
         out[t] = force
     return out
-
-
-class TabledBody(struct.PyTreeNode):
-    """A body at one instant of a log, with the change of its inverse dynamics when it is altered.
-
-    It can be altered as any other body. The change is linear: the effect of changed gravity on what
-    was added is left out.
-    """
-
-    table: Tables
-    qdd: Joints
-    extra: Joints  # (J,) torque that the alterations add [N or Nm]
-
-    def add_inertia(self, extra: Joints) -> "TabledBody":
-        return self.replace(extra=self.extra + extra * self.qdd)
-
-    def add_mass(self, extra: Joints | Scalar) -> "TabledBody":
-        return self.replace(
-            extra=self.extra + self.table.by_mass @ (extra + jnp.zeros_like(self.qdd))
-        )
-
-    def add_link(self, extra: Float[Array, "J 10"]) -> "TabledBody":
-        return self.replace(extra=self.extra + jnp.einsum("ijp,jp->i", self.table.by_link, extra))
-
-    def add_payload(self, extra: Float[Array, "10"]) -> "TabledBody":
-        return self.replace(extra=self.extra + self.table.by_payload @ extra)
-
-    def tilt(self, angles: Float[Array, "2"]) -> "TabledBody":
-        return self.replace(extra=self.extra + self.table.by_tilt @ angles)

@@ -13,6 +13,8 @@ from scipy.optimize import lsq_linear
 from jaxidl.effects import (
     AsymmetricFriction,
     ConstantOffset,
+    CoulombFriction,
+    CoupledJointFriction,
     DirectionalLoadFriction,
     Spring,
     StribeckFriction,
@@ -505,6 +507,23 @@ def test_each_objection_is_raised_where_it_holds(planted):
     other = rows._replace(gap=once)
     odd = score_of(other, pool)
     assert objection(odd, odd.solve(truth), pool[0], 0.05, other) == ""
+
+
+@pytest.mark.parametrize(("own", "refused"), [(0.0, True), (1.0, False)])
+def test_rare_friction_of_two_joints_has_to_improve_on_common_friction_of_each(own, refused):
+    """Two joints that always move together, with equal friction: one coefficient or two."""
+    rng = np.random.default_rng(8)
+    rest = dict.fromkeys(CoupledJointFriction.parameters, np.nan)  # which are not fitted
+    level = lambda cls, j: Shape(cls, j, JOINTS, ("level",), rest | {"level": 0.0}, {}, {})
+    dry = lambda j: item(f"dry{j}", rng.normal(size=(N, 1)), (j,), shape=level(CoulombFriction, j))
+    common = [replace(dry(j), common=True, odds=-2.3) for j in range(JOINTS)]
+    both = np.stack([i.columns[0, :, 0] for i in common], 1) + own * rng.normal(size=(N, JOINTS))
+    coupled = item("coupled", both, (0, 1), shape=level(CoupledJointFriction, 0), odds=-3.0)
+    rows = rows_with(coupled.columns[0] + 0.3 * rng.normal(size=(N, JOINTS)))
+    score = score_of(rows, [*common, coupled])
+    now = score.solve([coupled])
+    assert now.value > score.solve(common).value
+    assert bool(objection(score, now, coupled, 0.05, rows)) == refused
 
 
 @pytest.mark.parametrize(("own", "named"), [(0.0, False), (1.0, True)], ids=["sum", "more"])

@@ -12,9 +12,10 @@ import jaxidl.effects as fx
 from jaxidl.effects import OnJoint, placed
 from jaxidl.effects.ten import about, elements, matrix, moved, ten
 from jaxidl.systems.mjcf import read_model
-from jaxidl.systems.mujoco_body import level, links
+from jaxidl.systems.mujoco_body import level, links, per_moment
 from jaxidl.systems.point import PointMass
-from jaxidl.systems.tables import TabledBody, tables
+from jaxidl.systems.tabled_body import TabledBody
+from jaxidl.systems.tables import leaning, tables
 from tests.helpers.model_files import stored, torque_in_c
 from tests.helpers.numeric import compare
 
@@ -193,10 +194,39 @@ def test_an_error_of_one_link_concerns_its_body(effect, body):
     values = np.asarray(getattr(effect, name)[0])
     altered = OnJoint(effect, 2, JOINTS).alter(body).added
     expected = np.zeros((body.source.nbody, 10))
-    expected[2, slice(1, 4) if name == "moment" else slice(4, 10)] = values
-    np.testing.assert_array_equal(altered, expected)
+    expected[2] = values @ per_moment(body.source)[2] if name == "moment" else [0, 0, 0, 0, *values]
+    np.testing.assert_allclose(altered, expected, rtol=1e-12)
     many = effect.replace(**{name: jnp.stack([jnp.zeros(len(values))] * 2 + [jnp.asarray(values)])})
-    np.testing.assert_array_equal(many.alter(body).added, expected)
+    np.testing.assert_allclose(many.alter(body).added, expected, rtol=1e-12)
+
+
+def test_a_centre_of_mass_moves_with_the_inertia_about_it(body):
+    """A body whose centre is elsewhere in the model, by so little that the first order is all."""
+    shift = 1e-6 * np.array([2.0, -3.0, 1.0])
+    before, after = (mujoco.MjModel.from_xml_string(SLANTED) for _ in range(2))
+    after.body_ipos[2] += shift
+    moment = np.zeros((JOINTS, 3))
+    moment[2] = shift * before.body_mass[2]
+    states = RNG.normal(size=(3, 5, JOINTS))
+    table = tables(body, *states)
+    change = jax.jit(body.add_moment(jnp.asarray(moment)).inverse_dynamics)
+    for k, state in enumerate(zip(*states, strict=True)):
+        expected = torque_in_c(after, *state) - torque_in_c(before, *state)
+        np.testing.assert_allclose(change(*state) - table.torque[k], expected, atol=1e-9)
+        np.testing.assert_allclose(
+            np.einsum("ija,ja->i", table.by_moment[k], moment), expected, atol=1e-9
+        )
+
+
+def test_a_tilt_turns_the_weight_of_what_was_added(body):
+    q, angles = RNG.normal(size=(4, JOINTS)), jnp.array([0.04, -0.02])
+    change = np.zeros((JOINTS + 1, 10))
+    change[1], change[2], change[3] = 0.5 * ERROR, -ERROR, 2.0 * ERROR
+    changed = body.add_link(jnp.asarray(change[:-1])).add_payload(jnp.asarray(change[-1]))
+    torque = lambda of: np.stack([of.inverse_dynamics(x, 0.0 * x, 0.0 * x) for x in jnp.asarray(q)])
+    own, all_ = (torque(b.tilt(angles)) - torque(b) for b in (body, changed))
+    assert np.abs(all_ - own).max() > 1e-3
+    np.testing.assert_allclose(leaning(body, q, change) @ angles, all_ - own, atol=1e-10)
 
 
 def test_derivatives_by_every_inertial_parameter(body):
@@ -230,6 +260,7 @@ def test_least_squares_finds_inertial_parameters_from_a_log(body):
 def test_a_point_mass_knows_mass_only():
     mass = PointMass(jnp.array([2.0, 3.0]))
     np.testing.assert_array_equal(mass.add_link(jnp.ones((2, 10))).mass, [3.0, 4.0])
+    assert mass.add_moment(jnp.ones((2, 3))) is mass
     np.testing.assert_array_equal(mass.add_payload(jnp.ones(10)).mass, [3.0, 4.0])
     table = tables(mass, *np.ones((3, 5, 2)))
     assert table.by_link.shape == (5, 2, 2, 10)

@@ -49,7 +49,9 @@ class Links:
             heavier[start : start + TEN, 0] = ten / ten[0]
             return {"extra": unit[:, [start + TEN]], "mass": heavier}
         if name == "com_error":
-            return {"moment": unit[:, start + 1 : start + 4]}
+            block = unit[:, start + 1 : start + 4].copy()
+            block[start + 4 : start + TEN] = shifted(self.believed[joint or 0])
+            return {"moment": block}
         if name == "inertia_tensor_error":
             return {"tensor": unit[:, start + 4 : start + TEN]}
         return {"ten": unit[:, start : start + TEN]}
@@ -132,6 +134,24 @@ class Links:
         values = inverse @ (basis.T @ self.gram @ error / scale) / scale
         known = seen & ((turn[:, ~large] ** 2).sum(axis=1) < 1e-8)
         return values, known
+
+
+def shifted(ten: Array) -> Array:
+    """Return the change of a body's inertia about its origin (6, 3) per unit of first moment.
+
+    The body has parameters ``ten`` (10,); to first order the inertia about its centre stays.
+    """
+    x, y, z = ten[1:4] / ten[0]
+    return np.array(
+        [
+            [0.0, 2 * y, 2 * z],
+            [2 * x, 0.0, 2 * z],
+            [2 * x, 2 * y, 0.0],
+            [-y, -x, 0.0],
+            [-z, 0.0, -x],
+            [0.0, -z, -y],
+        ]
+    )
 
 
 def load(given: Mapping[str, Array]) -> Array:

@@ -20,6 +20,7 @@ from jaxidl.gap.benchmark.believed import Diverged, inverse_dynamics
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import has
 from jaxidl.gap.benchmark.injected import Injected, Payload
+from jaxidl.gap.benchmark.links import shifted
 from jaxidl.gap.benchmark.parts import Part
 from jaxidl.gap.benchmark.reference import Array
 from jaxidl.gap.benchmark.transmission import JointElasticity
@@ -218,8 +219,9 @@ def truth(case: Robot, drawn: Drawn, run: ArmRun) -> dict[str, Any]:
 def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -> None:
     """Express first moments and tensors about the bodies' origins.
 
-    They are changes in addition to that in proportion to the mass, and so linear: the mass error,
-    the shift and the change of inertia of one link together are fully contained in them.
+    They are changes in addition to that in proportion to the mass, and tensors also in addition to
+    that in proportion to the shift, and so linear: the mass error, the shift and the change of
+    inertia of one link together are fully contained in them.
     """
     for record in records:
         if record["effect"] in ("com_error", "inertia_tensor_error"):
@@ -230,6 +232,7 @@ def _about_origin(records: list[dict[str, Any]], believed: Array, true: Array) -
                 if record["effect"] == "com_error"
                 else ("tensor", slice(4, 10))
             )
+            besides[4:10] -= shifted(before) @ besides[1:4]
             record["parameters"][name] = _short(besides[columns])
 
 

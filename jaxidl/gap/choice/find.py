@@ -17,6 +17,7 @@ from jaxidl.gap.evidence.gram import Group, Item
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import Shape, acts_on_predicted, movable, reads_load
+from jaxidl.gap.fit.leaning import turned
 from jaxidl.gap.fit.library import (
     Library,
     load_of,
@@ -198,7 +199,7 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
     """Return the members whose columns change.
 
     They are those with a shape, fitted, those of a motor behind others, those that read the torque,
-    and a load.
+    a load, and a tilt of the base.
     """
     fresh, rows, x = [], library.rows, [now.x[now.of(m)] for m in now.members]
     for m in now.members:
@@ -212,6 +213,6 @@ def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarra
         elif reads_load(m.shape):
             load = load_of(rows, now)
             fresh += items_of([m.shape], with_friction(rows, now), load, library.score.items)
-        elif (load := compact(m, now, rows, score, predicted)) is not None:
-            fresh.append(load)
-    return fresh
+        else:
+            fresh += [compact(m, now, rows, score, predicted), turned(m, now, rows, predicted)]
+    return [m for m in fresh if m is not None]

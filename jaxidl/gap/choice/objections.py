@@ -179,7 +179,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
 
 
 def plain(score: Score, now: Solution, m: Item) -> list[Item]:
-    """Return the common friction on a member's joint that the set does without.
+    """Return the common friction on a member's joints that the set does without.
 
     Friction that is not common has to improve on it: two rare laws that bend opposite ways are a
     straight line, too.
@@ -189,7 +189,7 @@ def plain(score: Score, now: Solution, m: Item) -> list[Item]:
     return [
         i
         for i in score.items
-        if i.common and i.shape.cls.friction and i.joints == m.joints and i not in now.members
+        if i.common and i.shape.cls.friction and {*i.joints} <= {*m.joints} and i not in now.members
     ]
 
 

@@ -20,7 +20,8 @@ from jaxidl.gap.evidence.friction import friction_along, mean_sign
 from jaxidl.gap.evidence.reach import Columns, narrowed
 from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
-from jaxidl.systems.tables import TabledBody, Tables, inverse_dynamics
+from jaxidl.systems.tabled_body import TabledBody
+from jaxidl.systems.tables import Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone

@@ -11,7 +11,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass
+from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass, per_moment
 
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
@@ -24,6 +24,7 @@ class Links(NamedTuple):
 
     nominal: np.ndarray  # (J + 1, 10)
     unit: np.ndarray  # (J, 10) of one additional kilogram, with inertia in proportion
+    moved: np.ndarray  # (J, 3, 10) of a first moment of 1 kg m, with inertia about the new centre
     plausible: np.ndarray  # (J + 1, 10) standard deviations of changes, the last that of a load
     same: bool  # true if the last joint's body is the last that moves, not one welded to it
     reach: float  # sum of the links' lengths [m]
@@ -67,6 +68,7 @@ def links_of(body: Any) -> Links | None:
     return Links(
         mass[ids][:, None] * each[ids],
         each[list(body.bodies)],
+        per_moment(source)[list(body.bodies)],
         np.concatenate([PLAUSIBLE * spread[:-1], load[None]]),
         last == body.bodies[-1],
         float(far),
@@ -78,17 +80,23 @@ class _Recorder:
 
     def __init__(self, links: Links):
         self.links, self.change = links, np.zeros_like(links.nominal)
+        self.turned = False  # whether the base is
 
     def add_inertia(self, extra: Any) -> "_Recorder":
         return self
 
     def tilt(self, angles: Any) -> "_Recorder":
+        self.turned = True
         return self
 
     def add_mass(self, extra: Any) -> "_Recorder":
         self.change[:-1] += (
             np.broadcast_to(np.asarray(extra), (len(self.change) - 1,))[:, None] * self.links.unit
         )
+        return self
+
+    def add_moment(self, extra: Any) -> "_Recorder":
+        self.change[:-1] += np.einsum("ja,jap->jp", np.asarray(extra), self.links.moved)
         return self
 
     def add_link(self, extra: Any) -> "_Recorder":
@@ -105,6 +113,13 @@ def change_of(effect: Effect, links: Links) -> np.ndarray:
     recorder = _Recorder(links)
     effect.alter(recorder)
     return recorder.change
+
+
+def turns_base(effect: Effect, links: Links) -> bool:
+    """Return whether an effect turns the base."""
+    recorder = _Recorder(links)
+    effect.alter(recorder)
+    return recorder.turned
 
 
 def pseudo_inertia(ten: np.ndarray) -> np.ndarray:
