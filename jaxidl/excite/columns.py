@@ -192,7 +192,7 @@ def added(
 def _of(drive: Drive, where: Any) -> Drive:
     """Return the drive of some joints, as if they were alone; nothing there reads the tables."""
     T, n = len(drive.q), where.shape[0]
-    sizes = ((n,), *((n, n),) * 4, (n, n, 10), (n, 10), (n, 3), (n, 2))
+    sizes = ((n,), *((n, n),) * 4, (n, n, 3), (n, n, 10), (n, 10), (n, 3), (n, 2))
     blank = Tables(*(jnp.zeros((T, *size)) for size in sizes))
     return Drive._make([*(x[:, where] for x in drive[:-1]), blank])
 

@@ -108,6 +108,15 @@ def test_another_unit_is_found(model, motion, words, read_as):
     assert words in said
 
 
+def test_another_unit_is_found_where_commands_are_interpolated(model, motion):
+    """By a thousandth: as much as the model's own torque where the unit is a thousand times off."""
+    q, tau, *_ = motion
+    rows = rows_of(prepare(from_arrays(T, q, 1e3 * tau), model.plant.body))
+    rough = 1.0 + 2e-3 * np.random.default_rng(1).standard_normal(rows.command.shape)
+    (said,) = conventions(rows._replace(command=rough * rows.command), model.names)
+    assert "torques had to be multiplied by 0.001" in said
+
+
 def test_another_unit_is_found_where_joints_rest(model, motion):
     q, _, *_ = motion
     size = np.clip(np.sin(0.9 * T), -0.7, 0.7)[:, None]  # rests at both ends

@@ -138,9 +138,9 @@ def test_no_other_explanation_feeds_the_motion(tmp_path):
     assert not found.ambiguous
 
 
-def test_a_wrong_zero_a_tilted_base_and_a_turned_link_are_one_on_a_pendulum(tmp_path):
+def test_a_wrong_zero_a_tilted_base_and_a_moved_centre_are_one_on_a_pendulum(tmp_path):
     found = gap.diagnose(
-        *hidden(tmp_path, "pendulum", ("position_bias", 0, {"bias": -0.09})), rollouts=False
+        *hidden(tmp_path, "pendulum", ("position_bias", 0, {"bias": -0.06})), rollouts=False
     )
     (doubt,) = found.ambiguous
     assert {name for name, _ in doubt.candidates} == {"position_bias", "base_tilt", "com_error"}

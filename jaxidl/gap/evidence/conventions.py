@@ -18,6 +18,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from jaxidl.gap.evidence.rows import Rows
+from jaxidl.systems.free import inner
 from jaxidl.systems.tables import inverse_dynamics
 
 WRONG = 0.2  # of the command's spread: joints with more error than this make one ask
@@ -148,9 +149,11 @@ def _left(
         torque = inverse_dynamics(signals.body, q + reading.zero, qd, qdd)
     finally:
         source.opt.gravity = standing
-    # what the model's own effects need but its friction, of which it may have too much
-    own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
-    target = reading.torque * rows.command[some][:, driven] - share * (own[some] + torque)
+    if not all(inner(e).friction for e in rows.effects):
+        # what the model's own effects need but its friction, of which it may have too much
+        own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction
+        torque = torque + own[some]
+    target = reading.torque * rows.command[some][:, driven] - share * torque
     out, spread = np.zeros(len(reading.zero)), rows.spread[driven]
     # not where a joint rests: what counts there is the torque that broke it away
     for j, use in enumerate(signals.moving[kept][:, moved].T):
