@@ -37,7 +37,7 @@ from jaxidl.gap.fit.library import Library, own_residual, residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled
-from jaxidl.gap.result.findings import best_instead
+from jaxidl.gap.result.findings import best_instead, there
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -819,6 +819,11 @@ def test_a_standard_error_covers_what_draws_say_that_choose_their_own_sets():
     # 0.4 more in another set, which explains the log as well with a probability of a quarter
     (_, either) = resampled(value, draws(0.0, 0.0), [(0.25, *draws(0.4))]).parameters["offset"]
     np.testing.assert_allclose(either, np.sqrt(0.2**2 + 0.25 * 0.4**2))
+    vague = resampled(value, draws(1.0, -1.0))  # 1 ± 1
+    assert there(value) > 0.999
+    assert 0.6 < there(vague) < 0.7
+    assert there(vague._replace(together=3.0)) > 0.99
+    assert there(vague._replace(share=0.1)) == 1.0
 
 
 def test_another_part_of_the_same_effect_may_explain_as_much():

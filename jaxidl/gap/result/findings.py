@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import erf
 
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.choice import estimates
@@ -64,9 +65,10 @@ def findings(
         evidence, share = found.solution.value - bare.value, float(added_shares[j])
         kind = known.kinds[joint if joint is not None else j]
         cls = CATALOGUE[name]
+        known_as = resampled(value, draws, elsewhere)
         parameters = {
             n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
-            for n, (v, e) in resampled(value, draws, elsewhere).parameters.items()
+            for n, (v, e) in known_as.parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(rows, bare, found.solution, j)
@@ -98,7 +100,7 @@ def findings(
                 value.effect,
                 cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                support * probability(speaks),
+                support * probability(speaks) * there(known_as),
                 float(evidence),
                 share,
                 j,
@@ -112,6 +114,15 @@ def findings(
             )
         )
     return tuple(sorted(out, key=lambda f: -f.share))
+
+
+def there(value: Value) -> float:
+    """Return the probability that an effect's values are not zero.
+
+    That of the best known one, or of all together; standard errors cover the choice of the set.
+    """
+    each = [np.max(np.abs(v) / np.maximum(e, 1e-300)) for v, e in value.parameters.values()]
+    return 1.0 if value.share > 0.0 else float(erf(max([value.together, *each]) / np.sqrt(2.0)))
 
 
 def best_instead(
