@@ -15,7 +15,7 @@ from jaxidl.gap.choice.confirm import fitted_to, possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
-from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.conventions import MISREAD, conventions
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
 from jaxidl.gap.evidence.shape import present
@@ -108,7 +108,9 @@ def diagnose(
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
-        named = findings(found, found.fitted, known, [n.value for n in network], ties)
+        odd = conventions(rows, known.names)
+        trust = MISREAD if odd else 1.0
+        named = findings(found, found.fitted, known, [n.value for n in network], ties, trust)
         compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(ties, named)
@@ -127,7 +129,7 @@ def diagnose(
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
     usual = [i for i in found.library.score.items if i.common]
     late = late_torques(rows, [*usual, *found.named], known.names)
-    odd = [*conventions(rows, known.names), *late]
+    odd = [*odd, *late]
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     swinging = swings(rows, after if named else gap, known.names)
     more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))

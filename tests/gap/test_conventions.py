@@ -170,14 +170,18 @@ def test_an_inertia_error_of_the_model_raises_no_doubt(model, motion):
     assert read(model, q, tau + 1.5 * of_elbow) == []
 
 
-def test_the_doubt_is_the_first_that_is_said(model, motion):
+def test_the_doubt_is_the_first_that_is_said_and_nothing_is_sure(model, motion):
     q, tau, *_ = motion
+    right = diagnose(from_arrays(T, q, tau), model, effects=["viscous_friction"], rollouts=False)
+    assert {f.joint for f in right.findings if f.sure} == {0, 1}
     found = diagnose(
         from_arrays(T, q, tau * [1.0, -1.0]), model, effects=["viscous_friction"], rollouts=False
     )
     assert "sign" in found.notes[0]
     assert found.summary.startswith("First of all")
     assert "First of all" in table(found).split(". ")[1]
+    assert found.findings
+    assert not any(f.sure for f in found.findings)
 
 
 def test_a_load_that_is_gone_raises_no_doubt_where_friction_explains_the_torque(model, motion):

@@ -7,7 +7,8 @@ powers of ten away, all positions in degrees) is tried with the model's own iner
 friction, rotor inertia and offset on every joint. The best one is taken while it reduces some
 joint's error to a third or less, also of what is left without any model: where friction alone
 explains a torque, every larger unit makes errors look smaller. What was taken is reported, with
-others that are as good, and nothing is changed.
+others that are as good, and nothing is changed; but while the log seems to be misread, no effect is
+named with confidence.
 """
 
 from collections.abc import Iterator, Sequence
@@ -25,6 +26,7 @@ WRONG = 0.2  # of the command's spread: joints with more error than this make on
 FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at most
 ALIKE = 0.01  # difference of squared errors below which two readings are equally good
 ENOUGH = 400  # rows
+MISREAD = 0.5  # share of a finding's confidence that is left where another reading is better
 UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
 MOUNTED = {
     "the base stood upright, with its z axis up": (0, 0, -1),
