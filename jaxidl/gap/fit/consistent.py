@@ -177,7 +177,8 @@ def buildable(
         if not np.any(slopes[:, link]) or not physical(numbers):
             continue
         # if the tensor is not free, at least the mass is
-        whole = np.any(slopes[:, link, 4:] * (slopes[:, link, :1] == 0.0))
+        alone = np.all(slopes[:, link, :4] == 0.0, axis=1)
+        whole = np.any(slopes[alone, link, 4:])
         base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
         if not whole:
             base, change = base[3, 3] * np.eye(4), change[:, 3, 3, None, None] * np.eye(4)
