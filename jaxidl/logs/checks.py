@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from jaxidl.errors import LogError
+from jaxidl.logs.rests import STILL
 from jaxidl.logs.table import listed
 
 LEAST_SAMPLES, LEAST_DURATION = 200, 1.0  # of a log [-], [s]
-STILL = 1e-9  # [m or rad]; a smaller range is no motion
 CLIPPED = 20  # consecutive samples at exactly the same extreme
 
 
@@ -59,7 +59,8 @@ def motion(
             remedy,
         )
     notes = [f"{q_of(j)} is constant: nothing can be found out about that joint" for j in still]
-    notes += [f"{tau_of(j)} is zero throughout: treated as a joint without a drive" for j in idle]
+    free = [tau_of(j) for j in idle if j not in still]  # a brake may hold the others
+    notes += [f"{name} is zero throughout: treated as a joint without a drive" for name in free]
     notes += [
         f"{tau_of(j)} is constant at {s[0]:g}"
         for j, s in enumerate(tau.T)

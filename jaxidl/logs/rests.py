@@ -10,6 +10,8 @@ SHARP = 0.3  # share of the torque's spread by which it may rise while a breakaw
 STEP = 27.0 / 8.0  # ratio of the distances from a rest at which times are compared
 QUIET = 0.01  # share of the torque's spread in rests below which its noise does no harm
 
+STILL = 1e-9  # [m or rad]; a smaller range is no motion
+
 
 def classify(
     qd: np.ndarray, rest_speed: np.ndarray, half: int

@@ -26,7 +26,7 @@ from jaxidl.logs.low_pass import (
     low_pass,
     noise_torque,
 )
-from jaxidl.logs.rests import classify, withstood
+from jaxidl.logs.rests import STILL, classify, withstood
 from jaxidl.systems.tables import Tables, tables
 
 ROWS_PER_HERTZ = 3.0  # rows kept per second, over the band
@@ -190,7 +190,7 @@ def prepare(
     q, qd, qdd = true_motion(effects, q, qd, qdd, slices, dt)
     stride = max(1, int(1.0 / dt / max(TABLE_RATE, 2.0 * band)))
     table = tables(body, q, qd, qdd, stride)
-    speed_noise = sigma * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
+    speed_noise = np.maximum(sigma, STILL) * np.sqrt(2.0 * dt * (2.0 * np.pi) ** 2 * band**3 / 3.0)
     rest_speed = np.maximum(4.0 * speed_noise, REST_SPEED * np.quantile(np.abs(qd), 0.99, axis=0))
     moving, resting, rests = classify(qd, rest_speed, max(2, round(REST_EDGE / band / dt)))
     every = stride_for(dt, band)  # rows are among the instants that :meth:`Signals.thinned` keeps

@@ -83,6 +83,19 @@ def test_columns_of_two_joints_that_were_exchanged_are_found(model, motion, what
     assert f"the log reads as if the {what} of shoulder and elbow had been exchanged" in said
 
 
+@pytest.mark.parametrize("idle", [0.0, 1e-3], ids=["no torque", "noise"])
+def test_a_joint_that_a_brake_holds_rests_and_is_not_exchanged(model, motion, idle):
+    """Its torque says nothing: neither that the model is in balance nor whose column it is."""
+    q, *_ = motion
+    held = np.stack([q[:, 0], np.full(len(T), 0.7)], 1)
+    qd, qdd = np.gradient(held, DT, axis=0), np.gradient(np.gradient(held, DT, axis=0), DT, axis=0)
+    tau = inverse_dynamics(model.plant.body, held, qd, qdd) * [0.5, 0.0]
+    tau[:, 1] += idle * np.random.default_rng(2).standard_normal(len(T))
+    rows = rows_of(prepare(from_arrays(T, held, tau), model.plant.body))
+    assert rows.used.any(0).tolist() == [True, False]
+    assert not any("exchanged" in said for said in conventions(rows, model.names))
+
+
 def test_gravity_the_other_way_round_or_none_is_found(model, motion):
     q, tau, *_ = motion
     still = np.zeros_like(q)

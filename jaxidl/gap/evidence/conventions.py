@@ -66,9 +66,11 @@ def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
     now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300), own, own)
     left = _left(rows, some, now, strength)
     bare = _left(rows, some, now, strength, share=0.0)
+    # only joints that move under a torque can be exchanged: the others' torque needs no explanation
+    able = np.flatnonzero(rows.signals.moving.any(0) & (rows.spread > 0.0)).tolist()
     said: list[str] = []
     while np.any(left > WRONG) and len(said) <= size:
-        others = _others(now, source, names)
+        others = _others(now, source, names, able)
         tried = [(*other, _left(rows, some, other[-1], strength)) for other in others]
         most = FEWER * np.minimum(left, bare)
         better = [t for t in tried if np.any((t[-1] <= most) & (left > WRONG))]
@@ -97,9 +99,12 @@ def _sentence(
 
 
 def _others(
-    now: Reading, source: Any, names: Sequence[str]
+    now: Reading, source: Any, names: Sequence[str], able: Sequence[int]
 ) -> Iterator[tuple[int | None, str, Reading]]:
-    """Yield the readings next to one: the joint, what is different there, and the reading."""
+    """Yield the readings next to one: the joint, what is different there, and the reading.
+
+    Columns of joints that are ``able`` to be exchanged are.
+    """
     size = len(names)
     degrees = np.where(source.jnt_type == 3, np.pi / 180.0, 1.0)  # of hinges
     for j in range(size):
@@ -116,7 +121,7 @@ def _others(
                 yield j, what, now._replace(zero=now.zero + np.deg2rad(angle) * here)
             scaled = now.position * np.where(here, degrees, 1.0)
             yield j, "its position was in degrees", now._replace(position=scaled)
-    for a, b in combinations(range(size), 2):
+    for a, b in combinations(able, 2):
         order = np.arange(size)
         order[[a, b]] = b, a
         moved, driven, both = now.moved[order], now.driven[order], f"of {names[a]} and {names[b]}"
