@@ -15,7 +15,7 @@ from jaxidl.gap.choice.confirm import fitted_to, possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
-from jaxidl.gap.evidence.conventions import MISREAD, conventions
+from jaxidl.gap.evidence.conventions import conventions
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
 from jaxidl.gap.evidence.shape import present
@@ -108,8 +108,7 @@ def diagnose(
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
-        odd = conventions(rows, known.names)
-        trust = MISREAD if odd else 1.0
+        odd, trust = conventions(rows, known.names)
         named = findings(found, found.fitted, known, [n.value for n in network], ties, trust)
         compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)

@@ -7,8 +7,8 @@ powers of ten away, all positions in degrees) is tried with the model's own iner
 friction, rotor inertia and offset on every joint. The best one is taken while it reduces some
 joint's error to a third or less, also of what is left without any model: where friction alone
 explains a torque, every larger unit makes errors look smaller. What was taken is reported, with
-others that are as good, and nothing is changed; but while the log seems to be misread, no effect is
-named with confidence.
+others that are as good, and nothing is changed; but no effect is named with confidence on joints
+that seem to be misread.
 """
 
 from collections.abc import Iterator, Sequence
@@ -50,11 +50,14 @@ class Reading(NamedTuple):
     driven: np.ndarray  # (J,) columns in which torques are
 
 
-def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
-    """Return sentences about joints, called ``names``, that another reading explains far better."""
-    source = getattr(rows.signals.body, "source", None)
+def conventions(rows: Rows, names: Sequence[str]) -> tuple[list[str], np.ndarray]:
+    """Return sentences about joints, called ``names``, that another reading explains far better.
+
+    Also return what is left of the confidence of a finding on each joint (J,).
+    """
+    source, trust = getattr(rows.signals.body, "source", None), np.ones(len(names))
     if source is None:
-        return []
+        return [], trust
     size, some = (
         len(names),
         np.linspace(0, len(rows.gap) - 1, min(ENOUGH, len(rows.gap))).astype(int),
@@ -79,8 +82,9 @@ def conventions(rows: Rows, names: Sequence[str]) -> list[str]:
             break
         alike = [t for t, e in zip(better, error, strict=True) if e <= min(error) + ALIKE]
         said.append(_sentence([t[:2] for t in alike], left, alike[0][-1], names))
+        trust[(alike[0][-1] <= most) & (left > WRONG)] = MISREAD
         now, left = alike[0][-2:]
-    return said
+    return said, trust
 
 
 def _sentence(

@@ -30,7 +30,7 @@ def findings(
     known: Model,
     network: Sequence[float],
     ties: Sequence[Tie],
-    trust: float = 1.0,
+    trust: np.ndarray,
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
@@ -40,7 +40,7 @@ def findings(
         known: the model of J joints.
         network: (J,) share of the residual that a network predicts.
         ties: effects that explain the log as well as some of those found.
-        trust: what is left of every confidence, given how the log reads.
+        trust: (J,) what is left of a confidence on each joint, given how the log reads.
     """
     rows, out = found.library.rows, []
     draws = found.support.moves if found.score.anchor is None else []
@@ -102,7 +102,7 @@ def findings(
                 value.effect,
                 cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                support * probability(speaks) * there(known_as) * trust,
+                support * probability(speaks) * there(known_as) * float(trust[j]),
                 float(evidence),
                 share,
                 j,
