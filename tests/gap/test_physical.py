@@ -26,7 +26,7 @@ from jaxidl.gap.evidence.items import beside, items_of
 from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.evidence.rows import kept_rows, rms, rows_of
 from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
-from jaxidl.gap.fit.consistent import PLACES, consistent, dissipating
+from jaxidl.gap.fit.consistent import PLACES, buildable, consistent, dissipating
 from jaxidl.gap.fit.library import library, load_of, pushed, residual, upsampled
 from jaxidl.gap.fit.prior import plausible
 from jaxidl.gap.fit.scales import heavier, scales
@@ -521,6 +521,30 @@ def test_a_load_may_be_as_heavy_as_the_robot_and_no_part_of_it_is_free(two_link)
     sure = plausible(load, links, 1.0).precision
     assert (sure > 0.0).all()
     assert 1.0 / np.sqrt(sure[0]) == pytest.approx(links.nominal[:-1, 0].sum(), rel=0.5)
+
+
+def test_only_a_tensor_that_is_free_by_itself_has_to_be_that_of_a_body(two_link):
+    """A tensor that follows a moment to first order may be that of no body; its mass may not."""
+    rows = rows_of(
+        prepare(
+            from_arrays(*swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))),
+            two_link.plant.body,
+        )
+    )
+    links = links_of(two_link.plant.body)
+
+    def cone(name):
+        i = items_of(shapes_of(CATALOGUE[name], scales(rows)[1]), rows, rows.tau)[-1]
+        count = len(i.lower)
+        ((base, slopes),) = buildable([i], links, (), {id(i): slice(0, count)}, count)
+        return base, slopes
+
+    base, slopes = cone("com_error")
+    np.testing.assert_array_equal(base, links.nominal[1, 0] * np.eye(4))
+    np.testing.assert_array_equal(slopes, 0.0)
+    base, slopes = cone("inertia_tensor_error")
+    np.testing.assert_array_equal(base, pseudo_inertia(links.nominal[1]))
+    assert np.any(slopes)
 
 
 def test_joints_that_hardly_move_together_are_apart(two_link):
