@@ -95,13 +95,14 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     """
     source, out = body.source, np.zeros((*q.shape, 2))
     motion = _motion(source, q, np.zeros_like(q), np.zeros_like(q))
-    for b, numbers in zip((*body.bodies, last_moving(source)), change, strict=True):
-        for a, gravity in enumerate(level(source).T):
-            falling = np.zeros_like(motion.acceleration)
-            falling[..., 3:] = -gravity
-            still = motion._replace(speed=0.0 * motion.speed, acceleration=falling)
-            if np.any(numbers):
-                out[..., a] += _by_body(still, b, source) @ numbers
+    changed = [
+        x for x in zip((*body.bodies, last_moving(source)), change, strict=True) if x[1].any()
+    ]
+    for a, gravity in enumerate(level(source).T):
+        falling = np.zeros_like(motion.acceleration)
+        falling[..., 3:] = -gravity
+        still = motion._replace(speed=0.0 * motion.speed, acceleration=falling)
+        out[..., a] = sum(_by_body(still, b, source) @ numbers for b, numbers in changed)
     return out
 
 
