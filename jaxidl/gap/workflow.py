@@ -15,8 +15,8 @@ from jaxidl.gap.choice.confirm import fitted_to, possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
-from jaxidl.gap.evidence.conventions import conventions
 from jaxidl.gap.evidence.localise import localise
+from jaxidl.gap.evidence.moments import moments, strange
 from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.held_out import aside
@@ -35,6 +35,7 @@ from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
 from jaxidl.gap.result.notes import notes_of
 from jaxidl.gap.result.swings import swings
+from jaxidl.gap.result.trust import trust_of
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.result.words import doubt_of, summarise
 from jaxidl.logs.log import Log, read
@@ -108,7 +109,7 @@ def diagnose(
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
         ties = [*found.ties, *swapping]
-        odd, trust = conventions(rows, known.names)
+        odd, trust = trust_of(found, known.names)
         named = findings(found, found.fitted, known, [n.value for n in network], ties, trust)
         compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
@@ -132,7 +133,8 @@ def diagnose(
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     swinging = swings(rows, after if named else gap, known.names)
     more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
-    notes = (*odd, *swinging, *measured.notes, *more)
+    struck = moments(rows, after, known.names)
+    notes = (*odd, *struck, *swinging, *measured.notes, *more)
     return Diagnosis(
         verdict=verdict,
         summary=summarise(
@@ -233,9 +235,13 @@ def _search(
     signals = prepare(log, known.plant.body, effects)
     rows = rows_of(signals.thinned(), effects, held_out)
     reference = None if before is None else reference_of(before)
-    watch("computing what each effect would add", 0.0)
-    found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
-    return found, signals
+    while True:
+        watch("computing what each effect would add", 0.0)
+        found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+        out = strange(rows, residual(found.library.rows, found.solution))
+        if np.array_equal(out, rows.strange):
+            return found, signals
+        rows = rows.without(out)
 
 
 def _values(found: Found) -> list[Value]:
@@ -262,7 +268,7 @@ def _gap(
     behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)
-    kept_aside = instants_of(signals, ~rows.training)
+    kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
 
     def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
         watch("replaying the log", 0.5)

@@ -126,8 +126,8 @@ def test_another_unit_is_found_where_commands_are_interpolated(model, motion):
     q, tau, *_ = motion
     rows = rows_of(prepare(from_arrays(T, q, 1e3 * tau), model.plant.body))
     rough = 1.0 + 2e-3 * np.random.default_rng(1).standard_normal(rows.command.shape)
-    (said,), trust = conventions(rows._replace(command=rough * rows.command), model.names)
-    assert trust.tolist() == [0.5, 0.5]
+    (said,), misread = conventions(rows._replace(command=rough * rows.command), model.names)
+    assert misread.all()
     assert "torques had to be multiplied by 0.001" in said
 
 
@@ -217,3 +217,26 @@ def test_joints_that_move_in_turn_do_not_seem_exchanged(model):
     qd, qdd = np.gradient(q, DT, axis=0), np.gradient(np.gradient(q, DT, axis=0), DT, axis=0)
     tau = inverse_dynamics(model.plant.body, q, qd, qdd) + VISCOUS * qd + 30.0 * q
     assert not any("exchanged" in said for said in read(model, q, tau))
+
+
+@pytest.mark.parametrize("wrong", ["unit", "link"])
+def test_a_common_factor_of_all_torques_is_said_beside_heavier_links(model, motion, wrong):
+    """One link that is heavier is no matter of the torques."""
+    q, tau, qd, qdd = motion
+    one = tables(model.plant.body, q, qd, qdd).by_mass[:, :, 1]
+    torque = 1.2 * tau if wrong == "unit" else tau + 0.3 * one
+    noise = np.random.default_rng(2).standard_normal((2, *q.shape))
+    log = from_arrays(T, q + 1e-5 * noise[0], torque + 0.01 * noise[1])
+    names = ["viscous_friction", "coulomb_friction", "inertia_error", "com_error"]
+    found = diagnose(log, model, effects=names, rollouts=False)
+    said = [note for note in found.notes if note.startswith("all links seem to be")]
+    link = [f for f in found.findings if f.name in ("inertia_error", "com_error")]
+    assert link
+    if wrong == "unit":
+        assert "about 20% too light" in said[0]
+        assert "multiplied by 0.8" in said[0]
+        assert not any(f.sure for f in link)
+        assert all(f.sure for f in found.findings if f not in link)
+    else:
+        assert not said
+        assert any(f.sure for f in link)

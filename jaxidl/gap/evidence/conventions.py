@@ -26,7 +26,6 @@ WRONG = 0.2  # of the command's spread: joints with more error than this make on
 FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at most
 ALIKE = 0.01  # difference of squared errors below which two readings are equally good
 ENOUGH = 400  # rows
-MISREAD = 0.5  # share of a finding's confidence that is left where another reading is better
 UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
 MOUNTED = {
     "the base stood upright, with its z axis up": (0, 0, -1),
@@ -53,11 +52,11 @@ class Reading(NamedTuple):
 def conventions(rows: Rows, names: Sequence[str]) -> tuple[list[str], np.ndarray]:
     """Return sentences about joints, called ``names``, that another reading explains far better.
 
-    Also return what is left of the confidence of a finding on each joint (J,).
+    Also return which joints (J,) seem to be misread.
     """
-    source, trust = getattr(rows.signals.body, "source", None), np.ones(len(names))
+    source, misread = getattr(rows.signals.body, "source", None), np.zeros(len(names), bool)
     if source is None:
-        return [], trust
+        return [], misread
     size, some = (
         len(names),
         np.linspace(0, len(rows.gap) - 1, min(ENOUGH, len(rows.gap))).astype(int),
@@ -82,9 +81,9 @@ def conventions(rows: Rows, names: Sequence[str]) -> tuple[list[str], np.ndarray
             break
         alike = [t for t, e in zip(better, error, strict=True) if e <= min(error) + ALIKE]
         said.append(_sentence([t[:2] for t in alike], left, alike[0][-1], names))
-        trust[(alike[0][-1] <= most) & (left > WRONG)] = MISREAD
+        misread |= (alike[0][-1] <= most) & (left > WRONG)
         now, left = alike[0][-2:]
-    return said, trust
+    return said, misread
 
 
 def _sentence(

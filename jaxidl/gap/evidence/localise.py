@@ -11,7 +11,6 @@ from jaxidl.gap.evidence.rows import Rows, rms
 EXCESS = 1.5
 LEAST = 0.08  # and its share is at least this much of the joint's energy
 MOST = 4  # most places reported for each joint
-BRIEF = 0.5  # length of a moment, such as a collision [s]
 
 
 class Place(NamedTuple):
@@ -35,7 +34,7 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
     for j in np.argsort(size)[::-1].tolist():
         energy = residual[:, j] ** 2 * counted[:, j]
         found = []
-        for regime, mask, words in (*_regimes(data, j), _moment(data, energy)):
+        for regime, mask, words in _regimes(data, j):
             share = float(energy[mask].sum() / max(energy.sum(), 1e-300))
             time = float(np.sum(mask & counted[:, j]) / max(np.sum(counted[:, j]), 1))
             if share > LEAST and share > EXCESS * time and time > 0.0:
@@ -100,24 +99,6 @@ def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
         )
         for k in range(4)
     ]
-
-
-def _moment(data: Rows, energy: np.ndarray) -> tuple[str, np.ndarray, str]:
-    """Return the moment with most of the residual's ``energy`` (N,), if it is a third of it.
-
-    The time is that since the beginning of the log, or of one of its runs.
-    """
-    signals, rows = data.signals, data.signals.rows
-    reach = max(1, round(0.5 * BRIEF / (float(np.median(np.diff(rows))) * signals.dt)))
-    near = np.convolve(energy, np.ones(2 * reach + 1), "same")
-    middle = int(np.argmax(near))
-    held = np.abs(np.arange(len(rows)) - middle) <= reach
-    run = next(k for k, s in enumerate(signals.slices) if rows[middle] < s.stop)
-    centre = energy[held] @ rows[held] / max(near[middle], 1e-300)
-    at = (centre - signals.slices[run].start) * signals.dt
-    held &= 3.0 * near[middle] > energy.sum()
-    where = f" of run {run + 1}" if len(signals.slices) > 1 else ""
-    return "moment", held, f"within {BRIEF:g} s around {at:.3g} s{where}"
 
 
 def _near(events: np.ndarray, reach: int) -> np.ndarray:

@@ -57,6 +57,12 @@ class Rows(NamedTuple):
     slow: np.ndarray | None = None
     # effects of the model and of what was found whose friction acts where the joints truly are
     rubbing: tuple[Effect, ...] = ()
+    # (N,) moments that are left out: see :mod:`jaxidl.gap.evidence.moments`
+    strange: np.ndarray = np.zeros(0, bool)
+
+    def without(self, strange: np.ndarray) -> "Rows":
+        """Return the rows with ``strange`` ones (N,) left out."""
+        return self._replace(used=self.used & ~strange[:, None], strange=strange)
 
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
@@ -209,6 +215,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         tuple(effects),
         returns=returns(signals),
         rubbing=tuple(effects),
+        strange=np.zeros(len(rows), bool),
     )
 
 

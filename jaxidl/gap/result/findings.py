@@ -18,6 +18,7 @@ from jaxidl.gap.fit.values import Value, resampled
 from jaxidl.gap.result.bent import adds, bend, other_law
 from jaxidl.gap.result.calibration import probability, signs
 from jaxidl.gap.result.diagnosis import Estimate, Finding
+from jaxidl.gap.result.trust import Trust
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
@@ -30,7 +31,7 @@ def findings(
     known: Model,
     network: Sequence[float],
     ties: Sequence[Tie],
-    trust: np.ndarray,
+    trust: Trust,
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
@@ -40,7 +41,7 @@ def findings(
         known: the model of J joints.
         network: (J,) share of the residual that a network predicts.
         ties: effects that explain the log as well as some of those found.
-        trust: (J,) what is left of a confidence on each joint, given how the log reads.
+        trust: what is left of the confidence of an effect on a joint, given how the log reads.
     """
     rows, out = found.library.rows, []
     draws = found.support.moves if found.score.anchor is None else []
@@ -102,7 +103,7 @@ def findings(
                 value.effect,
                 cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
                 parameters,
-                support * probability(speaks) * there(known_as) * float(trust[j]),
+                support * probability(speaks) * there(known_as) * trust(value, j),
                 float(evidence),
                 share,
                 j,

@@ -10,7 +10,7 @@ from jaxidl.systems.mjcf import Model
 
 FEW = 6  # most effects that a summary names
 SPELLED = {"com": "centre of mass", "coulomb": "Coulomb", "stribeck": "Stribeck"}
-LEAST = 3.0  # duration below which no log says much [s]
+LEAST = 5.0  # duration below which no log says much [s]
 MOST = 1e4  # times the command: no command moves such a joint
 
 

@@ -1,0 +1,32 @@
+"""What is left of a confidence, given how the log reads.
+
+No name is sure on a joint that seems to be misread, of links that the torques' common factor would
+replace, or in a log of a few seconds. Its confidence is halved.
+"""
+
+from collections.abc import Callable, Sequence
+
+from jaxidl.gap.choice.find import Found
+from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.proportion import proportion
+from jaxidl.gap.fit.values import Value
+from jaxidl.gap.result.words import LEAST
+
+DOUBTED = 0.5  # share of a finding's confidence that is left
+
+Trust = Callable[[Value, int], float]  # share of an effect's confidence on a joint that is left
+
+
+def trust_of(found: Found, names: Sequence[str]) -> tuple[list[str], Trust]:
+    """Return sentences about how a log of joints called ``names`` reads, and the trust in it."""
+    rows, solution = found.library.rows, found.solution
+    said, misread = conventions(rows, names)
+    x = [solution.x[solution.of(m)] for m in found.named]
+    scaled, links = proportion(rows, found.named, x)
+    brief = rows.signals.duration < LEAST
+
+    def trust(value: Value, joint: int) -> float:
+        doubted = brief or misread[joint] or any(m.group in links for m in value.items)
+        return DOUBTED if doubted else 1.0
+
+    return [*said, *scaled], trust

@@ -1,0 +1,96 @@
+"""Moments of a log in which something acted that is no property of the robot."""
+
+import numpy as np
+import pytest
+
+from jaxidl.gap import diagnose
+from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.gap.evidence.moments import SELDOM, moments, strange
+from jaxidl.gap.evidence.rows import rows_of
+from jaxidl.logs.log import from_arrays
+from jaxidl.logs.signals import prepare
+from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.point import point_mass
+from jaxidl.systems.tables import inverse_dynamics
+
+DT, RUN = 5e-3, 4000
+T = DT * np.arange(2 * RUN)
+NAMES = ("a", "b")
+
+
+@pytest.fixture(scope="module")
+def rows():
+    q = np.stack([np.sin(2.1 * T) + 0.5 * np.sin(5.3 * T), np.cos(1.7 * T)], 1)
+    tau = np.stack([np.cos(2.1 * T), np.sin(1.7 * T)], 1)
+    time = T + 100.0 * (np.arange(2 * RUN) >= RUN)  # two runs
+    return rows_of(prepare(from_arrays(time, q, tau), point_mass(1.0)))
+
+
+@pytest.fixture
+def residual(rows):
+    return 0.01 * np.random.default_rng(0).standard_normal(rows.gap.shape)
+
+
+def test_a_hit_is_left_out_and_said_with_its_time(rows, residual):
+    since = (rows.signals.rows - rows.signals.slices[1].start) * rows.signals.dt  # [s]
+    hit = np.abs(since - 7.5) < 0.15
+    residual[hit, 0] = 1.0
+    found = strange(rows, residual)
+    assert found[hit].all()
+    assert not found[np.abs(since - 7.5) > 0.3].any()
+    without = rows.without(found)
+    assert not without.used[found].any()
+    (sentence,) = moments(without, residual, NAMES)
+    assert sentence.startswith("at 7.5 s of run 2 (a, up to 1)")
+    np.testing.assert_array_equal(strange(without, residual), found)
+
+
+@pytest.mark.parametrize(
+    ("size", "share", "why"),
+    [(0.1, 0.01, "a small part of the command"), (1.0, 1.2 * SELDOM, "there too often")],
+)
+def test_what_is_small_or_often_stays(rows, residual, size, share, why):
+    count = round(share * len(residual))
+    residual[300 : 300 + count, 0] = size
+    assert not strange(rows, residual).any(), why
+    assert moments(rows, residual, NAMES) == []
+
+
+def test_what_comes_with_the_motion_stays(rows):
+    speed = np.abs(rows.signals.qd[rows.signals.rows])
+    fast = speed > np.quantile(speed, 0.8, axis=0)
+    assert not strange(rows, fast.astype(float)).any()
+
+
+def test_a_collision_does_not_change_what_is_found(tmp_path):
+    """Friction is found as without it, and no motor is blamed."""
+    path = tmp_path / "model.xml"
+    path.write_text(TWO_LINK)
+    model, time = read_model(path), 4e-3 * np.arange(7500)
+    at, size = np.array([[0.9, 1.7], [1.3, 2.1]]), np.array([[0.7, 0.4], [0.5, 0.6]])
+    q, qd, qdd = (
+        np.real(np.sum(size * (1j * at) ** k * np.exp(1j * (at * time[:, None, None] + size)), 2))
+        for k in range(3)
+    )
+    draw = np.random.default_rng(1).standard_normal((2, *q.shape))
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd) + 0.4 * qd + 0.3 * np.tanh(qd / 0.01)
+    hit = np.abs(time - 9.3) < 0.1
+    struck = tau + 20.0 * hit[:, None] * [1.0, 0.4]
+    names = ["viscous_friction", "coulomb_friction", "torque_curve", "torque_saturation"]
+    quiet, loud = (
+        diagnose(
+            from_arrays(time, q + 1e-5 * draw[0], torque + 0.02 * draw[1]),
+            model,
+            effects=names,
+            rollouts=False,
+        )
+        for torque in (tau, struck)
+    )
+    keys = lambda found: {(f.name, f.joint) for f in found.findings}
+    assert keys(quiet) == keys(loud)
+    value = lambda found: {
+        (f.name, f.joint): p.value for f in found.findings for p in f.parameters.values()
+    }
+    assert value(loud) == pytest.approx(value(quiet), rel=0.03)
+    assert [n for n in loud.notes if n.startswith("at 9.3 s (")]
+    assert not [n for n in quiet.notes if "left out" in n]
