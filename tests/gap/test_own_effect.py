@@ -34,6 +34,7 @@ from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.result.experiments import plugins
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
+from jaxidl.systems.tables import inverse_dynamics
 from tests.helpers.paths import ROOT
 
 SCRIPT = ROOT / "experiments" / "own_effect.py"
@@ -362,3 +363,40 @@ def test_the_reports_command_loads_the_users_effects(clean_catalogue, tmp_path):
     load_plugin(str(plugin))  # again, as a notebook would
     assert plugins(["plugged_magnet", "coulomb_friction"]) == f" --plugin {plugin}"
     assert plugins(["coulomb_friction"]) == ""
+
+
+ARM = """<mujoco><worldbody><body>
+  <joint name="base" axis="0 0 1"/><inertial pos="0 0 0" mass="60" diaginertia="2 2 2"/>
+  <body><joint name="shoulder" axis="0 1 0"/>
+    <inertial pos="0 0 0.4" mass="40" diaginertia="3 3 0.5"/></body>
+</body></worldbody></mujoco>"""
+
+
+def test_a_balancer_is_told_from_a_lighter_link(tmp_path, clean_catalogue):
+    """It has no inertia, which both joints would show."""
+    model_file, time = tmp_path / "arm.xml", 4e-3 * np.arange(7500)
+    model_file.write_text(ARM)
+    load_plugin(str(ROOT / "experiments" / "balancer.py"))
+    model = read_model(model_file)
+    at, size = np.array([[0.9, 1.7], [1.3, 2.1]]), np.array([[0.7, 0.4], [0.5, 0.6]])
+    q, qd, qdd = (
+        np.real(np.sum(size * (1j * at) ** k * np.exp(1j * (at * time[:, None, None] + size)), 2))
+        for k in range(3)
+    )
+    friction = 20.0 * qd + 15.0 * np.tanh(qd / 0.01)
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd) + friction
+    tau[:, 1] += 90.0 * np.sin(q[:, 1])
+    noise = np.random.default_rng(3).standard_normal((2, *q.shape))
+    found = gap.diagnose(
+        gap.from_arrays(time, q + 1e-5 * noise[0], tau + noise[1]),
+        model,
+        effects=["viscous_friction", "coulomb_friction", "inertia_error", "com_error", "balancer"],
+        rollouts=False,
+    )
+    sure = {(f.name, f.joint): f for f in found.findings if f.sure}
+    assert ("balancer", 1) in sure
+    assert not {name for name, _ in sure} & {"inertia_error", "com_error"}
+    balancer = sure["balancer", 1].parameters
+    assert balancer["sine"].value == pytest.approx(-90.0, abs=3.0)
+    assert balancer["cosine"].value == pytest.approx(0.0, abs=3.0)
+    assert balancer["sine"].unit == "Nm"
