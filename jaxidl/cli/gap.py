@@ -38,6 +38,7 @@ def gap(
     torque_constant: Annotated[tuple[float, ...], optional("NM/A ...")] = (),
     gear_ratio: Annotated[tuple[float, ...], optional("RATIO ...")] = (),
     topic: Annotated[str | None, optional("NAME")] = None,
+    flange: Annotated[str | None, optional("BODY", "the last that moves")] = None,
 ) -> None:
     """Find what a simulation is missing: compare a log with a model, name the missing effects, and
     show how much they improve the model.
@@ -69,6 +70,7 @@ def gap(
         gear_ratio: ratio of the gears, if the log has currents or torques of motors; one for all or
             one per joint.
         topic: topic to read, if a ROS bag has several with joint states.
+        flange: body of the model on which to look for a payload.
     """
     from jaxidl.gap.inputs import read_inputs
     from jaxidl.gap.result.experiments import designed
@@ -85,18 +87,18 @@ def gap(
     for name in plugin:
         load(name)
     check_folder(out, model)
-    motors: dict[str, Any] = {
+    given: dict[str, Any] = {
+        "joints": joints,
+        "columns": columns,
         "motor": motor,
         "torque_constant": torque_constant,
         "gear_ratio": gear_ratio,
+        "topic": topic,
+        "flange": flange,
     }
     with Bar("reading", transient=True) as bar:
-        log, robot = read_inputs(logs, model, joints=joints, columns=columns, topic=topic, **motors)
-        old = (
-            read_inputs(reference, model, joints=joints, columns=columns, topic=topic, **motors).log
-            if reference
-            else None
-        )
+        log, robot = read_inputs(logs, model, **given)
+        old = read_inputs(reference, model, **given).log if reference else None
         found = diagnose(
             log,
             robot,

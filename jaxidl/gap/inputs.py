@@ -3,6 +3,7 @@
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -33,6 +34,7 @@ def read_inputs(
     torque_constant: Sequence[float] = (),
     gear_ratio: Sequence[float] = (),
     topic: str | None = None,
+    flange: str | None = None,
 ) -> Inputs:
     """Read a model and logs of the same joints.
 
@@ -50,14 +52,16 @@ def read_inputs(
         gear_ratio: of motors whose currents or torques the log has; one for all or one for each
             joint.
         topic: topic of a ROS bag.
+        flange: name of the body that carries a payload. Default: the last that moves.
 
     Raises:
         ModelError: if the model cannot be read.
         LogError: if a log or the description of motors cannot be used.
     """
+    known = partial(read_model, model, flange=flange)
     with jax.enable_x64(True):
         robot = names_of(model)
-        part = read_model(model, joints_called(joints, robot)) if joints else None
+        part = known(joints_called(joints, robot)) if joints else None
 
         def measured(names: tuple[str, ...]) -> tuple[Log, MotorSide | None]:
             side = motor_side(names, motor, torque_constant, gear_ratio)
@@ -69,9 +73,9 @@ def read_inputs(
         except PartOfRobotError as error:
             if part:
                 raise
-            part = read_model(model, error.joints)
+            part = known(error.joints)
             log, side = measured(part.names)
-        part = part or read_model(model)
+        part = part or known()
         lists = {
             "joints": joints,
             "columns": columns,
@@ -81,11 +85,12 @@ def read_inputs(
         reading: dict[str, Any] = {name: list(given) for name, given in lists.items() if given}
         reading |= {"motor": str(motor)} if motor is not None else {}
         reading |= {"topic": topic} if topic is not None else {}
+        reading |= {"flange": flange} if flange is not None else {}
         log = replace(log, reading=reading)
         if not log.still or (side is not None and side.positions):
             return Inputs(log, part)
         try:
-            return Inputs(log, read_model(model, part.names, dict(log.still)))
+            return Inputs(log, known(part.names, dict(log.still)))
         except (
             ModelError
         ):  # not every joint can be locked anywhere; the model's notes say where it is instead

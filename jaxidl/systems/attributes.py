@@ -13,7 +13,8 @@ import numpy as np
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.spec import Motor
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import last_moving, level, links, per_mass, per_moment
+from jaxidl.systems.flange import flange_of
+from jaxidl.systems.mujoco_body import level, links, per_mass, per_moment
 
 
 class Numbers:
@@ -133,7 +134,7 @@ class Rigid(NamedTuple):
         numbers = self.links.copy()
         for load in self.loads:
             if principal(load, 0.0) is None:
-                numbers[last_moving(self.model)] += load
+                numbers[flange_of(self.model)] += load
         before = links(self.model)
         changed = np.flatnonzero(np.any(numbers != before, axis=1)).tolist()
         return {b: self._body(numbers[b], before[b], b) for b in changed}

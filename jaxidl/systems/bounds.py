@@ -10,8 +10,9 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from jaxidl.systems.loading import load_part, quietly
 from jaxidl.systems.masses import compile_spec
-from jaxidl.systems.mjcf import Model, as_read, load_part, quietly
+from jaxidl.systems.mjcf import Model, as_read
 
 
 class Bounds(NamedTuple):

@@ -9,7 +9,8 @@ from jaxidl.effects import Effect, added_to
 from jaxidl.errors import EffectError
 from jaxidl.files import write_bytes
 from jaxidl.systems.attributes import Numbers, drives, kind, motors
-from jaxidl.systems.mjcf import Model, as_read, load_part, quietly
+from jaxidl.systems.loading import load_part, quietly
+from jaxidl.systems.mjcf import Model, as_read
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
 from jaxidl.systems.rewriting import prepared, rewritten
 
@@ -50,7 +51,7 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         check_fits(effect, joints, bounded=False)
     with quietly(), as_read(model) as path:
         entries = read_record(path, joints)
-        spec, _ = load_part(path, model.part, model.locked)
+        spec, _ = load_part(path, model.part, model.locked, model.flange)
         compiled = prepared(spec, model)
         numbers = Numbers(compiled)
         numbers.expect(added)

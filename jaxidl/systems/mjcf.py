@@ -4,9 +4,7 @@
 # pyright: reportAttributeAccessIssue=false
 
 import contextlib
-import re
 import tempfile
-import warnings
 from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -15,11 +13,11 @@ import mujoco
 
 from jaxidl.effects import CATALOGUE, Effect, OnJoint
 from jaxidl.errors import EffectError, ModelError
-from jaxidl.systems.assets import drop_missing
 from jaxidl.systems.attributes import Numbers
-from jaxidl.systems.masses import accept_masses, bare, compile_spec
+from jaxidl.systems.flange import check_flange
+from jaxidl.systems.loading import load_part, one_line, quietly
+from jaxidl.systems.masses import bare, compile_spec
 from jaxidl.systems.mujoco_body import joint_names, mujoco_body
-from jaxidl.systems.parts import fixed_in_urdf, take_part
 from jaxidl.systems.plant import Plant
 from jaxidl.systems.record import EFFECTS, Entry, read_record
 from jaxidl.systems.refusals import check_inertia, refuse
@@ -39,6 +37,7 @@ class Model(NamedTuple):
     part: tuple[str, ...] | None = None  # names of the requested joints; None: all
     # [m or rad] requested positions of locked joints, by name
     locked: Mapping[str, float] | None = None
+    flange: str | None = None  # name of the body that was requested to carry a payload
     # contents of the file and of effects.json when they were read, by name
     files: Mapping[str, bytes] | None = None
 
@@ -49,7 +48,10 @@ class Model(NamedTuple):
 
 
 def read_model(
-    path: str | Path, joints: Sequence[str] | None = None, locked: Mapping[str, float] | None = None
+    path: str | Path,
+    joints: Sequence[str] | None = None,
+    locked: Mapping[str, float] | None = None,
+    flange: str | None = None,
 ) -> Model:
     """Read an MJCF or URDF file of slides and hinges, and the ``effects.json`` beside it.
 
@@ -64,6 +66,8 @@ def read_model(
         joints: names of the joints that move, in any order; the model has them in the order of the
             file. The others are locked. Default: all.
         locked: positions [m or rad] of locked joints, by name. Default: as in the file.
+        flange: name of the body that carries a payload. Default: as in the file, or the last that
+            moves; see :mod:`jaxidl.systems.flange`.
 
     Raises:
         ModelError: if the file or its ``effects.json`` cannot be read, if it has no such joints, or
@@ -75,15 +79,16 @@ def read_model(
     path, files = Path(path), contents(Path(path))
     with quietly() as said:
         part = None if joints is None else tuple(joints)
-        spec, changed = load_part(path, part, locked)
+        spec, changed = load_part(path, part, locked, flange)
         refuse(spec, path)
         model = compile_spec(spec, path)
+        check_flange(model, path)
         try:
             body = mujoco_body(model)
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(
                 f"{path} to have a rigid body",
-                f"'{_one_line(error)}'",
+                f"'{one_line(error)}'",
                 "correct its masses and inertias",
             ) from None
         check_inertia(bare(body.source), path)
@@ -92,7 +97,9 @@ def read_model(
         *(e.effect for e in _recorded(path, model.njnt, part) if not e.in_mjcf),
     )
     notes = (*changed, *_notes(model), *said)
-    return Model(Plant(body, effects), body.names, body.kinds, notes, path, part, locked, files)
+    return Model(
+        Plant(body, effects), body.names, body.kinds, notes, path, part, locked, flange, files
+    )
 
 
 def contents(path: Path) -> dict[str, bytes]:
@@ -159,102 +166,6 @@ def names_of(path: str | Path) -> tuple[str, ...]:
         expected, remedy = f"a slide or a hinge in {Path(path).name}", "name the robot's model"
         raise ModelError(expected, "no joint", remedy)
     return names
-
-
-@contextlib.contextmanager
-def quietly() -> Generator[list[str]]:
-    """Collect MuJoCo's warnings.
-
-    They are not printed or written to a file in the current folder.
-    """
-    said: list[str] = []
-    before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(said.append)
-    try:
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always")
-            yield said
-        said += [" ".join(f"MuJoCo: {warning.message}".split()) for warning in caught]
-        said[:] = list(dict.fromkeys(said))
-    finally:
-        mujoco.set_mju_user_warning(before)
-
-
-def load_part(
-    path: Path, joints: Sequence[str] | None, locked: Mapping[str, float] | None
-) -> tuple[mujoco.MjSpec, list[str]]:
-    """Return MuJoCo's editable model of a file, cut down to ``joints``, and notes on changes.
-
-    It is changed where needed so that it compiles.
-
-    Raises:
-        ModelError: with MuJoCo's own message, or as :func:`read_model`.
-    """
-    if not path.is_file():
-        raise ModelError(
-            f"an MJCF or URDF file at {path}",
-            "a folder" if path.is_dir() else "no such file",
-            "correct the path",
-        )
-    urdf = _is_urdf(path)
-    text, notes = fixed_in_urdf(path, joints) if urdf else (None, [])
-    spec = load_spec(path, text)
-    notes += drop_missing(spec, path, urdf)
-    notes += accept_masses(spec, path)
-    return spec, [*notes, *take_part(spec, path, joints, locked or {})]
-
-
-def load_spec(path: Path, text: str | None = None) -> mujoco.MjSpec:
-    """Return MuJoCo's editable model of a file, or of ``text`` instead.
-
-    Bodies that are welded to others are kept.
-
-    Raises:
-        ModelError: with MuJoCo's own message, if it cannot be read.
-    """
-    try:
-        spec = (
-            mujoco.MjSpec.from_file(str(path)) if text is None else mujoco.MjSpec.from_string(text)
-        )
-    except (ValueError, mujoco.FatalError, UnicodeError) as error:
-        got, remedy = f"'{_one_line(error)}'", "correct the file; MuJoCo must load it"
-        if b"<sdf" in path.read_bytes()[:10_000]:
-            remedy = "convert it to URDF or MJCF; SDF is not supported"
-        elif "could not find decoder" in got:  # MuJoCo goes by the ending
-            got = f"a file that ends in '{path.suffix}'"
-            remedy = "name the robot's .xml or .urdf file"
-        raise ModelError(f"{path} to be MJCF or URDF", got, remedy) from None
-    if text is not None:
-        spec.modelfiledir = str(path.parent)
-    spec.compiler.fusestatic = False
-    return spec
-
-
-def _is_urdf(path: Path) -> bool:
-    """Return whether the root element is ``<robot>``.
-
-    Raises:
-        ModelError: for a file that must be expanded first.
-    """
-    content = path.read_bytes()
-    start = min(
-        (at for at in (content.find(tag) for tag in (b"<robot", b"<mujoco", b"<sdf")) if at >= 0),
-        default=-1,
-    )
-    if start < 0 or not content.startswith(b"<robot", start):
-        return False
-    # expanded files keep the comments of the xacro file that they were made from
-    if b"<xacro:" in re.sub(rb"<!--.*?-->", b"", content, flags=re.DOTALL):
-        raise ModelError(
-            f"{path} to be URDF",
-            "xacro, from which URDF is made",
-            f"expand it: xacro {path.name} > robot.urdf",
-        )
-    return True
-
-
-def _one_line(error: Exception) -> str:
-    return " ".join(str(error).split())[:300]
 
 
 def _effects(model: mujoco.MjModel, path: Path) -> list[Effect]:

@@ -21,6 +21,7 @@ from flax import struct
 from jaxtyping import Array, Float
 
 from jaxidl.effects.ten import COLUMNS, ROWS, moved
+from jaxidl.systems.flange import flange_of, name_flange, named_flange
 from jaxidl.systems.kinematics import place
 from jaxidl.types import Joints, Scalar
 
@@ -57,7 +58,7 @@ class MujocoBody(struct.PyTreeNode):
     @property
     def carrier(self) -> str:
         """Name of the body in whose frame a payload is given."""
-        b, source = last_moving(self.source), self.source
+        b, source = flange_of(self.source), self.source
         while (
             b not in self.bodies and not source.body_pos[b].any() and source.body_quat[b][0] == 1.0
         ):
@@ -122,7 +123,7 @@ class MujocoBody(struct.PyTreeNode):
 
         ``extra`` (10,) is given in that body's frame.
         """
-        return self.replace(added=self.added.at[last_moving(self.source)].add(extra))
+        return self.replace(added=self.added.at[flange_of(self.source)].add(extra))
 
     def tilt(self, angles: Float[Array, "2"]) -> "MujocoBody":
         """Return the body on a base turned by small ``angles`` (2,) [rad].
@@ -246,22 +247,6 @@ def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(model.joint(j).name or f"joint{j}" for j in range(model.njnt))
 
 
-def last_moving(model: mujoco.MjModel) -> int:
-    """Return the number of the body that carries a payload.
-
-    It is the flange: the body of the last joint, or what is welded to it, up to where that
-    branches, such as into fingers. A body that comes after it in the file, such as a table or a
-    cover of an earlier link, carries no payload.
-    """
-    body = int(model.jnt_bodyid[-1])
-    while True:
-        welded = (model.body_parentid == body) & (model.body_weldid == model.body_weldid[body])
-        welded[body] = False
-        if welded.sum() != 1:
-            return body
-        body = int(np.flatnonzero(welded)[0])
-
-
 def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
     """Return bodies, joints and gravity of a compiled model, without geometry.
 
@@ -289,6 +274,9 @@ def skeleton(model: mujoco.MjModel) -> mujoco.MjModel:
             armature=model.dof_armature[j],
             **frame,
         )
+    if name := named_flange(model):
+        bodies[model.body(name).id].name = name
+        name_flange(spec, name)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_EULER
     spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
         mujoco.mjtDisableBit.mjDSBL_CONSTRAINT

@@ -14,8 +14,9 @@ import mujoco
 import numpy as np
 
 from jaxidl.effects.ten import PLACES
+from jaxidl.systems.flange import flange_of
 from jaxidl.systems.kinematics import matrices
-from jaxidl.systems.mujoco_body import MujocoBody, last_moving, level, per_mass, per_moment
+from jaxidl.systems.mujoco_body import MujocoBody, level, per_mass, per_moment
 from jaxidl.systems.tables import Tables
 from jaxidl.types import Joints
 
@@ -51,7 +52,7 @@ def table(body: MujocoBody, q: Joints, qd: Joints, qdd: Joints) -> Tables:
         by_mass=jnp.einsum("ijp,jp->ij", by_link, per_mass(source)[list(body.bodies)]),
         by_moment=jnp.einsum("ijp,jap->ija", by_link, per_moment(source)[list(body.bodies)]),
         by_link=by_link,
-        by_payload=by_body[last_moving(source)],
+        by_payload=by_body[flange_of(source)],
         by_gravity=gravity,
         by_tilt=gravity @ jnp.asarray(level(source)),
     )

@@ -19,8 +19,9 @@ import numpy as np
 from jaxidl.effects.spec import Motor
 from jaxidl.errors import ModelError
 from jaxidl.systems.attributes import Numbers, Principal
+from jaxidl.systems.flange import flange_of
 from jaxidl.systems.mjcf import Model, compile_spec
-from jaxidl.systems.mujoco_body import joint_names, last_moving
+from jaxidl.systems.mujoco_body import joint_names
 
 MOTOR = "jaxidl_motor_"  # followed by the joint's number
 HARD = "0.99 0.99 0.001"  # solimp of dry friction: by default a resting joint creeps
@@ -138,7 +139,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
             del body.attrib["name"]
     taken = {model.body(b).name for b in range(model.nbody)}
     for load in numbers.rigid.carried():
-        carried = ET.SubElement(bodies[last_moving(model)], "body", name=_free("payload", taken))
+        carried = ET.SubElement(bodies[flange_of(model)], "body", name=_free("payload", taken))
         carried.append(_inertial(load))
 
 

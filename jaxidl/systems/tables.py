@@ -14,7 +14,8 @@ from jaxtyping import Float
 from scipy.interpolate import interp1d
 
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import last_moving, level, per_mass, per_moment
+from jaxidl.systems.flange import flange_of
+from jaxidl.systems.mujoco_body import level, per_mass, per_moment
 from jaxidl.systems.point import PointMass
 
 Rows = Float[np.ndarray, "T J"]
@@ -60,7 +61,7 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
     motion = _motion(body.source, q, qd, qdd)
-    by_payload = _by_body(motion, last_moving(body.source), body.source)
+    by_payload = _by_body(motion, flange_of(body.source), body.source)
     by_link = np.stack([_by_body(motion, b, body.source) for b in body.bodies], 2)
     by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
     share = per_moment(body.source)[list(body.bodies)]
@@ -95,9 +96,7 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     """
     source, out = body.source, np.zeros((*q.shape, 2))
     motion = _motion(source, q, np.zeros_like(q), np.zeros_like(q))
-    changed = [
-        x for x in zip((*body.bodies, last_moving(source)), change, strict=True) if x[1].any()
-    ]
+    changed = [x for x in zip((*body.bodies, flange_of(source)), change, strict=True) if x[1].any()]
     for a, gravity in enumerate(level(source).T):
         falling = np.zeros_like(motion.acceleration)
         falling[..., 3:] = -gravity

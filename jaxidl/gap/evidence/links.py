@@ -11,7 +11,8 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.effects.ten import PLACES
-from jaxidl.systems.mujoco_body import MujocoBody, last_moving, per_mass, per_moment
+from jaxidl.systems.flange import flange_of
+from jaxidl.systems.mujoco_body import MujocoBody, per_mass, per_moment
 
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
@@ -41,7 +42,7 @@ def links_of(body: Any) -> Links | None:
     if not isinstance(body, MujocoBody):
         return None
     source, each = body.source, per_mass(body.source)
-    last = last_moving(source)
+    last = flange_of(source)
     ids = [*body.bodies, last]
     mass = source.body_mass
     typical = np.mean(mass[mass > 0.0]) if np.any(mass > 0.0) else 1.0

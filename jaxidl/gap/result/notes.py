@@ -4,7 +4,9 @@ import numpy as np
 
 from jaxidl.gap.evidence.recurrence import without_pauses
 from jaxidl.gap.evidence.rows import Rows, rms
+from jaxidl.systems.flange import ends, named_flange
 from jaxidl.systems.mjcf import Model
+from jaxidl.systems.mujoco_body import MujocoBody
 
 # times the command: no model whose log is in the right units is wrong by so much
 ABSURD = 10.0
@@ -31,6 +33,12 @@ def notes_of(rows: Rows, known: Model) -> list[str]:
             f"{', '.join(absurd)}: the model's torque error is more than {ABSURD:g} times the"
             " spread of the command; check the units of positions and torques, and the model's"
             " masses"
+        )
+    body = known.plant.body
+    if isinstance(body, MujocoBody) and ends(body.source) > 1 and named_flange(body.source) is None:
+        notes.append(
+            f"the robot has several ends: a load is looked for on {body.carrier}; to look"
+            " elsewhere, add --flange BODY"
         )
     duration = rows.signals.duration
     if duration < BRIEF:
