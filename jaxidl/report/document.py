@@ -32,7 +32,8 @@ CAPTIONS = {
     ),
     "residual": (
         "The residual is the commanded torque minus the one that the model needs for the measured"
-        " motion. Its gaps are where a joint comes to rest or breaks away, which is not counted."
+        " motion. Its gaps are where a joint comes to rest or breaks away, or where something hit"
+        " the robot, which is not counted."
     ),
     "where": (
         "A step at zero velocity is dry friction, a slope over velocity viscous friction, a slope"
