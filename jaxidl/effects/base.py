@@ -74,6 +74,8 @@ class Effect(struct.PyTreeNode):
     """Parameters that a fit leaves at a variant's values, such as the ends of a table."""
     internal: ClassVar[tuple[str, ...]] = ()
     """Parameters that no report shows, because ``settled`` converts them into others."""
+    implied: ClassVar[tuple[str, ...]] = ()
+    """Amplitudes whose likely values follow from the others: no further degrees of freedom."""
     advice: ClassVar[str] = (
         "repeat the motion slowly and fast, over the whole range, with rests, and once with a known"
         " load"

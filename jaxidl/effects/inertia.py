@@ -155,6 +155,7 @@ class Payload(Effect):
     whole: ClassVar[bool] = True
     fixed: ClassVar[tuple[str, ...]] = ("com",)
     internal: ClassVar[tuple[str, ...]] = ("moment",)
+    implied: ClassVar[tuple[str, ...]] = ("inertia",)  # of a compact body
     mjcf: ClassVar = {
         "mass": "body/inertial",
         "com": "body/inertial",

@@ -133,7 +133,7 @@ def diagnose(
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     swinging = swings(rows, after if named else gap, known.names)
     more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
-    struck = moments(rows, after, known.names)
+    struck = moments(rows, after, known.names, known.units)
     notes = (*odd, *struck, *swinging, *measured.notes, *more)
     return Diagnosis(
         verdict=verdict,

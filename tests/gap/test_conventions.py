@@ -240,3 +240,18 @@ def test_a_common_factor_of_all_torques_is_said_beside_heavier_links(model, moti
     else:
         assert not said
         assert any(f.sure for f in link)
+
+
+def test_friction_that_a_common_factor_explains_is_not_sure(model, motion, tmp_path):
+    """The model has all of it, in another unit."""
+    path = tmp_path / "model.xml"
+    friction = f'<joint damping="{VISCOUS}" frictionloss="{DRY}" '
+    path.write_text(TWO_LINK.replace("<joint ", friction))
+    q, tau, *_ = motion
+    noise = np.random.default_rng(4).standard_normal((2, *q.shape))
+    log = from_arrays(T, q + 1e-5 * noise[0], 1.2 * tau + 0.01 * noise[1])
+    names = ["viscous_friction", "coulomb_friction", "inertia_error", "com_error"]
+    found = diagnose(log, read_model(path), effects=names, rollouts=False)
+    assert any(note.startswith("all links seem to be") for note in found.notes)
+    assert {f.name for f in found.findings} > {"viscous_friction", "coulomb_friction"}
+    assert not any(f.sure for f in found.findings)

@@ -15,7 +15,7 @@ from jaxidl.systems.tables import inverse_dynamics
 
 DT, RUN = 5e-3, 4000
 T = DT * np.arange(2 * RUN)
-NAMES = ("a", "b")
+NAMES, UNITS = ("a", "b"), ("N", "N")
 
 
 @pytest.fixture(scope="module")
@@ -40,8 +40,8 @@ def test_a_hit_is_left_out_and_said_with_its_time(rows, residual):
     assert not found[np.abs(since - 7.5) > 0.3].any()
     without = rows.without(found)
     assert not without.used[found].any()
-    (sentence,) = moments(without, residual, NAMES)
-    assert sentence.startswith("at 7.5 s of run 2 (a, up to 1)")
+    (sentence,) = moments(without, residual, NAMES, UNITS)
+    assert sentence.startswith("at 7.5 s of run 2 (a, up to 1 N)")
     np.testing.assert_array_equal(strange(without, residual), found)
 
 
@@ -53,7 +53,7 @@ def test_what_is_small_or_often_stays(rows, residual, size, share, why):
     count = round(share * len(residual))
     residual[300 : 300 + count, 0] = size
     assert not strange(rows, residual).any(), why
-    assert moments(rows, residual, NAMES) == []
+    assert moments(rows, residual, NAMES, UNITS) == []
 
 
 def test_what_comes_with_the_motion_stays(rows):

@@ -132,7 +132,7 @@ def settled(
         same = {m.group for m in after.members} == {m.group for m in now.members}
         now = after
         if same and (better := contested(score, now, library, predicted, contests)) is not None:
-            score, now = renewed(score, now, better)
+            score, now = renewed(score, now, better, whole=True)
         elif same:
             break
     return score, now, predicted
@@ -173,26 +173,29 @@ def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
     return score, now
 
 
-def renewed(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, Solution]:
+def renewed(
+    score: Score, now: Solution, fresh: list[Item], whole: bool = False
+) -> tuple[Score, Solution]:
     """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
-    score, members = exchanged(score, now, fresh)
+    score, members = exchanged(score, now, fresh, whole)
     return score, search(score, members)
 
 
-def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, list[Item]]:
-    """Return the score and the set with ``fresh`` items in place of their groups'."""
+def exchanged(
+    score: Score, now: Solution, fresh: list[Item], whole: bool = False
+) -> tuple[Score, list[Item]]:
+    """Return the score and the set with ``fresh`` items in place of their groups'.
+
+    If they are a ``whole`` set, no other member stays.
+    """
     groups = {i.group for i in fresh}
-    members = (
-        [*(m for m in now.members if m.group not in groups), *fresh]
-        if len(fresh) < len(now.members)
-        else fresh
-    )
+    stay = [] if whole else [m for m in now.members if m.group not in groups]
     old = {id(m) for m in now.members if m.group in groups}
     items = [
         *(i for i in score.items if id(i) not in old),
         *(i for i in fresh if i not in score.items or id(i) in old),
     ]
-    return score.having(items), members
+    return score.having(items), [*stay, *fresh]
 
 
 def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:

@@ -19,6 +19,7 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import movable
 from jaxidl.gap.fit.library import Library
 from jaxidl.gap.fit.motors import arriving
+from jaxidl.gap.fit.prior import compact
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.gap.fit.shapes import fitted, seen_from
 
@@ -73,7 +74,13 @@ def contested(
         worth = promise[id(m)] - m.odds
         far = UNFIT * worth if m.common else FAR
         best = [i for i in best if promise[id(i)] - i.odds > worth - far]
-        trials = [[*rest, i] for i in best]
+        # a load for the errors of links: it has many amplitudes until its mass is known
+        trials = [
+            [*(r for r in rest if r.always or not part(r, i)), i]
+            for i in others
+            if i.shape.cls.implied and part(m, i) and i.group not in {r.group for r in rest}
+        ]
+        trials += [[*rest, i] for i in best]
         starts = (
             [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
             if not m.common
@@ -99,7 +106,8 @@ def contested(
             small = score.having([*now.members, *(i for i in fresh if i not in now.members)])
             after = search(small, fresh, swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
-                score, now, changed = small, after, True
+                new = [i for i in after.members if i not in score.items]
+                score, now, changed = score.having([*score.items, *new]), after, True
                 break
     return list(now.members) if changed else None
 
@@ -117,6 +125,8 @@ def fitted_beside(
         new = fitted(new, at, there, predicted, score)
     elif there is not rows:
         new = seen_from(new, new.shape, there, predicted)
+    else:
+        new = compact(new, at, rows, score, predicted) or new
     if not new.actuates:
         return [*rest, new]
     members = [*rest, new]

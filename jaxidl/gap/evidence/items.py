@@ -122,6 +122,15 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
     )
 
 
+def freedom(shape: Shape, columns: np.ndarray) -> int:
+    """Return how many amplitudes with columns (P, N, J) a log can tell apart beside implied ones.
+
+    The shape is of an effect whose others imply some of its amplitudes.
+    """
+    own = [np.full(np.size(shape.values[n]), n not in shape.cls.implied) for n in shape.free]
+    return rank(columns[np.concatenate(own)])
+
+
 def rank(columns: np.ndarray) -> int:
     """Return how many of an effect's columns (P, N, J) the log can tell apart."""
     flat = columns.reshape(len(columns), -1)

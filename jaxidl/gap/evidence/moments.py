@@ -36,13 +36,14 @@ def strange(rows: Rows, left: np.ndarray) -> np.ndarray:
     return out if out.mean() < SELDOM else rows.strange
 
 
-def moments(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
+def moments(rows: Rows, left: np.ndarray, names: Sequence[str], units: Sequence[str]) -> list[str]:
     """Return a sentence about the moments of a log that were left out, if there are any.
 
     Args:
         rows: N rows of the log.
         left: (N, J) residual of what was found [N or Nm].
         names: names of the joints.
+        units: units of their torques.
     """
     if not rows.strange.any():
         return []
@@ -54,7 +55,7 @@ def moments(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
         j = int(np.argmax(peak / np.maximum(rows.floor, 1e-300)))
         at = (signals.rows[[a, b - 1]].mean() - signals.slices[run].start) * signals.dt
         where = f" of run {run + 1}" if len(signals.slices) > 1 else ""
-        found.append(f"at {at:.1f} s{where} ({names[j]}, up to {peak[j]:.2g})")
+        found.append(f"at {at:.1f} s{where} ({names[j]}, up to {peak[j]:.2g} {units[j]})")
     return [
         f"{', '.join(found)} the torque has an error that no effect explains, as in a collision or"
         " a push: these moments are left out"

@@ -12,10 +12,12 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.effects.ten import moved
 from jaxidl.gap.evidence.gram import Item
-from jaxidl.gap.evidence.items import items_of
+from jaxidl.gap.evidence.items import PARAMETER, freedom, items_of, rank
 from jaxidl.gap.evidence.links import Links, change_of, links_of
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.fit.score import Score, Solution
+
+KNOWN = 2.0  # standard errors from which a log determines a value
 
 
 def plausible(i: Item, links: Links | None, alike: float) -> Item:
@@ -47,16 +49,23 @@ def changes(i: Item, links: Links) -> np.ndarray:
 def compact(m: Item, now: Solution, rows: Rows, score: Score, predicted: np.ndarray) -> Item | None:
     """Return a load of a set about its centre, with the prior on its inertia that its mass implies.
 
-    None for any other effect. The mass counts with two standard errors: if a log does not determine
-    it, any inertia may be.
+    None for any other effect. What the log does not determine of the centre is that of the frame.
+    The mass counts with two standard errors: if a log does not determine it, any inertia may be. If
+    it does, mass and centre imply the inertia, which then is no further degree of freedom.
     """
     links = links_of(rows.signals.body)
     if links is None or not changes_links(m) or not np.any(mass := changes(m, links)[:, -1, 0]):
         return None
-    own, settled = now.of(m), m.shape.at(now.x[now.of(m)]).settled()
+    own = now.of(m)
+    x, covariance = now.x[own], score.covariance(now)[own, own]
+    known = np.abs(x) > KNOWN * np.sqrt(np.diagonal(covariance))
+    settled = m.shape.at(np.where(known, x, 0.0)).settled()
     fixed = {n: np.asarray(getattr(settled, n), float) for n in m.shape.cls.fixed}
     shape = m.shape._replace(values={**m.shape.values, **fixed})
     (fresh,) = items_of([shape], rows, predicted)
-    error = np.sqrt(mass @ score.covariance(now)[own, own] @ mass)
-    heavy = float(abs(mass @ now.x[own]) + 2.0 * error)
-    return plausible(fresh, links.loaded(heavy), score.alike)
+    error = float(np.sqrt(mass @ covariance @ mass))
+    heavy = float(abs(mass @ x))
+    if heavy > KNOWN * error:
+        implied = rank(fresh.columns) - freedom(shape, fresh.columns)
+        fresh = replace(fresh, odds=fresh.odds + PARAMETER * implied)
+    return plausible(fresh, links.loaded(heavy + KNOWN * error), score.alike)

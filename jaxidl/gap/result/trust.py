@@ -1,7 +1,8 @@
 """What is left of a confidence, given how the log reads.
 
 No name is sure on a joint that seems to be misread, of links that the torques' common factor would
-replace, or in a log of a few seconds. Its confidence is halved.
+replace (nor of what the model has too little of then, such as friction), or in a log of a few
+seconds. Its confidence is halved.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,6 +10,7 @@ from collections.abc import Callable, Sequence
 from jaxidl.gap.choice.find import Found
 from jaxidl.gap.evidence.conventions import conventions
 from jaxidl.gap.evidence.proportion import proportion
+from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.values import Value
 from jaxidl.gap.result.words import LEAST
 
@@ -23,10 +25,10 @@ def trust_of(found: Found, names: Sequence[str]) -> tuple[list[str], Trust]:
     said, misread = conventions(rows, names)
     x = [solution.x[solution.of(m)] for m in found.named]
     scaled, links = proportion(rows, found.named, x)
-    brief = rows.signals.duration < LEAST
+    brief, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
 
     def trust(value: Value, joint: int) -> float:
-        doubted = brief or misread[joint] or any(m.group in links for m in value.items)
-        return DOUBTED if doubted else 1.0
+        factor = value.key in own or any(m.group in links for m in value.items)
+        return DOUBTED if brief or misread[joint] or factor else 1.0
 
     return [*said, *scaled], trust
