@@ -156,7 +156,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
 
     Their priors do not matter, but each set has to be physical; the one found comes first. An
     effect may replace several: members that are not needed beside it are dropped. What another
-    member contains is not looked for beside it, nor an effect in place of one part of it alone.
+    member contains is not looked for beside it, nor an effect in place of parts of it alone.
     """
     sets: dict[tuple[Group, ...], dict[Group, tuple[float, float, Solution]]] = {}
     known = now.value - price(score, now, library.rows)
@@ -192,7 +192,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
             ):
                 there = {n.group for n in at.members}
                 gone = tuple(n.group for n in now.members if n.group not in there)
-                if len(gone) > 1 or not part(m, i):
+                if not all(part(n, i) for n in now.members if n.group not in there):
                     likely = float(np.exp(min(odds - least, 0.0)))
                     sets.setdefault(gone, {})[i.group] = likely, known - reached, at
     return [_tie(now, gone, instead) for gone, instead in sets.items()]

@@ -1,9 +1,9 @@
 """Moments in which something acted that is no property of the robot: a collision, a push.
 
 A moment of motion stands out if what remains has there, on some joint, ``ENERGY`` times the mean
-square that it has in all but a twentieth of the log, and is no small part of the command. What
+square that it has in all but a tenth of the log, and is no small part of the command. What
 happens as seldom says nothing about an effect, and would decide about all of them: such moments are
-left out, and the search begins again. What is there in more than a twentieth of the log is left in.
+left out, and the search begins again. What is there in more than a tenth of the log is left in.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from jaxidl.gap.evidence.rows import Rows
 LENGTH = 0.25  # of a moment [s]
 ENERGY = 50.0
 LARGE = 0.3  # of the command's spread
-SELDOM = 0.05  # share of the log
+SELDOM = 0.1  # share of the log
 
 
 def strange(rows: Rows, left: np.ndarray) -> np.ndarray:

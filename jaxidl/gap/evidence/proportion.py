@@ -16,7 +16,7 @@ from jaxidl.gap.evidence.items import spread
 from jaxidl.gap.evidence.rows import Rows, rms
 
 LEAST = 0.04  # share of a joint's command that counts
-OTHERWISE = 0.05  # share of a torque, squared, that may be something else
+OTHERWISE = 0.01  # share of a torque, squared, that may be something else
 
 
 def proportion(
