@@ -45,6 +45,17 @@ def test_a_hit_is_left_out_and_said_with_its_time(rows, residual):
     np.testing.assert_array_equal(strange(without, residual), found)
 
 
+def test_each_moment_is_said_once(rows, residual):
+    """Two pieces that follow each other closely are one."""
+    at = rows.signals.rows * rows.signals.dt
+    for middle, half in ((3.0, 0.1), (3.3, 0.05), (9.0, 0.1)):
+        residual[np.abs(at - middle) < half, 1] = 1.0
+    without = rows.without(strange(rows, residual) & (np.abs(at - 3.17) > 0.03))
+    (sentence,) = moments(without, residual, NAMES, UNITS)
+    assert sentence.count(" (b, up to 1 N)") == 2
+    assert sentence.startswith("at 3.1 s of run 1 (b, up to 1 N), at 9.0 s of run 1")
+
+
 @pytest.mark.parametrize(
     ("size", "share", "why"),
     [(0.1, 0.01, "a small part of the command"), (1.0, 1.2 * SELDOM, "there too often")],

@@ -48,8 +48,11 @@ def moments(rows: Rows, left: np.ndarray, names: Sequence[str], units: Sequence[
     if not rows.strange.any():
         return []
     signals, found = rows.signals, list[str]()
-    edges = np.flatnonzero(np.diff(rows.strange, prepend=False, append=False)).reshape(-1, 2)
-    for a, b in edges.tolist():
+    near = LENGTH / (float(np.median(np.diff(signals.rows))) * signals.dt)
+    edges = np.flatnonzero(np.diff(rows.strange, prepend=False, append=False))
+    inner = edges[1:-1].reshape(-1, 2)
+    apart = inner[np.diff(inner)[:, 0] > near]  # what follows closely is the same moment
+    for a, b in np.concatenate([edges[:1], apart.ravel(), edges[-1:]]).reshape(-1, 2).tolist():
         run = next(k for k, s in enumerate(signals.slices) if signals.rows[a] < s.stop)
         peak = np.abs(left[a:b]).max(0)
         j = int(np.argmax(peak / np.maximum(rows.floor, 1e-300)))
