@@ -53,6 +53,14 @@ def found(confidence: float, name: str = "viscous_friction") -> Finding:
     )
 
 
+def test_of_unexplained_joints_the_others_are_not_forgotten():
+    large = ["67 % of the command on knee", "15 % of the command on hip"]
+    said = headline("unexplained", [], ["hip"], large)
+    assert "residual on hip stays unexplained" in said
+    assert "besides, 67 % of the command on knee, can hardly be predicted" in said
+    assert "besides" not in headline("unexplained", [], ["hip"], large[1:])
+
+
 def test_an_error_that_remains_is_not_passed_over():
     nothing = headline("nothing_missing", [], [], [])
     assert nothing.startswith("Nothing is missing")

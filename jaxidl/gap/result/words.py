@@ -152,10 +152,9 @@ def headline(
             " effect of the catalogue that removes it."
         )
         apart = [r for r in remaining if not r.endswith(tuple(f" on {n}" for n in unexplained))]
-        most = f"{'up to ' * (len(apart) > 1)}{apart[0]}" if apart else ""
-        left += f" What remains besides, {most}, can hardly be predicted from the state." * bool(
-            apart
-        )
+        if apart:
+            most = f"{'up to ' * (len(apart) > 1)}{apart[0]}"
+            left += f" What remains besides, {most}, can hardly be predicted from the state."
         return f"{left} {lacks}, named below." if sure else left
     if verdict == "nothing_missing":
         nothing = (
