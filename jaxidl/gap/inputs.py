@@ -58,10 +58,10 @@ def read_inputs(
         ModelError: if the model cannot be read.
         LogError: if a log or the description of motors cannot be used.
     """
-    known = partial(read_model, model, flange=flange)
+    model_of = partial(read_model, model, flange=flange)
     with jax.enable_x64(True):
         robot = names_of(model)
-        part = known(joints_called(joints, robot)) if joints else None
+        part = model_of(joints_called(joints, robot)) if joints else None
 
         def measured(names: tuple[str, ...]) -> tuple[Log, MotorSide | None]:
             side = motor_side(names, motor, torque_constant, gear_ratio)
@@ -73,9 +73,9 @@ def read_inputs(
         except PartOfRobotError as error:
             if part:
                 raise
-            part = known(error.joints)
+            part = model_of(error.joints)
             log, side = measured(part.names)
-        part = part or known()
+        part = part or model_of()
         lists = {
             "joints": joints,
             "columns": columns,
@@ -90,7 +90,7 @@ def read_inputs(
         if not log.still or (side is not None and side.positions):
             return Inputs(log, part)
         try:
-            return Inputs(log, known(part.names, dict(log.still)))
+            return Inputs(log, model_of(part.names, dict(log.still)))
         except (
             ModelError
         ):  # not every joint can be locked anywhere; the model's notes say where it is instead

@@ -372,7 +372,7 @@ ARM = """<mujoco><worldbody><body>
 </body></worldbody></mujoco>"""
 
 
-def test_a_balancer_is_told_from_a_lighter_link(tmp_path, clean_catalogue):
+def test_a_balancer_is_no_lighter_link(tmp_path, clean_catalogue):
     """It has no inertia, which both joints would show."""
     model_file, time = tmp_path / "arm.xml", 4e-3 * np.arange(7500)
     model_file.write_text(ARM)

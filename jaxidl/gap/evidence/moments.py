@@ -2,7 +2,7 @@
 
 A moment of motion stands out if what remains has there, on some joint, ``ENERGY`` times the mean
 square that it has in all but a tenth of the log, and is no small part of the command. What
-happens as seldom says nothing about an effect, and would decide about all of them: such moments are
+happens so rarely says nothing about an effect, and would decide about all of them: such moments are
 left out, and the search begins again. What is there in more than a tenth of the log is left in.
 """
 

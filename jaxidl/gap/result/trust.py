@@ -1,8 +1,7 @@
 """What is left of a confidence, given how the log reads.
 
-No name is sure on a joint that seems to be misread, of links that the torques' common factor would
-replace (nor of what the model has too little of then, such as friction), or in a log of a few
-seconds. Its confidence is halved.
+A confidence is halved in a log of a few seconds, on a joint that seems to be misread, and of what a
+factor common to all torques would replace: links, and effects that the model has already.
 """
 
 from collections.abc import Callable, Sequence
