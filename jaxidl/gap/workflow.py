@@ -15,6 +15,7 @@ from jaxidl.gap.choice.confirm import fitted_to, possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
+from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
 from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
@@ -127,8 +128,7 @@ def diagnose(
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    usual = [i for i in found.library.score.items if i.common]
-    late = late_torques(rows, [*usual, *found.named], known.names)
+    late = late_torques(rows, _explaining(found), known.names)
     odd = [*odd, *late]
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
     swinging = swings(rows, after if named else gap, known.names)
@@ -238,10 +238,18 @@ def _search(
     while True:
         watch("computing what each effect would add", 0.0)
         found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
-        out = strange(rows, residual(found.library.rows, found.solution))
+        score = found.library.score
+        out = strange(found.library.rows, _explaining(found), score.noise, score.alike)
         if np.array_equal(out, rows.strange):
             return found, signals
         rows = rows.without(out)
+
+
+def _explaining(found: Found) -> list[Item]:
+    """Return what was found, all other common effects and what every set has."""
+    named = {m.group for m in found.named}
+    usual = [i for i in found.library.score.items if i.common or i.always]
+    return [*(i for i in usual if i.group not in named), *found.named]
 
 
 def _values(found: Found) -> list[Value]:

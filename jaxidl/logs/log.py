@@ -20,6 +20,7 @@ from jaxidl.logs import checks, numeric
 from jaxidl.logs.array_tables import expanded
 from jaxidl.logs.families import Wanted
 from jaxidl.logs.formats import load
+from jaxidl.logs.fresh import fresh
 from jaxidl.logs.mending import Samples
 from jaxidl.logs.motor_side import MotorSide
 from jaxidl.logs.ros_bag import is_bag, load_bag
@@ -187,7 +188,7 @@ def _assemble(tables: list[Table], joints: int | None, motor: MotorSide | None =
             notes.append(f"{kind} ignored: not every log has it")
     if motor is not None:
         notes.append(motor.note())
-    found = [counted(samples, notes) for samples in found]
+    found = [fresh(counted(samples, notes), notes) for samples in found]
     cut = [piece for samples in found for piece in pieces(samples, notes)]
     if not cut:
         raise LogError(

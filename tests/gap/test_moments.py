@@ -5,6 +5,7 @@ import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.moments import SELDOM, moments, strange
 from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.logs.log import from_arrays
@@ -31,18 +32,23 @@ def residual(rows):
     return 0.01 * np.random.default_rng(0).standard_normal(rows.gap.shape)
 
 
+def found_in(rows, left, items=()):
+    """The moments that stand out where ``items`` have to explain ``left`` (N, J)."""
+    return strange(rows._replace(gap=left), items, np.ones(2), 1.0)
+
+
 def test_a_hit_is_left_out_and_said_with_its_time(rows, residual):
     since = (rows.signals.rows - rows.signals.slices[1].start) * rows.signals.dt  # [s]
     hit = np.abs(since - 7.5) < 0.15
     residual[hit, 0] = 1.0
-    found = strange(rows, residual)
+    found = found_in(rows, residual)
     assert found[hit].all()
     assert not found[np.abs(since - 7.5) > 0.3].any()
     without = rows.without(found)
     assert not without.used[found].any()
     (sentence,) = moments(without, residual, NAMES, UNITS)
     assert sentence.startswith("at 7.5 s of run 2 (a, up to 1 N)")
-    np.testing.assert_array_equal(strange(without, residual), found)
+    np.testing.assert_array_equal(found_in(without, residual), found)
 
 
 def test_each_moment_is_said_once(rows, residual):
@@ -50,7 +56,7 @@ def test_each_moment_is_said_once(rows, residual):
     at = rows.signals.rows * rows.signals.dt
     for middle, half in ((3.0, 0.1), (3.3, 0.05), (9.0, 0.1)):
         residual[np.abs(at - middle) < half, 1] = 1.0
-    without = rows.without(strange(rows, residual) & (np.abs(at - 3.17) > 0.03))
+    without = rows.without(found_in(rows, residual) & (np.abs(at - 3.17) > 0.03))
     (sentence,) = moments(without, residual, NAMES, UNITS)
     assert sentence.count(" (b, up to 1 N)") == 2
     assert sentence.startswith("at 3.1 s of run 1 (b, up to 1 N), at 9.0 s of run 1")
@@ -63,14 +69,30 @@ def test_each_moment_is_said_once(rows, residual):
 def test_what_is_small_or_often_stays(rows, residual, size, share, why):
     count = round(share * len(residual))
     residual[300 : 300 + count, 0] = size
-    assert not strange(rows, residual).any(), why
+    assert not found_in(rows, residual).any(), why
     assert moments(rows, residual, NAMES, UNITS) == []
 
 
 def test_what_comes_with_the_motion_stays(rows):
     speed = np.abs(rows.signals.qd[rows.signals.rows])
     fast = speed > np.quantile(speed, 0.8, axis=0)
-    assert not strange(rows, fast.astype(float)).any()
+    assert not found_in(rows, fast.astype(float)).any()
+
+
+def test_a_hit_does_not_hide_behind_an_effect_that_seems_to_explain_it(rows, residual):
+    """It is seven tenths of a joint's torque for a second: least squares alone call it friction."""
+    at, speed = rows.signals.rows, rows.signals.qd[rows.signals.rows, 0]
+    bump = lambda middle: np.exp(-(((rows.signals.q[at, 0] - middle) / 0.2) ** 2))
+    columns = np.stack([speed, *(bump(middle) for middle in np.linspace(-1.4, 1.4, 12))])
+    free = np.full(len(columns), np.inf)
+    item = Item(("friction", 0, ""), None, (0,), columns[:, :, None], -free, free, 0.0, 0.0 / free)
+    hit = np.abs(at * rows.signals.dt - 7.5) < 0.5
+    residual[:, 0] += 0.05 * speed
+    residual[hit, 0] += 0.5
+    found = found_in(rows, residual, [item])
+    assert found[hit].mean() > 0.9
+    assert found[~hit].mean() < 0.02
+    assert not found_in(rows, residual - hit[:, None] * [0.5, 0.0], [item]).any()
 
 
 def test_a_collision_does_not_change_what_is_found(tmp_path):

@@ -1,9 +1,12 @@
 """Moments in which something acted that is no property of the robot: a collision, a push.
 
-A moment of motion stands out if what remains has there, on some joint, ``ENERGY`` times the mean
-square that it has in all but a tenth of the log, and is no small part of the command. What
-happens so rarely says nothing about an effect, and would decide about all of them: such moments are
-left out, and the search begins again. What is there in more than a tenth of the log is left in.
+All common effects and what was found are fitted to the nine tenths of the moments that they
+explain best (least trimmed squares, Rousseeuw 1984), so that a collision cannot hide behind the
+friction that it seems to show. A moment of motion stands out if what remains has there, on some
+joint, ``ENERGY`` times the mean square that it has in all but a tenth of the log, and is no small
+part of the command. What happens so rarely says nothing about an effect, and would decide about all
+of them: such moments are left out, and the search begins again. What is there in more than a tenth
+of the log is left in.
 """
 
 from collections.abc import Sequence
@@ -11,29 +14,74 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.rows import Rows
 
 LENGTH = 0.25  # of a moment [s]
 ENERGY = 50.0
 LARGE = 0.3  # of the command's spread
 SELDOM = 0.1  # share of the log
+STEPS = 10  # of concentration, at most
+RIDGE = 1e-6
 
 
-def strange(rows: Rows, left: np.ndarray) -> np.ndarray:
+def strange(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) -> np.ndarray:
     """Return which of N rows lie in a moment that stands out, those that were left out included.
 
     Args:
         rows: N rows of the log.
-        left: (N, J) residual of what was found [N or Nm].
+        items: all common effects and what was found.
+        noise: (J,) root mean square of what the common ones leave [N or Nm].
+        alike: number of neighbouring rows that count as one.
+    """
+    square = trimmed(rows, items, noise, alike)
+    usual = ENERGY * np.quantile(square, 1.0 - SELDOM, axis=0)
+    out = rows.strange | (square > np.maximum(usual, (LARGE * rows.spread) ** 2)).any(1)
+    return out if out.mean() < SELDOM else rows.strange
+
+
+def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) -> np.ndarray:
+    """Return the mean square (N, J) [N^2 or (Nm)^2] around each row of what ``items`` leave.
+
+    They are fitted to the moments of each joint that they explain best, anew until these stay the
+    same. Elsewhere what is left is divided by its variance as the fit predicts it, in units of the
+    noise: what no fitted moment resembles is no surprise.
     """
     step = float(np.median(np.diff(rows.signals.rows))) * rows.signals.dt
     mean = lambda x: uniform_filter1d(x, max(1, round(LENGTH / step)), axis=0, mode="constant")
     counted = rows.used & rows.signals.moving[rows.signals.rows]
     share = mean(counted.astype(float))
-    square = np.where(share > 0.5, mean(left**2 * counted) / np.maximum(share, 0.5), 0.0)
-    usual = ENERGY * np.quantile(square, 1.0 - SELDOM, axis=0)
-    out = rows.strange | (square > np.maximum(usual, (LARGE * rows.spread) ** 2)).any(1)
-    return out if out.mean() < SELDOM else rows.strange
+    edges = np.cumsum([0, *(len(i.lower) for i in items)])
+    each, size, noise = [], np.zeros(edges[-1]), np.maximum(noise, 1e-300)
+    for j, use in enumerate(counted.T):
+        on = [n for n, i in enumerate(items) if j in i.joints]
+        at = np.concatenate([np.zeros(0, int), *(np.arange(edges[n], edges[n + 1]) for n in on)])
+        columns = [items[n].columns[:, :, items[n].joints.index(j)] for n in on]
+        each.append((at, np.concatenate([np.zeros((0, len(use))), *columns]) / noise[j]))
+        size[at] += np.sum(each[-1][1] ** 2 * use, 1)
+    size = np.sqrt(np.where(size > 0.0, size, 1.0) / len(rows.gap))
+    prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / size**2
+    each = [(at, x / size[at, None]) for at, x in each]
+    wanted, kept, square = rows.gap / noise, counted, np.zeros_like(rows.gap)
+    for _ in range(STEPS):
+        gram, right = np.diag(prior + RIDGE * len(wanted)), np.zeros(len(size))
+        for (at, x), use, y in zip(each, kept.T, wanted.T, strict=True):
+            gram[np.ix_(at, at)] += x[:, use] @ x[:, use].T
+            right[at] += x[:, use] @ y[use]
+        inverse = np.linalg.inv(gram)
+        for j, (at, x) in enumerate(each):
+            left = wanted[:, j] - x.T @ (inverse @ right)[at]
+            leverage = alike * np.sum(x * (inverse[np.ix_(at, at)] @ x), 0)
+            square[:, j] = left**2 / (1.0 + np.where(kept[:, j], 0.0, leverage))
+        around = mean(square * counted) / np.maximum(share, 0.5) * (share > 0.5)
+        often = [
+            np.quantile(a[u], 1.0 - SELDOM) if u.any() else 0.0
+            for a, u in zip(around.T, counted.T, strict=True)
+        ]
+        before, kept = kept, counted & (around <= often)
+        if np.array_equal(kept, before):
+            break
+    return around * noise**2
 
 
 def moments(rows: Rows, left: np.ndarray, names: Sequence[str], units: Sequence[str]) -> list[str]:
