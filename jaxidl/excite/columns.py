@@ -16,8 +16,9 @@ import numpy as np
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
 from jaxidl.gap.evidence.additions import Drive, along
-from jaxidl.gap.evidence.reach import narrowed, reaches
+from jaxidl.gap.evidence.reach import alterations, narrowed, reaches
 from jaxidl.logs.encoders import on_encoders
+from jaxidl.systems.free import inner
 from jaxidl.systems.mujoco_body import MujocoBody
 from jaxidl.systems.regressor import inverse_dynamics, table
 from jaxidl.systems.tables import Tables
@@ -42,41 +43,9 @@ class Rigid(NamedTuple):
     mass: np.ndarray  # (G, J)
     moment: np.ndarray  # (G, J, 3)
     payload: np.ndarray  # (G, 10)
-    rotor: np.ndarray  # (G, J)
+    inertia: np.ndarray  # (G, J) of rotors
     tilt: np.ndarray  # (G, 2)
     places: tuple[int, ...]
-
-
-class _Recorder:
-    """A body that records how it is altered."""
-
-    def __init__(self, joints: int):
-        self.link, self.mass, self.payload = np.zeros((joints, 10)), np.zeros(joints), np.zeros(10)
-        self.rotor, self.turn, self.moment = np.zeros(joints), np.zeros(2), np.zeros((joints, 3))
-
-    def add_inertia(self, extra: Any) -> "_Recorder":
-        self.rotor = self.rotor + np.asarray(extra)
-        return self
-
-    def add_mass(self, extra: Any) -> "_Recorder":
-        self.mass = self.mass + np.asarray(extra)
-        return self
-
-    def add_moment(self, extra: Any) -> "_Recorder":
-        self.moment = self.moment + np.asarray(extra)
-        return self
-
-    def add_link(self, extra: Any) -> "_Recorder":
-        self.link = self.link + np.asarray(extra)
-        return self
-
-    def add_payload(self, extra: Any) -> "_Recorder":
-        self.payload = self.payload + np.asarray(extra)
-        return self
-
-    def tilt(self, angles: Any) -> "_Recorder":
-        self.turn = self.turn + np.asarray(angles)
-        return self
 
 
 def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ...]:
@@ -84,17 +53,23 @@ def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ..
     rigid = [n for n, e in enumerate(effects) if type(inner(e)).rigid()]
     found: list[Rigid | Family] = []
     if rigid:
-        records: list[Any] = [effects[n].alter(_Recorder(joints)) for n in rigid]
-        parts = ("link", "mass", "moment", "payload", "rotor", "turn")
-        found.append(
-            Rigid(
-                **{
-                    "tilt" if p == "turn" else p: np.stack([getattr(r, p) for r in records])
-                    for p in parts
-                },
-                places=tuple(rigid),
+        altered = [alterations(effects[n]) for n in rigid]
+        shapes = {
+            "link": (joints, 10),
+            "mass": (joints,),
+            "moment": (joints, 3),
+            "payload": (10,),
+            "inertia": (joints,),
+        }
+
+        def total(how: str, shape: tuple[int, ...]) -> np.ndarray:
+            """Return what each effect adds in one way (G, ...)."""
+            return np.stack(
+                [sum((x for way, x in made if way == how), np.zeros(shape)) for made in altered]
             )
-        )
+
+        added = {part: total(f"add_{part}", shape) for part, shape in shapes.items()}
+        found.append(Rigid(**added, tilt=total("tilt", (2,)), places=tuple(rigid)))
     together: dict[Any, list[int]] = {}
     for n, effect in enumerate(effects):
         if n not in rigid:
@@ -104,11 +79,6 @@ def families(effects: Sequence[Effect], joints: int) -> tuple[Rigid | Family, ..
             together.setdefault((jax.tree.structure(free), shapes), []).append(n)
     found += [_family([effects[n] for n in places], tuple(places)) for places in together.values()]
     return tuple(found)
-
-
-def inner(effect: Any) -> Any:
-    """Return the effect itself, without the joint that it is on."""
-    return effect.effect if isinstance(effect, OnJoint) else effect
 
 
 def _family(effects: list[Any], places: tuple[int, ...]) -> Family:
@@ -169,7 +139,7 @@ def added(
             + jnp.einsum("tij,gj->gti", t.by_mass, family.mass)
             + jnp.einsum("tija,gja->gti", t.by_moment, family.moment)
             + jnp.einsum("tip,gp->gti", t.by_payload, family.payload)
-            + jnp.einsum("tj,gj->gtj", drive.qdd, family.rotor)
+            + jnp.einsum("tj,gj->gtj", drive.qdd, family.inertia)
             + jnp.einsum("tia,ga->gti", t.by_tilt, family.tilt)
         )
     rest, starts = jnp.asarray(rest), np.zeros(len(drive.q), bool)

@@ -3,12 +3,13 @@
 import numpy as np
 
 from jaxidl.gap.choice.find import Found
+from jaxidl.gap.evidence.gram import Anchor
 from jaxidl.gap.evidence.rows import rms
-from jaxidl.gap.fit.library import Reference, residual
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score
 
 
-def reference_of(before: Found) -> Reference:
+def reference_of(before: Found) -> Anchor:
     """Return the evidence of a log about common effects and its findings, at the values found."""
     rows, score, named = before.library.rows, before.score, before.named
     taken = {m.group for m in named}
@@ -25,7 +26,7 @@ def reference_of(before: Found) -> Reference:
         before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
         for m in members
     ]
-    return Reference(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
+    return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
 
 
 def left_by(found: Found) -> list[float]:

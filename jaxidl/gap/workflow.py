@@ -11,18 +11,19 @@ from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
 from jaxidl.gap.choice.confidence import ambiguous
-from jaxidl.gap.choice.confirm import fitted_to, possible
+from jaxidl.gap.choice.confirm import possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
+from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.held_out import aside
-from jaxidl.gap.fit.library import Library, library, own_residual, residual
-from jaxidl.gap.fit.values import Value
+from jaxidl.gap.fit.library import Library, library, residual
+from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.inputs import Inputs, read_inputs
 from jaxidl.gap.reference import left_by, reference_of
 from jaxidl.gap.result.diagnosis import (
@@ -105,7 +106,8 @@ def diagnose(
         rows = found.library.rows
         after = residual(rows, found.solution)
         # where nothing is found, the model is judged with the log's torques as well aligned
-        gap = rows.gap if found.named else own_residual(rows, found.solution)
+        aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
+        gap = rows.gap if found.named else residual(rows, found.solution, aligning)
         watch("checking the residual", 0.0)
         network = check(rows, after)
         swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
@@ -254,7 +256,7 @@ def _explaining(found: Found) -> list[Item]:
 
 def _values(found: Found) -> list[Value]:
     """Return what was found with parameters fitted to the training rows alone."""
-    return fitted_to(found.score, found.solution, found.library.rows, found.predicted)
+    return values(found.score, found.solution, found.library.rows, found.predicted)
 
 
 def _gap(

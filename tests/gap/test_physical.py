@@ -372,9 +372,7 @@ def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(
     )
     (m,) = found.named
     assert m.key == ("worm", 0)
-    (value,) = values(
-        [m], [found.solution.x[found.solution.of(m)]], rows, found.score, found.predicted
-    )
+    (value,) = values(found.score, found.score.solve([m]), rows, found.predicted)
     assert value.parameters["share"][0][0] == pytest.approx(0.3, rel=0.03)
     assert isinstance(value.effect.effect, Worm)
 
@@ -387,11 +385,7 @@ def test_dry_friction_is_found_from_any_start_and_keeps_its_bounds(two_link):
     )
     rows, found = found_in(two_link, log, ("viscous_friction", "coulomb_friction", "spring"))
     assert {m.key for m in found.named} == {("coulomb_friction", 0), ("coulomb_friction", 1)}
-    coefficients = [found.solution.x[found.solution.of(m)] for m in found.solution.members]
-    fitted = {
-        v.key: v
-        for v in values(found.solution.members, coefficients, rows, found.score, found.predicted)
-    }
+    fitted = {v.key: v for v in values(found.score, found.solution, rows, found.predicted)}
     for j, level in enumerate((0.4, 0.2)):
         value, stderr = fitted["coulomb_friction", j].parameters["level"]
         assert value[0] == pytest.approx(level, rel=0.02)

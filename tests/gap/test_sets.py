@@ -33,7 +33,7 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.samples import correlation_time
 from jaxidl.gap.evidence.shape import Shape
 from jaxidl.gap.fit.held_out import aside, gain, worse_by
-from jaxidl.gap.fit.library import Library, own_residual, residual
+from jaxidl.gap.fit.library import Library, residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled
@@ -840,7 +840,7 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     rows = rows_with(gap)
     score = score_of(rows, [extra, mass, centre])
     now = score.solve([extra, centre])
-    made = Library(rows, score, now, rows.command, ())
+    made = Library(rows, score, now, rows.command)
     (tie,) = tied(score, now, made, rows.command)
     assert (tie.found, tie.instead) == ((centre.group,), (mass.group,))
     np.testing.assert_allclose(tie.moves[extra.group], -0.3, atol=0.02)
@@ -870,7 +870,7 @@ def test_a_shape_far_from_its_best_is_a_rival_with_what_fitting_it_brings(monkey
     rows = rows_with(gap)
     score = score_of(rows, [centre, offset, far])
     now = score.solve([centre])
-    (tie,) = tied(score, now, Library(rows, score, now, rows.command, ()), rows.command)
+    (tie,) = tied(score, now, Library(rows, score, now, rows.command), rows.command)
     assert asked == [(far, (far,))]
     assert (tie.found, tie.instead) == ((centre.group,), (best.group,))
     also = score_of(rows, [best])
@@ -894,7 +894,7 @@ def test_one_of_two_rare_effects_is_tried_without_the_other(monkeypatch):
     rows = rows_with(gap)
     score = score_of(rows, [beside, other])
     now = score.solve([beside, other])
-    made = Library(rows, score, now, rows.command, ())
+    made = Library(rows, score, now, rows.command)
     assert contested(score, now, made, rows.command, Contests()) == [best]
 
 
@@ -910,7 +910,7 @@ def test_a_member_is_contested_once_beside_the_same_others():
 
     def better(*members):
         now = score.solve(members)
-        made = Library(rows, score, now, rows.command, ())
+        made = Library(rows, score, now, rows.command)
         return contested(score, now, made, rows.command, contests)
 
     assert better(alike) == [true]
@@ -930,7 +930,7 @@ def test_ties_are_looked_for_beside_a_member_that_explains_nothing():
     score = score_of(rows, [cause, idle, other])
     now = score.solve([cause, idle])
     assert not [
-        t for t in tied(score, now, Library(rows, score, now, rows.command, ()), rows.command)
+        t for t in tied(score, now, Library(rows, score, now, rows.command), rows.command)
         if cause.group in t.found
     ]  # fmt: skip
 
@@ -960,7 +960,7 @@ def test_the_models_own_residual_is_that_of_aligned_torques():
     rows = rows_with(0.3 * rng.normal(size=(N, JOINTS)))
     rows.gap[:, 0] += 0.5 * shift.columns[0, :, 0] + 0.7 * both.columns[0, :, 0]
     found = score_of(rows, [shift, both]).solve([shift, both])
-    left = own_residual(rows, found)
+    left = residual(rows, found, [m for m in found.members if m.key[0] == ALIGNMENT])
     np.testing.assert_array_equal(left[:, 1], rows.gap[:, 1])
     np.testing.assert_allclose(
         left[:, 0], rows.gap[:, 0] - found.x[found.of(shift)] * shift.columns[0, :, 0]

@@ -43,7 +43,7 @@ def confirmed(
     """
     dropped, doubted = dict[Group, str](), set[Key]()
     while True:
-        fitted = fitted_to(score, now, rows.whole(), predicted)
+        fitted = values(score, now, rows.whole(), predicted)
         wrong = {v.key: why for v in fitted if (why := unconfirmed(v, rows.effects))}
         doubted = doubted or wrong.keys()
         if not (wrong := {key: why for key, why in wrong.items() if key in doubted}):
@@ -55,14 +55,6 @@ def confirmed(
         gone = (m.group for m in now.members if not m.always and m.key == weakest)
         dropped |= dict.fromkeys(gone, wrong[weakest])
         now = less[weakest]
-
-
-def fitted_to(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Value]:
-    """Return the effects of a set with parameters fitted to ``rows``.
-
-    ``predicted`` (T, J) is the command that the set predicts [N or Nm].
-    """
-    return values(now.members, [now.x[now.of(m)] for m in now.members], rows, score, predicted)
 
 
 def unconfirmed(value: Value, own: Sequence[Effect]) -> str:

@@ -12,9 +12,9 @@ from jaxidl.gap.evidence.noise import in_units_of_noise
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import gone, movable, on_bound, vector
-from jaxidl.gap.fit.consistent import physical_fit
+from jaxidl.gap.fit.consistent import physical_fits
 from jaxidl.gap.fit.held_out import covariance_of, gain, jackknife, wald, worse_aside
-from jaxidl.gap.fit.library import residual_on
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
 
 BOUND = "its value is on a bound"
@@ -143,11 +143,11 @@ def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
 
 def price(score: Score, now: Solution, rows: Rows) -> float:
     """Return how much the score falls if a set is kept physical."""
-    x = physical_fit(score, now, rows)
+    x = physical_fits(score, now, rows, folds=False)
     return (
         0.0
         if x is None
-        else score.likelihood(now.members, now.x) - score.likelihood(now.members, x)
+        else score.likelihood(now.members, now.x) - score.likelihood(now.members, x[0])
     )
 
 
@@ -169,7 +169,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
     without_it, with_it = (
-        in_units_of_noise(rows, residual_on(rows, s, pick), pick) for s in (other, now)
+        in_units_of_noise(rows, residual(rows, s, joints=pick), pick) for s in (other, now)
     )
     if np.all(with_it > without_it):
         return "it only makes the encoder's noise smaller"

@@ -13,7 +13,7 @@ from jaxidl.gap.choice import estimates
 from jaxidl.gap.choice.confidence import FARTHER
 from jaxidl.gap.choice.objections import price
 from jaxidl.gap.choice.search import EPSILON, search, without
-from jaxidl.gap.evidence.gram import Group, Item, Key
+from jaxidl.gap.evidence.gram import Group, Item
 from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import movable
@@ -62,11 +62,7 @@ def contested(
         contests.add((m.group, beside))
         rest = without(now, m)
         promise = estimates.promise(score, rest, m.joints)
-        others = [
-            i
-            for i in score.items
-            if id(i) in promise and i is not m and set(i.joints) & set(m.joints)
-        ]
+        others = [i for i in score.items if id(i) in promise and i is not m]
         best = sorted(
             (i for i in others if i.group not in {r.group for r in rest}),
             key=lambda i: -promise[id(i)],
@@ -141,14 +137,8 @@ def fitted_beside(
 
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
-    """Return the members that are not parts of an effect."""
-    parts = parts_of(whole)
-    return [m for m in members if m.always or m.key not in parts]
-
-
-def parts_of(whole: Item) -> set[Key]:
-    """Return names and joint of an effect's parts."""
-    return {(name, whole.key[1]) for name in whole.shape.cls.contains(whole.shape.free)}
+    """Return the members that are not parts of an effect on the same joint."""
+    return [m for m in members if m.always or not (part(m, whole) and m.key[1] == whole.key[1])]
 
 
 def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
@@ -209,20 +199,16 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     exact = lambda *new: score.solve([*rest, *new]).value - before - sum(i.odds for i in new)
     found = {id(m): exact(m)}
     for i in score.items:
-        if i is m or id(i) not in likely or not set(i.joints) & set(m.joints):
+        if i is m or id(i) not in likely:
             continue
         fits = movable(i.shape)
-        if fits and (missing := _missing(score, rest, m, i)):
-            likely[id(i)] = exact(i, *missing)
+        if fits:
+            others = [o for o in score.items if not o.always and o not in (m, *rest)]
+            if missing := [o for o in others if o not in outside([o], i)]:
+                likely[id(i)] = exact(i, *missing)
         if likely[id(i)] > 0.5 * likely[id(m)]:
             found[id(i)] = likely[id(i)] if fits else exact(i)
     return found
-
-
-def _missing(score: Score, rest: list[Item], m: Item, whole: Item) -> list[Item]:
-    """Return the parts of an effect that are neither in ``rest`` nor ``m``."""
-    parts = parts_of(whole)
-    return [o for o in score.items if o.key in parts and o not in (m, *rest)] if parts else []
 
 
 def _tie(

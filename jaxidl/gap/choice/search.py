@@ -24,7 +24,7 @@
    explain the log equally well in its place are reported with it.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -41,14 +41,11 @@ ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled
 PASSES = 40
 
 
-def search(
-    score: Score, start: Iterable[Item], swap: bool = True, watch: Callable[[], None] = lambda: None
-) -> Solution:
+def search(score: Score, start: Iterable[Item], swap: bool = True) -> Solution:
     """Return the best set that the neighbourhood reaches from ``start``."""
     now = score.solve(start)
     neighbourhoods = (single, replaced, pairs) if swap else (single,)
     for _ in range(PASSES):
-        watch()
         for moves in neighbourhoods:
             after = improved(score, now, moves(score, now))
             if after is not now:
@@ -175,7 +172,7 @@ def promising(
     count: dict[tuple[int, ...], int] = {}
     found = []
     for i in ranked:
-        if i in out or i.group in taken or (joints is not None and not joints & set(i.joints)):
+        if i in out or i.group in taken:
             continue
         place = i.joints if len(i.joints) == 1 else (-1,)
         count[place] = count.get(place, 0) + 1

@@ -121,11 +121,6 @@ def remembers(effect: Effect) -> bool:
     return kind.actuates() and kind.start is not Effect.start
 
 
-def _sliced(table: Tables, columns: Columns) -> Tables:
-    """Return the tables of some joints, as if the others did not move."""
-    return table.part(columns)
-
-
 def driven(
     signals: Signals, tau: np.ndarray, predicted: np.ndarray, load: np.ndarray, columns: Columns
 ) -> tuple[Drive, np.ndarray]:
@@ -133,7 +128,7 @@ def driven(
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
     each = (signals.q, signals.qd, signals.qdd, tau, predicted, load)
-    tables = _sliced(signals.tables, columns)
+    tables = signals.tables.part(columns)  # as if the other joints did not move
     return Drive._make([*(x[:, columns] for x in each), tables]), starts
 
 

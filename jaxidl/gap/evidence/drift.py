@@ -8,20 +8,13 @@ least squares (Aitken 1935) with that spectrum. An offset is a component, too, t
 """
 
 import numpy as np
+from scipy.fft import dct, idct
 
 # components of half a wave, two half waves, ... over the log; blocks that are left out are shorter
 SLOW = 4
 BESIDE = 4 * SLOW  # the next components, up to this one, show what is no drift
 LEAST = 4 * BESIDE  # samples for which that can be said
 SHORTEST = 15.0  # period of the fastest drift [s]: motors warm up and sensors wander slowly
-
-
-def components(count: int, most: int) -> np.ndarray:
-    """Return an orthonormal basis (N, most + 1) of slow cosines of ``count`` samples N."""
-    turns = (np.arange(count)[:, None] + 0.5) / max(count, 1) * np.arange(most + 1)
-    basis = np.sqrt(2.0 / max(count, 1)) * np.cos(np.pi * turns)
-    basis[:, 0] /= np.sqrt(2.0)
-    return basis
 
 
 def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
@@ -33,7 +26,7 @@ def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
     most = min(SLOW, int(2.0 * seconds / SHORTEST))
     if len(left) < LEAST or most < 2:
         return np.ones(SLOW + 1)
-    power = (components(len(left), BESIDE).T @ left) ** 2
+    power = dct(left, norm="ortho")[: BESIDE + 1] ** 2
     slow = np.cumsum(power[1 : most + 1]) / np.arange(1, most + 1)
     # two at least, since one alone says little; the offset as the slowest of them
     slow = np.concatenate([[slow[1]] * 3, slow[2:]])
@@ -44,10 +37,11 @@ def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
 
 def weighted(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Return samples (..., N) with their slow components times ``weights`` (K,)."""
-    if np.all(weights == 1.0):
+    if not x.size or np.all(weights == 1.0):
         return x
-    basis = components(x.shape[-1], len(weights) - 1)
-    return x - ((x @ basis) * (1.0 - weights)) @ basis.T
+    waves = np.asarray(dct(x, norm="ortho"))
+    waves[..., : len(weights)] *= weights[: x.shape[-1]]
+    return np.asarray(idct(waves, norm="ortho"))
 
 
 def slower(weights: np.ndarray, shorter: float) -> np.ndarray:

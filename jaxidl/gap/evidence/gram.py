@@ -200,15 +200,20 @@ class Gram:
     ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
         blocks = len(self.weights)  # training blocks come first
         gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
-        own = []
-        for local, g, h in zip(self.local, self.gram, self.right, strict=True):
-            here = np.flatnonzero(local[at] >= 0)
-            there = local[at[here]]
-            g, h = g[:blocks, there[:, None], there], h[:blocks, there]
-            own.append((here, g, h))
+        own = self._own(at, slice(blocks))
+        for here, g, h in own:
             gram[:, here[:, None], here] += g
             right[:, here] += h
         return gram, right, own
+
+    def _own(self, at: np.ndarray, blocks: slice) -> list[tuple[np.ndarray, ...]]:
+        """Return each joint's part of columns ``at`` (P,), and its normal equations by block."""
+        out = []
+        for local, g, h in zip(self.local, self.gram, self.right, strict=True):
+            here = np.flatnonzero(local[at] >= 0)
+            there = local[at[here]]
+            out.append((here, g[blocks, there[:, None], there], h[blocks, there]))
+        return out
 
     @cached_property
     def whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:

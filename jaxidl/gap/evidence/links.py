@@ -11,6 +11,7 @@ import numpy as np
 
 from jaxidl.effects import Effect
 from jaxidl.effects.ten import PLACES
+from jaxidl.gap.evidence.reach import alterations
 from jaxidl.systems.flange import flange_of
 from jaxidl.systems.mujoco_body import MujocoBody, per_mass, per_moment
 
@@ -76,51 +77,19 @@ def links_of(body: Any) -> Links | None:
     )
 
 
-class _Recorder:
-    """A body that records by how much its links are changed."""
-
-    def __init__(self, links: Links):
-        self.links, self.change = links, np.zeros_like(links.nominal)
-        self.turned = False  # whether the base is
-
-    def add_inertia(self, extra: Any) -> "_Recorder":
-        return self
-
-    def tilt(self, angles: Any) -> "_Recorder":
-        self.turned = True
-        return self
-
-    def add_mass(self, extra: Any) -> "_Recorder":
-        self.change[:-1] += (
-            np.broadcast_to(np.asarray(extra), (len(self.change) - 1,))[:, None] * self.links.unit
-        )
-        return self
-
-    def add_moment(self, extra: Any) -> "_Recorder":
-        self.change[:-1] += np.einsum("ja,jap->jp", np.asarray(extra), self.links.moved)
-        return self
-
-    def add_link(self, extra: Any) -> "_Recorder":
-        self.change[:-1] += np.asarray(extra)
-        return self
-
-    def add_payload(self, extra: Any) -> "_Recorder":
-        self.change[-1] += np.asarray(extra)
-        return self
-
-
 def change_of(effect: Effect, links: Links) -> np.ndarray:
     """Return by how much an effect changes the links (J + 1, 10)."""
-    recorder = _Recorder(links)
-    effect.alter(recorder)
-    return recorder.change
-
-
-def turns_base(effect: Effect, links: Links) -> bool:
-    """Return whether an effect turns the base."""
-    recorder = _Recorder(links)
-    effect.alter(recorder)
-    return recorder.turned
+    out = np.zeros_like(links.nominal)
+    for name, extra in alterations(effect):
+        if name == "add_mass":
+            out[:-1] += np.broadcast_to(extra, len(out) - 1)[:, None] * links.unit
+        elif name == "add_moment":
+            out[:-1] += np.einsum("ja,jap->jp", extra, links.moved)
+        elif name == "add_link":
+            out[:-1] += extra
+        elif name == "add_payload":
+            out[-1] += extra
+    return out
 
 
 def pseudo_inertia(ten: np.ndarray) -> np.ndarray:

@@ -44,20 +44,13 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
                 )
                 found.append(Place(j, regime, share, time, sentence))
         found.sort(key=lambda p: p.share * np.log(p.share / p.time), reverse=True)
-        places += found[:MOST] or [_everywhere(j, names[j], size[j])]
+        everywhere = (
+            f"{names[j]}: the residual, {size[j]:.1%} of the command's spread, is spread evenly"
+            " over all regimes"
+        )
+        places += found[:MOST] or [Place(j, "everywhere", 1.0, 1.0, everywhere)]
         places += _direction(data, residual, j, names[j])
     return places
-
-
-def _everywhere(joint: int, name: str, size: float) -> Place:
-    return Place(
-        joint,
-        "everywhere",
-        1.0,
-        1.0,
-        f"{name}: the residual, {size:.1%} of the command's spread, is spread evenly over all"
-        " regimes",
-    )
 
 
 def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
@@ -65,14 +58,12 @@ def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
     signals, rows = data.signals, data.signals.rows
     resting = signals.resting[rows]
     q, qd, qdd, tau = (x[rows, j] for x in (signals.q, signals.qd, signals.qdd, signals.tau))
-    speed = np.abs(qd)
-    low, high = np.quantile(speed, [0.25, 0.75])
-    reach = np.quantile(np.abs(qdd), 0.75), np.quantile(np.abs(tau), 0.75)
-    thirds = np.quantile(q, [1 / 3, 2 / 3])
-    turn = _near(
-        np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0,
-        max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt))),
-    )
+    speed, load, push = np.abs(qd), np.abs(tau), np.abs(qdd)
+    (low, high), (left, right) = np.quantile(speed, [0.25, 0.75]), np.quantile(q, [1 / 3, 2 / 3])
+    hard, heavy = np.quantile(push, 0.75), np.quantile(load, 0.75)
+    reach = max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt)))
+    events = np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0
+    turn = np.convolve(events, np.ones(2 * reach + 1), "same") > 0
     quarters = np.arange(len(rows)) * 4 // len(rows)
     out = [
         ("standstill", resting[:, j], "where the joint is at rest"),
@@ -81,28 +72,19 @@ def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
         ("high speed", speed > high, f"above a speed of {high:.3g}"),
         ("positive direction", qd > signals.rest_speed[j], "in motion forwards"),
         ("negative direction", qd < -signals.rest_speed[j], "in motion backwards"),
-        ("low position", q < thirds[0], f"at positions below {thirds[0]:.3g}"),
+        ("low position", q < left, f"at positions below {left:.3g}"),
         (
             "middle position",
-            (q >= thirds[0]) & (q <= thirds[1]),
-            f"at positions between {thirds[0]:.3g} and {thirds[1]:.3g}",
+            (q >= left) & (q <= right),
+            f"at positions between {left:.3g} and {right:.3g}",
         ),
-        ("high position", q > thirds[1], f"at positions above {thirds[1]:.3g}"),
-        ("high acceleration", np.abs(qdd) > reach[0], f"above an acceleration of {reach[0]:.3g}"),
-        ("high load", np.abs(tau) > reach[1], f"above a torque of {reach[1]:.3g}"),
+        ("high position", q > right, f"at positions above {right:.3g}"),
+        ("high acceleration", push > hard, f"above an acceleration of {hard:.3g}"),
+        ("high load", load > heavy, f"above a torque of {heavy:.3g}"),
     ]
-    return out + [
-        (
-            f"quarter {k + 1}",
-            quarters == k,
-            f"in the {('first', 'second', 'third', 'last')[k]} quarter of the log",
-        )
-        for k in range(4)
-    ]
-
-
-def _near(events: np.ndarray, reach: int) -> np.ndarray:
-    return np.convolve(events, np.ones(2 * reach + 1), "same") > 0
+    for k, which in enumerate(("first", "second", "third", "last")):
+        out.append((f"quarter {k + 1}", quarters == k, f"in the {which} quarter of the log"))
+    return out
 
 
 def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Place]:
@@ -118,24 +100,13 @@ def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Plac
     energy = np.mean(r**2)
     dry = np.mean(r * np.sign(qd)) ** 2 / max(energy, 1e-300)
     mean = np.mean(r) ** 2 / max(energy, 1e-300)
-    found = []
-    if dry > 0.25:
-        way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
-        found.append(
-            Place(
-                j,
-                "direction",
-                float(dry),
-                1.0,
-                f"{name}: {dry:.0%} of it is a constant torque {way} the motion",
-            )
-        )
-    if mean > 0.25:
-        found.append(
-            Place(j, "offset", float(mean), 1.0, f"{name}: {mean:.0%} of it is one constant torque")
-        )
+    way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
     dt = float(np.median(np.diff(rows))) * data.signals.dt
     f, power = signal.welch(residual[:, j], 1.0 / dt, nperseg=min(256, len(rows)))
     top = f[np.searchsorted(np.cumsum(power), 0.8 * power.sum())]
-    found.append(Place(j, "frequency", 0.8, 1.0, f"{name}: 80% of it lies below {top:.2g} Hz"))
-    return found
+    said = [
+        ("direction", float(dry), f"{dry:.0%} of it is a constant torque {way} the motion"),
+        ("offset", float(mean), f"{mean:.0%} of it is one constant torque"),
+        ("frequency", 0.8, f"80% of it lies below {top:.2g} Hz"),
+    ]
+    return [Place(j, what, share, 1.0, f"{name}: {s}") for what, share, s in said if share > 0.25]

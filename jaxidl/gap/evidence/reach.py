@@ -36,22 +36,22 @@ def reaches(effect: Effect) -> bool:
 
     It does if it changes the body that the joint carries, or the joint's position.
     """
-    seen = _Watch()
-    effect.alter(seen)
-    return seen.carried or on_encoders(effect)
+    carried = (x for name, x in alterations(effect) if name != "add_inertia")
+    return any(map(np.any, carried)) or on_encoders(effect)
 
 
-class _Watch:
-    """A body that records whether more than a joint's own rotor is changed."""
+def alterations(effect: Effect) -> list[tuple[str, np.ndarray]]:
+    """Return how an effect alters a body: names of the body's methods, and their arguments."""
+    body = _Altered()
+    effect.alter(body)
+    return body.made
 
-    carried = False
 
-    def add_inertia(self, extra: Any) -> "_Watch":
-        return self
+class _Altered:
+    """A body that notes how it is altered."""
+
+    def __init__(self) -> None:
+        self.made: list[tuple[str, np.ndarray]] = []
 
     def __getattr__(self, name: str) -> Any:
-        def change(*values: Any) -> "_Watch":
-            self.carried |= any(np.any(np.asarray(v) != 0.0) for v in values)
-            return self
-
-        return change
+        return lambda extra: self.made.append((name, np.asarray(extra))) or self

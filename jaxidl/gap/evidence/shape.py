@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects import Effect, OnJoint, Scale
+from jaxidl.systems.free import pieces
 
 ON_BOUND = 1e-3  # relative distance to a bound within which a value is on it
 ROUNDING = 1e-9  # share of an effect that stays where all of it is gone
@@ -79,15 +80,14 @@ class Shape(NamedTuple):
         """
         if not self.free:
             return self.effect(**self.scaled(float(x[0])))
-        sizes = [np.size(self.values[name]) for name in self.free]
-        amplitudes = np.asarray(x, float) if self.basis is None else self.basis @ x
-        parts = np.split(amplitudes, np.cumsum(sizes)[:-1])
         return self.effect(
-            **{
-                n: p.reshape(np.shape(self.values[n]))
-                for n, p in zip(self.free, parts, strict=True)
-            }
+            **self.cut(self.free, np.asarray(x, float) if self.basis is None else self.basis @ x)
         )
+
+    def cut(self, names: Sequence[str], numbers: np.ndarray) -> dict[str, np.ndarray]:
+        """Return parameters by name from their numbers, one after the other."""
+        shapes = [np.shape(self.values[name]) for name in names]
+        return dict(zip(names, pieces(numbers, shapes), strict=True))
 
     def scaled(self, share: float) -> dict[str, np.ndarray]:
         """Return values at which an effect without amplitudes adds about ``share`` as much."""
@@ -148,10 +148,9 @@ def reads_load(shape: Shape) -> bool:
 
     It is the same for all shapes of a class.
     """
-    cls = shape.cls
-    if cls not in _READS:
-        _READS[cls] = shape.effect().reads_torque(shape.joints)
-    return _READS[cls]
+    if shape.cls not in _READS:
+        _READS[shape.cls] = shape.effect().reads_torque(shape.joints)
+    return _READS[shape.cls]
 
 
 # called for every column of every set, so an effect is not built each time
@@ -265,12 +264,8 @@ def amplitudes(shape: Shape) -> int:
 
 def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:
     """Return the shape with the parameters besides its amplitudes set from theta (P,)."""
-    names, rest = movable(shape), np.asarray(theta, float)[amplitudes(shape) :]
-    parts = (
-        np.split(rest, np.cumsum([np.size(shape.values[n]) for n in names])[:-1]) if names else []
-    )
-    changed = {n: p.reshape(np.shape(shape.values[n])) for n, p in zip(names, parts, strict=True)}
-    return shape._replace(values={**shape.values, **changed})
+    rest = np.asarray(theta, float)[amplitudes(shape) :]
+    return shape._replace(values={**shape.values, **shape.cut(movable(shape), rest)})
 
 
 def vector(shape: Shape, x: np.ndarray) -> np.ndarray:

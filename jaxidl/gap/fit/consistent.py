@@ -71,15 +71,6 @@ def consistent(
     return np.clip(np.asarray(found.x) / size, lower, upper)
 
 
-def physical_fit(score: Score, found: Solution, rows: Rows) -> np.ndarray | None:
-    """Return physical coefficients (P,) of a set.
-
-    None if its own coefficients are physical already, or none could be found.
-    """
-    fits = physical_fits(score, found, rows, folds=False)
-    return None if fits is None else fits[0]
-
-
 def physical_fits(
     score: Score, found: Solution, rows: Rows, folds: bool = True
 ) -> np.ndarray | None:
@@ -99,10 +90,8 @@ def physical_fits(
     gram, right = score.normal(members)
     known, pull = score.known(members)
     pull = pull + score.dilution(found)
-    lower, upper = (
-        np.concatenate([np.zeros(0), *(getattr(m, side) for m in members)])
-        for side in ("lower", "upper")
-    )
+    at = score.indices(members)
+    lower, upper = (bound[at] / score.scale[at] for bound in score.bounds)
     whole = gram.sum(0), right.sum(0)
     x = np.concatenate([found.x[None], found.folds]) if folds else found.x[None].copy()
     for k in range(len(x)):

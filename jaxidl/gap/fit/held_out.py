@@ -3,7 +3,7 @@
 import numpy as np
 
 from jaxidl.gap.evidence.rows import Rows
-from jaxidl.gap.fit.library import residual_on
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
 
 
@@ -30,7 +30,7 @@ def worse_by(rows: Rows, before: Solution, after: Solution, joint: int) -> tuple
 
 def squares(rows: Rows, found: Solution, joint: int) -> np.ndarray:
     """Return sums of squares (A,) of a joint's residual on the held-out blocks, drift and all."""
-    left = residual_on(rows, found, [joint])[:, 0] ** 2 * rows.used[:, joint]
+    left = residual(rows, found, joints=[joint])[:, 0] ** 2 * rows.used[:, joint]
     return np.array([left[rows.block == b].sum() for b in np.unique(rows.block[rows.block < 0])])
 
 

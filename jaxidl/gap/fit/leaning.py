@@ -8,7 +8,8 @@ import numpy as np
 
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.items import items_of
-from jaxidl.gap.evidence.links import links_of, turns_base
+from jaxidl.gap.evidence.links import links_of
+from jaxidl.gap.evidence.reach import alterations
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.fit.prior import changes, changes_links
 from jaxidl.gap.fit.score import Solution
@@ -18,7 +19,7 @@ from jaxidl.systems.tables import leaning
 def turned(m: Item, now: Solution, rows: Rows, predicted: np.ndarray) -> Item | None:
     """Return a tilt of a set as it acts on the links of that set; None for any other effect."""
     signals, links = rows.signals, links_of(rows.signals.body)
-    if links is None or not changes_links(m) or not turns_base(m.shape.effect(), links):
+    if links is None or not changes_links(m) or "tilt" not in dict(alterations(m.shape.effect())):
         return None
     change = sum(
         np.tensordot(now.x[now.of(o)], changes(o, links), 1)

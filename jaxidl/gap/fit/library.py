@@ -17,7 +17,7 @@ from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.gram import Anchor, Item, samples_alike
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.links import links_of
-from jaxidl.gap.evidence.projection import ALIGNMENT, Projection, aligned, alignments
+from jaxidl.gap.evidence.projection import Projection, aligned, alignments
 from jaxidl.gap.evidence.recurrence import copies, without_pauses
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.evidence.samples import correlation_beside
@@ -75,19 +75,10 @@ class Library(NamedTuple):
     score: Score
     envelope: Solution
     predicted: np.ndarray  # (T, J) command predicted by all common effects [N or Nm]
-    still: tuple[int, ...]  # joints that never move
-
-
-class Reference(NamedTuple):
-    """Another log of the same machine: what both have in common, and its evidence about that."""
-
-    items: tuple[Item, ...]  # items of that log
-    information: np.ndarray  # (P, P)
-    pull: np.ndarray  # (P,)
 
 
 def library(
-    rows: Rows, names: Sequence[str], own: Present, reference: Reference | None = None
+    rows: Rows, names: Sequence[str], own: Present, reference: Anchor | None = None
 ) -> Library:
     """Return the library of the effects ``names``.
 
@@ -122,7 +113,7 @@ def library(
     envelope = first.solve(common)
     left = residual(rows, envelope)
     rubs = [m for m in envelope.members if m.shape is not None and m.shape.cls.friction]
-    friction = rows.friction + rows.gap - residual_on(rows, envelope, range(left.shape[1]), rubs)
+    friction = rows.friction + rows.gap - residual(rows, envelope, rubs)
     rows = rows.agreeing(left, friction).evened(left).drifting(left)
     noise, effective = noise_of(rows, left, common)
     predicted = upsampled(rows, rows.command - left)
@@ -147,10 +138,9 @@ def library(
         items,
         noise,
         effective,
-        Anchor(shared, reference.information, reference.pull) if reference is not None else None,
+        reference and reference._replace(items=shared),
     )
-    still = tuple(j for j in range(len(every)) if j not in moving)
-    return Library(rows, score, score.solve(basic), predicted, still)
+    return Library(rows, score, score.solve(basic), predicted)
 
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
@@ -158,21 +148,8 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     (columns,) = columns_of([i.shape], rows, predicted)
     far = np.full(len(i.lower), np.inf)
     joints = tuple(range(columns.shape[2]))
-    group = (i.group[0], i.group[1], f"{i.group[2]} before")
-    return replace(
-        i,
-        group=group,
-        joints=joints,
-        columns=columns,
-        lower=-far,
-        upper=far,
-        odds=0.0,
-        common=False,
-        always=True,
-        push=None,
-        deaf=None,
-        actuates=False,
-    )
+    group = (*i.key, f"{i.group[2]} before")
+    return Item(group, i.shape, joints, columns, -far, far, 0.0, i.precision, always=True)
 
 
 def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
@@ -197,26 +174,19 @@ def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.nd
     return noise, effective
 
 
-def residual(rows: Rows, found: Solution) -> np.ndarray:
-    """Return the residual (N, J) [N or Nm] of a set."""
-    return residual_on(rows, found, range(rows.gap.shape[1]))
-
-
-def own_residual(rows: Rows, found: Solution) -> np.ndarray:
-    """Return the model's own residual (N, J) [N or Nm], torques aligned in time as in a set."""
-    members = [m for m in found.members if m.key[0] == ALIGNMENT]
-    return residual_on(rows, found, range(rows.gap.shape[1]), members)
-
-
-def residual_on(
-    rows: Rows, found: Solution, joints: Sequence[int], members: Sequence[Item] | None = None
+def residual(
+    rows: Rows,
+    found: Solution,
+    members: Sequence[Item] | None = None,
+    joints: Sequence[int] | None = None,
 ) -> np.ndarray:
     """Return the residual (N, K) [N or Nm] of a set, or of some members, on K of the joints."""
-    left = rows.gap[:, list(joints)].copy()
+    on_all = list(range(rows.gap.shape[1]) if joints is None else joints)
+    left = rows.gap[:, on_all]
     for m in found.members if members is None else members:
-        on = [k for k, j in enumerate(joints) if j in m.joints]
-        own = [m.joints.index(joints[k]) for k in on]
-        if own:
+        on = [k for k, j in enumerate(on_all) if j in m.joints]
+        if on:
+            own = [m.joints.index(on_all[k]) for k in on]
             left[:, on] -= np.tensordot(found.x[found.of(m)], m.columns[:, :, own], 1)
     return left
 
@@ -227,7 +197,7 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
     It is the load that friction reads: the command that the set predicts, after the motor.
     """
     acting = [m for m in found.members if m.actuates]
-    held_back = rows.gap - residual_on(rows, found, range(rows.gap.shape[1]), acting)
+    held_back = rows.gap - residual(rows, found, acting)
     return upsampled(rows, rows.command - residual(rows, found) - held_back)
 
 

@@ -121,18 +121,21 @@ class Score(Gram):
             first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
             more = self._dilution(first, acting, joints)
         x = self._bounded(left[0], left[1] + more, at)
-        error = np.zeros((len(gram), len(self.which)))
-        for j, (here, g, h) in enumerate(own):
-            part = x[1:, here]
-            error[:, j] = self.square[:blocks, j] + np.sum(
-                ((g @ part[..., None])[..., 0] - 2 * h) * part, 1
-            )
-        error, (passed, heard) = np.maximum(error, 0.0), self._passed(acting, x[0])
+        error = np.maximum(self._errors(own, x[1:], slice(blocks)), 0.0)
+        passed, heard = self._passed(acting, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
         value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
+
+    def _errors(self, own: Sequence[Any], x: np.ndarray, blocks: slice) -> np.ndarray:
+        """Return sums of squares (B, J) on blocks of scaled coefficients ``x``, (P,) or (B, P)."""
+        error = self.square[blocks].copy()
+        for j, (here, g, h) in enumerate(own):
+            part = x[..., here]
+            error[:, j] += np.sum(((g @ part[..., None])[..., 0] - 2 * h) * part, 1)
+        return error
 
     def dilution(self, found: Solution) -> np.ndarray:
         """Return what to add to the right side (P,) of a set's normal equations for its score.
@@ -142,7 +145,7 @@ class Score(Gram):
         added, coefficients instead make the error small relative to what arrives of the command.
         """
         at = self.indices(found.members)
-        own, acting = self._normal(at)[2], self._acting(at)
+        own, acting = self._own(at, slice(len(self.weights))), self._acting(at)
         joints = [self._normal_of(own, d.joint) for d in acting]
         return self._dilution(found.x * self.scale[at], acting, joints) * self.scale[at]
 
@@ -208,11 +211,8 @@ class Score(Gram):
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
         at, blocks = self.indices(members), len(self.weights)
-        _, _, own = self._normal(at)
-        scaled, error = x * self.scale[at], np.zeros(len(own))
-        for j, (here, g, h) in enumerate(own):
-            part = scaled[here]
-            error[j] = self.square[:blocks, j].sum() + part @ (g.sum(0) @ part - 2 * h.sum(0))
+        scaled = x * self.scale[at]
+        error = self._errors(self._own(at, slice(blocks)), scaled, slice(blocks)).sum(0)
         passed, heard = self._passed(self._acting(at), scaled)
         mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
         return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
@@ -244,16 +244,8 @@ class Score(Gram):
 
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""
-        at = self.indices(found.members)
-        x, rest = found.x * self.scale[at], ~self.training
-        error = self.square[rest].copy()
-        for j, local in enumerate(self.local):
-            here = np.flatnonzero(local[at] >= 0)
-            there, part = local[at[here]], x[here]
-            error[:, j] += -2 * self.right[j][len(self.weights) :, there] @ part
-            error[:, j] += np.einsum(
-                "bpq,p,q->b", self.gram[j][len(self.weights) :, there[:, None], there], part, part
-            )
+        at, rest = self.indices(found.members), slice(len(self.weights), None)
+        error = self._errors(self._own(at, rest), found.x * self.scale[at], rest)
         return np.maximum(error, 0.0)
 
     def having(self, items: Sequence[Item]) -> "Score":

@@ -28,10 +28,8 @@ def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.nd
         left: (N, J) the set's residual there [N or Nm].
     """
     # what a bound holds, such as the alignment of torques, stays there
-    lower, upper = (
-        np.concatenate([np.zeros(0), *(getattr(m, side) for m in found.members)])
-        for side in ("lower", "upper")
-    )
+    at = score.indices(found.members)
+    lower, upper = (bound[at] / score.scale[at] for bound in score.bounds)
     held = lambda bound: np.isclose(found.x, bound, rtol=1e-9, atol=0.0)
     free = ~(held(lower) | held(upper))
     own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]

@@ -1,7 +1,7 @@
 """The effects of a set with all of their parameters, physical and with standard errors.
 
-All are fitted together by least squares, but for shapes that the encoder's noise would bias
-(:mod:`jaxidl.gap.fit.spared`).
+All are fitted together by least squares, but for shapes that the encoder's noise would bias: those
+are fitted one by one (:mod:`jaxidl.gap.fit.shapes`); the rest says how well they are known.
 
 A standard error has three parts: the jackknife's over blocks, of all parameters of all effects
 together; that of least squares with the effective number of samples
@@ -21,15 +21,15 @@ import numpy as np
 from jaxidl.effects import Effect, place_of
 from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import absorbed
+from jaxidl.gap.evidence.noise import accelerates
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import Shape, build, effect_at, limits, movable, on_bound, vector
 from jaxidl.gap.fit.consistent import physical_fits
 from jaxidl.gap.fit.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.motors import arriving
-from jaxidl.gap.fit.score import Score
-from jaxidl.gap.fit.shapes import tangent
-from jaxidl.gap.fit.spared import noisy, spared
+from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.gap.fit.shapes import fitted, tangent
 from jaxidl.gap.fit.torque_constants import swayed
 
 
@@ -89,32 +89,21 @@ def resampled(
     return value._replace(parameters=parameters)
 
 
-def values(
-    members: Sequence[Item],
-    x: Sequence[np.ndarray],
-    rows: Rows,
-    score: Score,
-    predicted: np.ndarray,
-) -> list[Value]:
-    """Return the effects of a set, fitted to all training rows, in the catalogue's order.
+def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Value]:
+    """Return the effects of a set, fitted to all training ``rows``, in the catalogue's order.
 
-    Args:
-        members: the set.
-        x: coefficients of each member to begin with.
-        rows: the rows to fit: N rows of J joints.
-        score: the score with which the members were found; its noise is the joints' weight.
-        predicted: (T, J) command predicted by the set [N or Nm].
+    ``predicted`` (T, J) is the command that the set predicts [N or Nm].
     """
-    clean = spared(members, x, rows, score, predicted)
-    starts = [
-        v if _plain(m) else vector(m.shape, v) for m, v in zip(clean.members, clean.x, strict=True)
-    ]
+    members, noisy = now.members, [spares(m) for m in now.members]
+    clean = spared(score, now, rows, predicted) if any(noisy) else now
+    x = [clean.x[clean.of(m)] for m in clean.members]
+    starts = [v if _plain(m) else vector(m.shape, v) for m, v in zip(clean.members, x, strict=True)]
     tangents, gap, command = [], rows.gap.copy(), rows.command.copy()
     for m, theta in zip(clean.members, starts, strict=True):
         if _plain(m):
             tangents.append(m)
             continue
-        there = arriving(m, clean.members, clean.x, rows, predicted)
+        there = arriving(m, clean.members, x, rows, predicted)
         t = tangent(m.shape, theta, there, predicted)
         base = t.value - np.tensordot(theta, t.columns, 1)
         gap -= base
@@ -133,10 +122,10 @@ def values(
         )
     near = rows._replace(gap=gap, command=command)
     fit = _fitted(tangents, near, rows, score)
-    if any(map(noisy, members)):
+    if any(noisy):
         pinned = [
-            replace(t, lower=theta, upper=theta) if noisy(m) else t
-            for m, t, theta in zip(members, tangents, starts, strict=True)
+            replace(t, lower=theta, upper=theta) if fixed else t
+            for fixed, t, theta in zip(noisy, tangents, starts, strict=True)
         ]
         value = _fitted(pinned, near, rows, score).x
         fit = fit._replace(x=value, folds=fit.folds + value - fit.x)
@@ -154,8 +143,33 @@ def values(
             (k[0], fit.places[groups[k][0]]) for k in parts if k[1] == key[1] and parts[k] == key
         ]
         value = _value(key, whole, taken, fit, rows.signals.interval)
-        out.append(value._replace(share=max(clean.share.get(n, 0.0) for n in numbers)))
+        # where no parameter says so: a drive without stiffness is not one without a spring
+        at = [clean.of(m) for n in numbers if noisy[n] and not (m := clean.members[n]).shape.free]
+        share = [float(clean.x[a][0] - 2.0 * jackknife(clean.folds[:, a])[0]) for a in at]
+        out.append(value._replace(share=max([0.0, *share])))
     return out
+
+
+def spared(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Solution:
+    """Return a set with the shapes fitted that the encoder's noise would bias."""
+    solve = lambda every: Score(rows, every, score.noise, score.effective, score.anchor).solve(
+        every
+    )
+    before = solve(now.members)
+    x = [before.x[before.of(m)] for m in now.members]
+    return solve(
+        [
+            fitted(m, before, arriving(m, now.members, x, rows, predicted), predicted, score)
+            if spares(m)
+            else m
+            for m in now.members
+        ]
+    )
+
+
+def spares(m: Item) -> bool:
+    """Return whether the encoder's noise would bias a member's parameters."""
+    return not m.always and accelerates(m.shape) and bool(movable(m.shape))
 
 
 def _plain(m: Item) -> bool:
@@ -200,20 +214,25 @@ def _value(
             total = {n: own[n] if n not in total else total[n] + own[n] for n in own}
         for name, place in taken:
             amplitudes = dict(shape.parts)[name] * float(x[place][0])
-            sizes = np.cumsum([np.size(shape.values[n]) for n in shape.free])[:-1]
-            for n, part in zip(shape.free, np.split(amplitudes, sizes), strict=True):
+            for n, part in shape.cut(shape.free, amplitudes).items():
                 total[n] = total[n] + part.reshape(total[n].shape)
-        return build(shape.cls, shape.joint, shape.joints, total, shape.options).settled()
+        return build(shape.cls, shape.joint, shape.joints, total, shape.options)
 
+    read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
     effect, others, moved = (
         at(fit.x),
         [at(x) for x in fit.folds],
         [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])],
     )
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
-    hidden = shape.cls.internal  # converted into others, all of which are then shown
+    hidden = shape.cls.internal  # converted into others, all of which are then shown,
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
-    read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
+    settled = effect.settled()
+    if any(np.any(read(settled, n) != 0.0) for n in hidden):  # but for a load without mass
+        names = [n for n in shape.cls.parameters if n in fitted]
+    else:
+        effect = settled
+        others, moved = ([e.settled() for e in each] for each in (others, moved))
     parameters, scatter = {}, {}
     for n in names:
         value = read(effect, n)

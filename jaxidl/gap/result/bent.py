@@ -8,7 +8,7 @@ import numpy as np
 
 from jaxidl.gap.choice.find import Found
 from jaxidl.gap.fit.held_out import jackknife
-from jaxidl.gap.fit.library import residual_on
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value
 
 
@@ -21,15 +21,6 @@ def other_law(value: Value) -> bool:
     return cls.linear and not cls.common
 
 
-def adds(found: Found, value: Value) -> np.ndarray:
-    """Return what an effect adds to the command (N, J) [N or Nm]."""
-    out = np.zeros_like(found.library.rows.gap)
-    for m in value.items:
-        x = found.solution.x[found.solution.of(m)]
-        out[:, list(m.joints)] += np.tensordot(x, m.columns, 1)
-    return out
-
-
 def bend(found: Found, added: np.ndarray, joint: int) -> float:
     """Return the size of the bend of an effect, which ``added`` (N,) [N or Nm], relative to it.
 
@@ -38,7 +29,7 @@ def bend(found: Found, added: np.ndarray, joint: int) -> float:
     rows = found.library.rows
     use = rows.used[:, joint]
     own, block = added[use], rows.block[use]
-    left = residual_on(rows, found.solution, [joint])[use, 0]
+    left = residual(rows, found.solution, joints=[joint])[use, 0]
     size = np.sqrt(np.mean(own**2)) if use.any() else 0.0
     if not size > 0.0:
         return 0.0

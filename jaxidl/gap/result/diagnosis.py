@@ -27,6 +27,11 @@ class Estimate(NamedTuple):
     stderr: float | list[float]
 
 
+def plain_number(value: np.ndarray) -> float | list[float]:
+    """Return a parameter's values (n,) as an :class:`Estimate` has them."""
+    return float(value[0]) if len(value) == 1 else value.tolist()
+
+
 @dataclass(frozen=True)
 class Finding:
     """One effect that was added to the model."""

@@ -13,11 +13,12 @@ from jaxidl.gap.evidence.gram import Item, Key
 from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import rms
 from jaxidl.gap.fit.held_out import aside, worse_by
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.gap.fit.values import Value, resampled
-from jaxidl.gap.result.bent import adds, bend, other_law
+from jaxidl.gap.result.bent import bend, other_law
 from jaxidl.gap.result.calibration import probability, signs
-from jaxidl.gap.result.diagnosis import Estimate, Finding
+from jaxidl.gap.result.diagnosis import Estimate, Finding, plain_number
 from jaxidl.gap.result.trust import Trust
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
@@ -50,7 +51,7 @@ def findings(
         rms(rows.command, rows.used),
         rms(rows.gap, rows.used & ~rows.training[:, None]),
     )
-    added = [adds(found, value) for value in fitted]
+    added = [rows.gap - residual(rows, found.solution, value.items) for value in fitted]
     shares = [rms(a, rows.used) / np.maximum(command, 1e-300) for a in added]
     aside_there = found.score.count[~found.score.training].sum(0) > 0
     where = [int(np.argmax(np.where(aside_there, s, 0.0))) for s in shares]
@@ -70,7 +71,7 @@ def findings(
         cls = CATALOGUE[name]
         known_as = resampled(value, draws, elsewhere)
         parameters = {
-            n: Estimate(_number(v), unit_of(cls.parameters[n].unit, kind), _number(e))
+            n: Estimate(plain_number(v), unit_of(cls.parameters[n].unit, kind), plain_number(e))
             for n, (v, e) in known_as.parameters.items()
         }
         bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
@@ -162,7 +163,3 @@ def best_instead(
         if (reached := score.solve([*others, i]).value) > best:
             best, nearest = reached, i.key
     return best, nearest
-
-
-def _number(value: np.ndarray) -> float | list[float]:
-    return float(value[0]) if len(value) == 1 else value.tolist()

@@ -10,7 +10,7 @@ from jaxidl.errors import ConfigurationError
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.fit.balance import balance
 from jaxidl.gap.fit.refine import WINDOW, Refinement, refine
-from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding, Side
+from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding, Side, plain_number
 from jaxidl.gap.result.words import summarise
 from jaxidl.replay.trajectory import MOMENTS
 from jaxidl.systems.free import Bounds
@@ -89,8 +89,7 @@ def _bounds(f: Finding) -> Bounds:
 def record(d: Diagnosis) -> dict[str, Any] | None:
     """Return the content of ``refined`` in ``report.json``."""
     r = d.refinement
-    if r is None:
-        return None
+    assert r is not None
     return {
         "accepted": r.accepted,
         "reason": r.reason,
@@ -103,9 +102,9 @@ def record(d: Diagnosis) -> dict[str, Any] | None:
                 "parameters": {
                     name: {
                         "unit": f.parameters[name].unit,
-                        "before": _number(value),
-                        "after": _number(r.refined[k][name]),
-                        "stderr": _number(reported_stderr(d, k, name)),
+                        "before": plain_number(value),
+                        "after": plain_number(r.refined[k][name]),
+                        "stderr": plain_number(reported_stderr(d, k, name)),
                     }
                     for name, value in r.given[k].items()
                 },
@@ -150,9 +149,7 @@ def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
             reported_stderr(d, k, name),
             np.ravel(f.parameters[name].stderr),
         )
-        parameters[name] = Estimate(_number(value), f.parameters[name].unit, _number(stderr))
+        parameters[name] = Estimate(
+            plain_number(value), f.parameters[name].unit, plain_number(stderr)
+        )
     return replace(f, effect=r.effects[k], parameters=parameters)
-
-
-def _number(value: np.ndarray) -> float | list[float]:
-    return float(value[0]) if len(value) == 1 else value.tolist()

@@ -6,8 +6,9 @@ Then it has a cause in time, not in the state.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.fft import dct
 
-from jaxidl.gap.evidence.drift import SLOW, components
+from jaxidl.gap.evidence.drift import SLOW
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.result.diagnosis import MUCH
 
@@ -54,7 +55,7 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
 def _drift(x: np.ndarray) -> float:
     """Return the share of the energy of ``x`` (N,) about its mean in slow components."""
     x = x - x.mean()
-    return float(np.sum((components(len(x), SLOW).T @ x) ** 2) / max(float(x @ x), 1e-300))
+    return float(np.sum(dct(x, norm="ortho")[: SLOW + 1] ** 2) / max(float(x @ x), 1e-300))
 
 
 def _lines(x: np.ndarray) -> np.ndarray:

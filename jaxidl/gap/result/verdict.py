@@ -8,7 +8,7 @@ from jaxidl.gap.choice import estimates
 from jaxidl.gap.choice.find import Found
 from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.result.diagnosis import LIKELY, MUCH, Ambiguity, Finding, Row
-from jaxidl.gap.result.words import experiment
+from jaxidl.gap.result.experiments import experiment
 
 MORE = 1.5  # times what a reference log leaves: less may come from another motion
 SHOWN = 12  # most rivals reported

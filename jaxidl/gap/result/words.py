@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from jaxidl.gap.result.diagnosis import LIKELY, MUCH, Ambiguity, Estimate, Finding, Gap
-from jaxidl.gap.result.experiments import experiment
 from jaxidl.systems.mjcf import Model
 
 FEW = 6  # most effects that a summary names
@@ -272,19 +271,3 @@ def _digits(value: float) -> str:
 
 def _numbers(finding: Finding) -> str:
     return ", ".join(f"{readable(name)} {number(p)}" for name, p in finding.parameters.items())
-
-
-__all__ = [
-    "doubt_of",
-    "experiment",
-    "headline",
-    "judged",
-    "listed",
-    "number",
-    "percent",
-    "plus_minus",
-    "readable",
-    "squared",
-    "summarise",
-    "undecided",
-]
