@@ -10,10 +10,8 @@ import numpy as np
 from jaxidl import __version__
 from jaxidl.effects import Effect, searchable, searched
 from jaxidl.errors import ConfigurationError, one_of
-from jaxidl.gap.choice.confidence import ambiguous
 from jaxidl.gap.choice.confirm import possible
 from jaxidl.gap.choice.find import Found, Watch, find
-from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.evidence.clock import late_torques
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.localise import localise
@@ -110,13 +108,11 @@ def diagnose(
         gap = rows.gap if found.named else residual(rows, found.solution, aligning)
         watch("checking the residual", 0.0)
         network = check(rows, after)
-        swapping = [Tie((g[0],), tuple(g[1:]), 1.0) for g in ambiguous(found.named, found.support)]
-        ties = [*found.ties, *swapping]
         odd, trust = trust_of(found, known.names)
-        named = findings(found, found.fitted, known, [n.value for n in network], ties, trust)
+        named = findings(found, found.fitted, known, [n.value for n in network], found.ties, trust)
         compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
-    doubts = doubts_of(ties, named)
+    doubts = doubts_of(found.ties, named)
     handed = compared.after if named else compared.before
     envelope = _envelope(found.library, compared)
     unexplained = unexplained_joints(

@@ -21,10 +21,10 @@ from jaxidl.effects import (
     TorqueCurve,
 )
 from jaxidl.gap.choice import estimates, rivals
-from jaxidl.gap.choice.confidence import DRAWS, Support, ambiguous, support
+from jaxidl.gap.choice.confidence import DRAWS, support
 from jaxidl.gap.choice.objections import apart, nameable, objection, objections
 from jaxidl.gap.choice.rivals import Contests, contested, tied
-from jaxidl.gap.choice.search import REPLACED, promising, replaced, search
+from jaxidl.gap.choice.search import REPLACED, replaced, search
 from jaxidl.gap.evidence.gram import Anchor, Item
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.noise import in_units_of_noise
@@ -323,17 +323,13 @@ def test_where_a_motor_lets_no_more_through_it_explains_nothing(planted):
     held = np.zeros((1, 1, N, 1))
     held[0, 0, np.flatnonzero(rows.training)[::4], 0] = 1.0 / x
     push = np.ones((1, N, 1)), held
-    deaf = np.array([[0.25 / abs(x)]])
-    score = score_of(rows, [limited := replace(acting, push=push, deaf=deaf)])
+    score = score_of(rows, [limited := replace(acting, push=push)])
     found = score.solve([limited])
     part = found.x[0] / x
     passed = 1.0 - 0.25 * part * (2.0 - part)  # all but that quarter
     np.testing.assert_allclose(found.passed, [passed, 1.0], rtol=1e-6)
     mean = found.error.sum(0) / score.count[score.training].sum(0)
-    variance = np.var(rows.command[rows.training & rows.used[:, 0], 0]) / 0.5**2
-    # any command explains the motion there
-    heard = 1.0 - 0.25 * part
-    joint = heard * np.log(mean[0] / passed) + (1.0 - heard) * np.log(variance)
+    joint = np.log(mean[0] / passed)
     assert found.value == pytest.approx(-25.0 * (joint + np.log(mean[1])) - 2.0)
 
 
@@ -539,17 +535,6 @@ def test_common_effects_together_are_tried_for_a_rare_one(own, named):
     assert search(score, [rare]).members == ((rare,) if named else tuple(common))
 
 
-def test_what_promises_next_to_nothing_is_not_tried(planted):
-    rows, _, truth, _ = planted
-    left = rows.gap[:, :1] - truth[0].columns[0]
-    draw = np.random.default_rng(6).normal(size=(N, 1))
-    little, more = (item(name, draw + x * left) for name, x in (("little", 0.1), ("more", 1.0)))
-    score = score_of(rows, [*truth, little, more])
-    score.effective[:] = N  # enough samples for both
-    assert estimates.promise(score, truth)[id(little)] > 0.0
-    assert promising(score, truth, -np.inf) == [more]
-
-
 def test_a_joint_without_noise_and_command_has_a_residual_in_units_of_nothing():
     rows = rows_with(np.zeros((N, JOINTS)))._replace(spread=np.zeros(JOINTS))
     left = np.zeros((N, JOINTS))
@@ -679,11 +664,10 @@ def test_a_rare_event_is_spread_over_several_blocks(planted):
 # how sure it is
 
 
-def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(planted):
+def test_a_strong_effect_is_there_on_every_draw_and_a_twin_beside_it(planted):
     rows, pool, truth, score = planted
     said = support(score, score.solve(truth))
     assert all(share == 1.0 for share in said.share.values())
-    assert ambiguous(truth, said) == []
     rng = np.random.default_rng(6)
     twin = item("twin", pool[0].columns + 0.02 * rng.normal(size=(1, N, 1)), odds=-2.0)
     twins = score_of(rows, [*truth, twin])
@@ -691,8 +675,6 @@ def test_a_strong_effect_is_there_on_every_draw_and_twins_stand_for_each_other(p
     (own,) = [m for m in found.members if m in (pool[0], twin)]
     said = support(twins, found)
     assert said.share == support(twins, found).share  # the same draws each time
-    other = twin if own is pool[0] else pool[0]
-    assert set(said.instead[own.group]) <= {other.group}
     assert all(said.share[m.group] == 1.0 for m in found.members if m is not own)
 
 
@@ -708,16 +690,6 @@ def test_draws_say_by_how_much_coefficients_are_off_but_not_beside_an_effect_on_
     said = support(bounded, bounded.solve(truth))
     assert all(said.share[m.group] == 1.0 for m in truth)
     assert all(set(d) == {m.group for m in truth if 1 not in m.joints} for d in said.moves)
-
-
-def test_effects_that_swap_on_half_of_the_draws_are_ambiguous(planted):
-    _, pool, _, _ = planted
-    often, seldom = (
-        Support({pool[0].group: 0.4}, {pool[0].group: {("x", 0, ""): DRAWS // 2}}, []),
-        Support({pool[0].group: 0.9}, {}, []),
-    )
-    assert ambiguous([pool[0]], often) == [[pool[0].group, ("x", 0, "")]]
-    assert ambiguous([pool[0]], seldom) == []
 
 
 def constants(elsewhere=0.0, wrong=0.0):
@@ -901,7 +873,8 @@ def test_one_of_two_rare_effects_is_tried_without_the_other(monkeypatch):
 def test_a_member_is_contested_once_beside_the_same_others():
     rng = np.random.default_rng(11)
     cause, beside = rng.normal(size=(2, N, 1))
-    true, alike = item("true", cause), item("alike", cause + 0.5 * rng.normal(size=(N, 1)))
+    true = item("true", cause, odds=-2.0)
+    alike = item("alike", cause + 0.5 * rng.normal(size=(N, 1)), odds=-2.0)
     another, elsewhere = item("another", beside), item("elsewhere", beside, (1,))
     gap = 0.3 * rng.normal(size=(N, JOINTS))
     gap[:, 0] += (cause + beside)[:, 0]

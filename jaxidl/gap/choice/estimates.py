@@ -11,7 +11,6 @@ import numpy as np
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.fit.score import RIDGE, Score, Solution
 
-LEAST = 0.02  # least share of the squared error that what is tried must promise to remove
 ALIKE = 1e-6  # share of what columns add below which others imitate them
 
 
@@ -58,20 +57,6 @@ def _promise(
     for m in now.members:
         out.pop(id(m), None)
     return out
-
-
-def enough(score: Score) -> dict[int, float]:
-    """Return the promise of each item that removes ``LEAST`` of the error on one of its joints.
-
-    Less is not worth the time: it would not be named.
-    """
-    if not score.enough:
-        gain = -0.5 * np.log(1.0 - LEAST) * score.effective
-        score.enough.update(
-            (id(i), float(gain[list(i.joints)].mean()) - 0.5 * len(i.lower) + i.odds)
-            for i in score.items
-        )
-    return score.enough
 
 
 def lost(score: Score, now: Solution) -> dict[int, float]:

@@ -163,10 +163,9 @@ def promising(
     members = tuple(members)
     promise = estimates.promise(score, members, joints)
     least = value - score.solve(members).value - NEAR
-    enough = estimates.enough(score)
     taken = {m.group for m in members} if joints is not None else set()
     ranked = sorted(
-        (i for i in score.items if promise.get(id(i), -np.inf) > max(least, enough[id(i)])),
+        (i for i in score.items if promise.get(id(i), -np.inf) > least),
         key=lambda i: -promise[id(i)],
     )
     count: dict[tuple[int, ...], int] = {}

@@ -70,9 +70,10 @@ def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) 
             right[at] += x[:, use] @ y[use]
         inverse = np.linalg.inv(gram)
         for j, (at, x) in enumerate(each):
-            left = wanted[:, j] - x.T @ (inverse @ right)[at]
-            leverage = alike * np.sum(x * (inverse[np.ix_(at, at)] @ x), 0)
-            square[:, j] = left**2 / (1.0 + np.where(kept[:, j], 0.0, leverage))
+            square[:, j] = (wanted[:, j] - x.T @ (inverse @ right)[at]) ** 2
+            far = x[:, ~kept[:, j]]
+            leverage = np.sum(far * (inverse[np.ix_(at, at)] @ far), 0)
+            square[~kept[:, j], j] /= 1.0 + alike * leverage
         around = mean(square * counted) / np.maximum(share, 0.5) * (share > 0.5)
         often = [
             np.quantile(a[u], 1.0 - SELDOM) if u.any() else 0.0
