@@ -329,6 +329,29 @@ def test_between_rows_of_any_distance_a_command_is_smooth(two_link):
     assert np.abs(got - wanted).max() < 0.1 * np.abs(straight - wanted).max()
 
 
+def test_deaf_is_where_more_command_held_delivers_no_more(two_link):
+    """So it is at a limit.
+
+    It is not so where a share of the command arrives, where it is late, or through play.
+    """
+    log = swung(lambda q, qd, qdd: np.asarray(needed(two_link, q, qd, qdd)))
+    signals = prepare(from_arrays(*log), two_link.plant.body)
+    rows = rows_of(signals)
+    (limit,) = np.quantile(np.abs(rows.command[rows.used[:, 0], 0]), [0.7])
+    for name, given, most, least in (
+        ("torque_saturation", {"limit": limit}, 0.4, 0.2),
+        ("torque_scale", {"scale": 0.6}, 0.0, 0.0),
+        ("actuator_delay", {"delay": 0.03}, 0.05, 0.0),
+        ("backlash", {"gap": 0.02}, 0.15, 0.0),
+    ):
+        shape = shapes_of(CATALOGUE[name], scales(rows)[0])[0]
+        shape = shape._replace(
+            values={**shape.values, **{k: np.asarray(v) for k, v in given.items()}}
+        )
+        (found,) = pushed(items_of([shape], rows, rows.tau), rows, rows.tau)
+        assert least <= found.deaf[0, 0] <= most, name
+
+
 def test_an_effect_of_a_users_that_reads_the_torque_is_found_with_its_size(
     two_link, clean_catalogue
 ):

@@ -323,13 +323,17 @@ def test_where_a_motor_lets_no_more_through_it_explains_nothing(planted):
     held = np.zeros((1, 1, N, 1))
     held[0, 0, np.flatnonzero(rows.training)[::4], 0] = 1.0 / x
     push = np.ones((1, N, 1)), held
-    score = score_of(rows, [limited := replace(acting, push=push)])
+    deaf = np.array([[0.25 / abs(x)]])
+    score = score_of(rows, [limited := replace(acting, push=push, deaf=deaf)])
     found = score.solve([limited])
     part = found.x[0] / x
     passed = 1.0 - 0.25 * part * (2.0 - part)  # all but that quarter
     np.testing.assert_allclose(found.passed, [passed, 1.0], rtol=1e-6)
     mean = found.error.sum(0) / score.count[score.training].sum(0)
-    joint = np.log(mean[0] / passed)
+    variance = np.var(rows.command[rows.training & rows.used[:, 0], 0]) / 0.5**2
+    # any command explains the motion there
+    heard = 1.0 - 0.25 * part
+    joint = heard * np.log(mean[0] / passed) + (1.0 - heard) * np.log(variance)
     assert found.value == pytest.approx(-25.0 * (joint + np.log(mean[1])) - 2.0)
 
 

@@ -30,6 +30,9 @@ class Delivery(NamedTuple):
     one: Float[np.ndarray, " W"]
     mean: Float[np.ndarray, "W A"]
     square: Float[np.ndarray, "W A A"]
+    # share of samples at which no additional command passes, for each unit of a coefficient
+    deaf: Float[np.ndarray, " A"]
+    variance: float  # of the command [noise^2]
 
     def among(self, at: np.ndarray, total: int) -> "Delivery | None":
         """Return that of a set of columns ``at`` (P,) of ``total``; None if none acts here."""
@@ -42,6 +45,7 @@ class Delivery(NamedTuple):
             places=np.searchsorted(at, self.places[on]),
             mean=self.mean[:, on],
             square=self.square[:, on[:, None], on],
+            deaf=self.deaf[on],
         )
 
     def share(self, x: np.ndarray) -> tuple[float, np.ndarray]:
@@ -51,6 +55,10 @@ class Delivery(NamedTuple):
         shares = self.one + (moved - 2 * self.mean) @ x
         least = int(np.argmin(shares))
         return max(float(shares[least]), LEAST), 2 * (moved[least] - self.mean[least])
+
+    def heard(self, x: np.ndarray) -> float:
+        """Return the share of samples that contain information about the command."""
+        return min(max(1.0 - float(np.abs(x[self.places]) @ self.deaf), 0.0), 1.0)
 
 
 def delivery(
@@ -89,4 +97,15 @@ def delivery(
         power = float(way @ way) or np.inf
         one, mean = [*one, 1.0], [*mean, held @ way / power]
         square.append(held @ held.T / power)
-    return Delivery(j, places, np.array(one), np.stack(mean), np.stack(square))
+    deaf = [
+        np.zeros(len(i.lower)) if i.deaf is None else i.deaf[:, i.joints.index(j)] for i in acting
+    ]
+    return Delivery(
+        j,
+        places,
+        np.array(one),
+        np.stack(mean),
+        np.stack(square),
+        np.concatenate([np.zeros(0), *deaf]) / scale,
+        variance,
+    )

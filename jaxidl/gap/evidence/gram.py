@@ -41,6 +41,9 @@ class Item:
     always: bool = False  # true if part of every set without being an effect
     # additional commands on its joints (S, N, K), and what it holds back of them (S, P, N, K) [1]
     push: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
+    deaf: np.ndarray | None = field(
+        default=None, repr=False
+    )  # (P, K) share of samples at which no additional command passes
 
     @property
     def key(self) -> Key:
@@ -149,6 +152,8 @@ class Gram:
             acting = [i for i, _ in on if i.actuates]
             at = self.indices(acting)
             self.deliveries.append(delivery(rows, j, noise[j], acting, at, self.scale[at]))
+        # variance of the command [noise^2]
+        self.variance = np.array([d.variance for d in self.deliveries])
         self.bounds = [
             np.concatenate([np.zeros(0), *(getattr(i, side) for i in items)]) * self.scale
             for side in ("lower", "upper")

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.evidence.friction import friction_along
@@ -28,6 +29,8 @@ from jaxidl.logs.low_pass import at_instants
 
 ALIKE = 20.0  # correlated samples that count as one, before their number is known
 PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
+HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
+DEAF = 0.8
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
@@ -35,7 +38,8 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
 
     It is what they hold back of two: one along the command, and the residual backwards in time.
     The latter has the spectrum of the residual and nothing to do with the motion: an actuator that
-    holds it back would also make noise smaller that is on the command.
+    holds it back would also make noise smaller that is on the command. The items further have the
+    share of samples at which they hold back all of a command while it is held.
     """
     acting = [i for i in items if i.actuates]
     signals, shapes = rows.signals, [i.shape for i in acting]
@@ -48,12 +52,20 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
         more = columns_of(shapes, rows._replace(tau=rows.tau + size * way), predicted + size * way)
         return [(a - b) / size for a, b in zip(more, without, strict=True)]
 
+    long = max(3, round(HELD / (signals.dt * float(np.median(np.diff(signals.rows, prepend=0))))))
+    use = rows.used & rows.training[:, None]
     ways = np.stack([np.sign(rows.command), signals.command(noise)[signals.rows]])
-    held_back = {
-        id(i): (ways[:, :, list(i.joints)], np.stack(each)[..., list(i.joints)])
-        for i, *each in zip(acting, kept(np.sign(rows.tau)), kept(noise), strict=True)
-    }
-    return [replace(i, push=held_back[id(i)]) if i.actuates else i for i in items]
+    out = {}
+    for i, along, back, held in zip(
+        acting, kept(np.sign(rows.tau)), kept(noise), kept(np.ones_like(rows.tau)), strict=True
+    ):
+        deaf = (uniform_filter1d(held, long, axis=1) > DEAF) & use
+        on = list(i.joints)
+        out[id(i)] = {
+            "push": (ways[:, :, on], np.stack([along, back])[..., on]),
+            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, on],
+        }
+    return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
 
 
 class Library(NamedTuple):

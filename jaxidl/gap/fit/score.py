@@ -5,7 +5,8 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
 
 * e is the mean squared error of the command on blocks left out, in units of the envelope's
   residual. Where effects change what the motor delivers it is taken relative to the share of the
-  command's variance, or of a small additional command, that they let through.
+  command's variance that they let through. At samples where a little more command would deliver no
+  more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
   residual and of its columns (:mod:`jaxidl.gap.evidence.samples`), and for motions that are
   repeated (:mod:`jaxidl.gap.evidence.recurrence`).
@@ -120,9 +121,9 @@ class Score(Gram):
             more = self._dilution(first, acting, joints)
         x = self._bounded(left[0], left[1] + more, at)
         error = np.maximum(self._errors(own, x[1:], slice(blocks)), 0.0)
-        passed = self._passed(acting, x[0])
+        passed, heard = self._passed(acting, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
-        value = self.value_of(mean / passed, members) - self._implausible(at, x[0])
+        value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
@@ -174,17 +175,25 @@ class Score(Gram):
         """
         return float(0.5 * self.prior[at] @ x**2 / self.alike)
 
-    def value_of(self, error: np.ndarray, members: Iterable[Item]) -> float:
-        """Return the score of a mean squared error (J,) of some members."""
-        said = np.log(np.maximum(error, self.floor))
+    def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
+        """Return the score of a mean squared error (J,).
+
+        ``heard`` (J,) is the share of samples that contain information about the command.
+        """
+        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(
+            np.maximum(self.variance, self.floor)
+        )
         return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
 
-    def _passed(self, acting: Sequence[Delivery], x: np.ndarray) -> np.ndarray:
-        """Return how much of each joint's command (J,) actuators let through."""
-        passed = np.ones(len(self.which))
+    def _passed(self, acting: Sequence[Delivery], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return how much of each joint's command (J,) actuators let through.
+
+        Also return the share of informative samples (J,).
+        """
+        passed, heard = np.ones((2, len(self.which)))
         for d in acting:
-            passed[d.joint] = d.share(x)[0]
-        return passed
+            passed[d.joint], heard[d.joint] = d.share(x)[0], d.heard(x)
+        return passed, heard
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return solutions (F, P) of F normal equations of columns ``at`` (P,)."""
@@ -203,9 +212,9 @@ class Score(Gram):
         at, blocks = self.indices(members), len(self.weights)
         scaled = x * self.scale[at]
         error = self._errors(self._own(at, slice(blocks)), scaled, slice(blocks)).sum(0)
-        passed = self._passed(self._acting(at), scaled)
+        passed, heard = self._passed(self._acting(at), scaled)
         mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
-        return self.value_of(mean / passed, members) - self._implausible(at, scaled)
+        return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of a set's coefficients.

@@ -117,6 +117,7 @@ def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> li
                 upper=upper,
                 precision=np.zeros(len(theta)),
                 push=None,
+                deaf=None,
             )
         )
     near = rows._replace(gap=gap, command=command)
