@@ -7,6 +7,7 @@ instants were measured, and only they are kept. Torques that were recorded more 
 """
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import convolve1d
@@ -103,7 +104,7 @@ def _period(x: np.ndarray, runs: list[slice], order: int, longest: float) -> flo
         return None
     near = frequency[high[0]]
     bounds = near - 1.0 / length, min(near + 1.0 / length, 0.5)
-    best = minimize_scalar(
+    best: Any = minimize_scalar(
         lambda f: -abs(_wave(large, f)), bounds=bounds, options={"xatol": 1e-4 / length}
     )
     count, period = total**2 / np.sum(large**2), 1.0 / float(best.x)

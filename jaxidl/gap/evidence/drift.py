@@ -26,7 +26,7 @@ def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
     most = min(SLOW, int(2.0 * seconds / SHORTEST))
     if len(left) < LEAST or most < 2:
         return np.ones(SLOW + 1)
-    power = dct(left, norm="ortho")[: BESIDE + 1] ** 2
+    power = np.asarray(dct(left, norm="ortho"))[: BESIDE + 1] ** 2
     slow = np.cumsum(power[1 : most + 1]) / np.arange(1, most + 1)
     # two at least, since one alone says little; the offset as the slowest of them
     slow = np.concatenate([[slow[1]] * 3, slow[2:]])

@@ -62,7 +62,8 @@ def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) 
     size = np.sqrt(np.where(size > 0.0, size, 1.0) / len(rows.gap))
     prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / size**2
     each = [(at, x / size[at, None]) for at, x in each]
-    wanted, kept, square = rows.gap / noise, counted, np.zeros_like(rows.gap)
+    wanted, kept = rows.gap / noise, counted
+    square, around = np.zeros((2, *rows.gap.shape))
     for _ in range(STEPS):
         gram, right = np.diag(prior + RIDGE * len(wanted)), np.zeros(len(size))
         for (at, x), use, y in zip(each, kept.T, wanted.T, strict=True):

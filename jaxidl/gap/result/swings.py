@@ -55,7 +55,9 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
 def _drift(x: np.ndarray) -> float:
     """Return the share of the energy of ``x`` (N,) about its mean in slow components."""
     x = x - x.mean()
-    return float(np.sum(dct(x, norm="ortho")[: SLOW + 1] ** 2) / max(float(x @ x), 1e-300))
+    return float(
+        np.sum(np.asarray(dct(x, norm="ortho"))[: SLOW + 1] ** 2) / max(float(x @ x), 1e-300)
+    )
 
 
 def _lines(x: np.ndarray) -> np.ndarray:
