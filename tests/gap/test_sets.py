@@ -665,6 +665,23 @@ def test_a_rare_event_is_spread_over_several_blocks(planted):
     assert (rows.whole().block >= 0).all()
 
 
+def test_what_was_removed_beside_others_comes_back_once_those_are_gone():
+    """A common one is on its bound beside a rare one, which does too much and is on its own."""
+    rng = np.random.default_rng(12)
+    cause, more = rng.normal(size=(2, N, 1))
+    common = item("common", cause, low=-0.1, high=2.0, odds=2.0, common=True)
+    rare = item("rare", 4.0 * cause + 3.0 * more, low=0.3, high=0.3, odds=-2.0)
+    gap = 0.1 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += cause + 0.9 * more
+    rows = rows_with(gap)
+    score = score_of(rows, [common, rare])
+    both = score.solve([common, rare])
+    assert both.x[both.of(common)] == pytest.approx(-0.1)
+    now, _, strong, _ = nameable(score, both, rows, 0.05)
+    assert now.members == (common,)
+    assert common.group not in strong
+
+
 # how sure it is
 
 

@@ -53,16 +53,24 @@ def supported(
     """Return the set without what the log does not support, as :func:`nameable` does.
 
     Of members that share a joint what is on a bound goes first, since the others were judged beside
-    it, and then the weakest. The rest is fitted and searched again each time.
+    it, and then the weakest. The rest is fitted and searched again each time. In the end each comes
+    back, once, that fits better now: what it was judged beside may have gone.
     """
     every, strong, weak = score, dict[Group, str](), dict[Group, str]()
+    tried = set[Group]()
     while True:
         found = objections(score, now, 0.0, rows) or unphysical(score, now, rows)
         if not found:
             again = search(score, now.members) if strong or weak else now
-            if again.value <= now.value + EPSILON:
+            if again.value > now.value + EPSILON:
+                now = again
+                continue
+            back = readmitted(every, score, now, [g for g in strong if g not in tried], rows)
+            if back is None:
                 return now, score, strong, weak
-            now = again
+            score, now, group = back
+            tried.add(group)
+            del strong[group]
             continue
         first = apart(sorted(found, key=lambda o: (o[2] != BOUND, o[0])))
         # the others were judged in the presence of these
@@ -81,6 +89,22 @@ def supported(
             [m for m in now.members if id(m) not in out],
             swap=any(worth > STRONG for worth, _, _ in first),
         )
+
+
+def readmitted(
+    every: Score, score: Score, now: Solution, gone: Iterable[Group], rows: Rows
+) -> tuple[Score, Solution, Group] | None:
+    """Return a set with an effect that is better off without those beside which it was removed.
+
+    Also return its score and the effect. None if there is no such effect.
+    """
+    for group in gone:
+        fuller = every.narrowed([*score.items, *(i for i in every.items if i.group == group)])
+        then = search(fuller, now.members)
+        better = then.value > now.value + EPSILON and group in {m.group for m in then.members}
+        if better and group not in {m.group for _, m, _ in objections(fuller, then, 0.0, rows)}:
+            return fuller, then, group
+    return None
 
 
 # the member's contribution to the score, and why it may not be named

@@ -16,9 +16,10 @@
 6. Remove members (:mod:`jaxidl.gap.choice.objections`) that are on a bound, that their standard
    error does not distinguish from zero, that are not physical, that only make the encoder's noise
    smaller (:mod:`jaxidl.gap.evidence.noise`), or without which held-out blocks are predicted
-   better, the weakest on each joint first, and go to 4. A part is judged with its whole. Members
-   that remove less than the required share of the error, or that the whole log does not confirm,
-   are removed last, and nothing takes their place but what is common.
+   better, the weakest on each joint first, and go to 4. A part is judged with its whole. What fits
+   better once others have gone comes back. Members that remove less than the required share of the
+   error, or that the whole log does not confirm, are removed last, and nothing takes their place
+   but what is common.
 7. Repeat 4 on resampled blocks. The confidence of an effect is how often it is found again, times
    the probability that such a finding is right (:mod:`jaxidl.gap.result.calibration`). Effects that
    explain the log equally well in its place are reported with it.
