@@ -42,10 +42,12 @@ def load_part(
     joints: Sequence[str] | None,
     locked: Mapping[str, float] | None,
     flange: str | None = None,
+    follow: bool = False,
 ) -> tuple[mujoco.MjSpec, list[str]]:
     """Return MuJoCo's editable model of a file, cut down to ``joints``, and notes on changes.
 
-    It is changed where needed so that it compiles.
+    It is changed where needed so that it compiles. Joints that mimic others are locked, or
+    ``follow`` them.
 
     Raises:
         ModelError: with MuJoCo's own message, or as :func:`read_model`.
@@ -61,7 +63,7 @@ def load_part(
     spec = load_spec(path, text)
     notes += drop_missing(spec, path, urdf)
     notes += accept_masses(spec, path)
-    notes += take_part(spec, path, joints, locked or {})
+    notes += take_part(spec, path, joints, locked or {}, follow)
     if flange is not None:
         name_flange(spec, flange)
     return spec, notes

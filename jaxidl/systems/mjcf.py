@@ -83,8 +83,11 @@ def read_model(
         refuse(spec, path)
         model = compile_spec(spec, path)
         check_flange(model, path)
+        whole = None
+        if any(" mimics " in note for note in changed):
+            whole = compile_spec(load_part(path, part, locked, flange, follow=True)[0], path)
         try:
-            body = mujoco_body(model)
+            body = mujoco_body(model, whole)
         except (ValueError, mujoco.FatalError) as error:
             raise ModelError(
                 f"{path} to have a rigid body",

@@ -11,6 +11,7 @@ effects of the plant (:mod:`jaxidl.systems.mjcf` reads them).
 import contextlib
 import functools
 import io
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -22,6 +23,7 @@ from jaxtyping import Array, Float
 
 from jaxidl.effects.ten import COLUMNS, ROWS, moved
 from jaxidl.systems.flange import flange_of, name_flange, named_flange
+from jaxidl.systems.following import Following, following_of
 from jaxidl.systems.kinematics import place
 from jaxidl.types import Joints, Scalar
 
@@ -54,6 +56,8 @@ class MujocoBody(struct.PyTreeNode):
     kinds: tuple[str, ...] = struct.field(pytree_node=False)  # slide or hinge
     bodies: tuple[int, ...] = struct.field(pytree_node=False)
     body_names: tuple[str, ...] = struct.field(pytree_node=False)  # of all B bodies
+    # with the joints that follow these, which ``source`` has locked
+    following: Following | None = struct.field(pytree_node=False, default=None)
 
     @property
     def carrier(self) -> str:
@@ -137,18 +141,28 @@ class MujocoBody(struct.PyTreeNode):
 def _equation_of_motion(
     body: MujocoBody, q: Joints, qd: Joints
 ) -> tuple[Float[Array, "J J"], Joints]:
-    model = _constants(body.source)
-    model = model.replace(dof_armature=body.armature, opt=model.opt.replace(gravity=body.gravity))
+    all_joints, source, armature = body.following, body.source, body.armature
+    if all_joints is not None:
+        source = all_joints.source
+        q, qd, _ = all_joints.motion(q, qd, qd)
+        rotors = jnp.asarray(source.dof_armature, armature.dtype)
+        armature = rotors.at[jnp.asarray(all_joints.own)].set(armature)
+    model = _constants(source)
+    model = model.replace(dof_armature=armature, opt=model.opt.replace(gravity=body.gravity))
     # float64 only where JAX has enabled it
     model = jax.tree.map(
         lambda x: jnp.asarray(x, q.dtype) if jnp.issubdtype(x.dtype, jnp.floating) else x, model
     )
     with jax.numpy_rank_promotion("allow"):  # MJX relies on rank promotion
-        data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(body.source, q))
+        data = mjx.make_data(model).replace(qpos=q, qvel=qd, **place(source, q))
         data = _heavier(body, mjx.com_pos(model, data), q.dtype)
         for stage in (mjx.crb, mjx.com_vel):
             data = stage(model, data)
-        return mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+        inertia, bias = mjx.full_m(model, data), mjx.rne(model, data).qfrc_bias
+    if all_joints is None:
+        return inertia, bias
+    ratio = jnp.asarray(all_joints.ratio, q.dtype)
+    return ratio.T @ inertia @ ratio, ratio.T @ bias
 
 
 def _heavier(body: MujocoBody, data: Any, dtype: Any) -> Any:
@@ -162,8 +176,12 @@ def _heavier(body: MujocoBody, data: Any, dtype: Any) -> Any:
     return data.tree_replace({"_impl.cinert": data._impl.cinert + order})
 
 
-def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
+def mujoco_body(model: mujoco.MjModel, whole: mujoco.MjModel | None = None) -> MujocoBody:
     """Return the body of a compiled MuJoCo model that has only slides and hinges.
+
+    Args:
+        model: the model.
+        whole: the same with joints that follow others by equality constraints; locked in the first.
 
     Raises:
         ValueError: with MuJoCo's message, if it rejects the model's numbers when compiled again.
@@ -173,6 +191,7 @@ def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
         "slide" if kind == mujoco.mjtJoint.mjJNT_SLIDE else "hinge" for kind in bare.jnt_type
     )
     _constants(bare)  # MuJoCo raises here if at all
+    found = None if whole is None else following_of(whole)
     return MujocoBody(
         added=jnp.zeros((bare.nbody, 10)),
         armature=jnp.asarray(bare.dof_armature),
@@ -182,6 +201,7 @@ def mujoco_body(model: mujoco.MjModel) -> MujocoBody:
         kinds=kinds,
         bodies=tuple(int(b) for b in bare.jnt_bodyid),
         body_names=tuple(model.body(b).name or f"body{b}" for b in range(model.nbody)),
+        following=None if found is None else replace(found, source=skeleton(found.source)),
     )
 
 

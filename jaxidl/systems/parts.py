@@ -22,6 +22,7 @@ def take_part(
     path: Path,
     wanted: Sequence[str] | None,
     locked: Mapping[str, float],
+    follow: bool = False,
 ) -> list[str]:
     """Lock the joints of a spec that are not ``wanted``, and those that mimic another one.
 
@@ -31,6 +32,7 @@ def take_part(
         locked: positions [m or rad] at which joints are locked, by name; the others as in the file.
             A joint that mimics another is locked where that one is locked, or where it is in the
             file.
+        follow: keep those that are proportional to one that moves, with their constraint.
 
     Returns:
         Notes on what was locked.
@@ -59,9 +61,11 @@ def take_part(
             "only joints that mimic others",
             "remove a <mimic> or <equality>",
         )
+    followers = {n for n, (of, p) in ties.items() if of in moving and not np.any(p[2:])}
+    kept = followers if follow else set[str]()
     where, notes = {}, []
     for j, name in enumerate(names):
-        if name in moving:
+        if name in moving or name in kept:
             continue
         kind, reference = int(model.jnt_type[j]), float(model.qpos0[model.jnt_qposadr[j]])
         where[name] = float(locked.get(name, reference)) if kind in _MOVING else reference
@@ -75,16 +79,19 @@ def take_part(
     for name, at in where.items():
         _lock(joints, names.index(name), names, at, model, path)
     for mimic in mimics:  # first, because deleting an element twice crashes
-        spec.delete(mimic)
+        if mimic.name1 not in kept:
+            spec.delete(mimic)
     _forget(spec, {joints[name].name for name in where})
     for name in where:
         spec.delete(joints[name])
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
         notes.append(f"locked, because they were not chosen or not logged: {few(free)}")
-    for name, (master, _) in ties.items():
+    for name in filter(where.__contains__, ties):
+        how = "it moves with it, but in the corrected model it is locked at"
+        other = "its own motion is ignored, it is locked at"
         notes.append(
-            f"joint {name} mimics {master}: it is locked at {where[name]:.4g} and its own motion is"
-            " ignored"
+            f"joint {name} mimics {ties[name][0]}: {how if name in followers else other}"
+            f" {where[name]:.4g}"
         )
     return notes
 

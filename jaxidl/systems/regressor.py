@@ -37,22 +37,27 @@ def table(body: MujocoBody, q: Joints, qd: Joints, qdd: Joints) -> Tables:
     The derivatives by acceleration, position and velocity are left zero: JAX differentiates
     through the torque itself.
     """
-    source = body.source
-    at = _along(source, body.gravity, q, qd, qdd)
-    by_body = _by_body(source, at)  # (B, J, 10)
+    source, whole, motion, ratio = body.source, body.following, (q, qd, qdd), jnp.eye(len(q))
+    rotors = body.armature * qdd
+    if whole is not None:
+        source, motion, ratio = whole.source, whole.motion(q, qd, qdd), jnp.asarray(whole.ratio)
+        others = np.where(np.isin(np.arange(source.njnt), whole.own), 0.0, source.dof_armature)
+        rotors = rotors + ratio.T @ (others * motion[2])
+    at = _along(source, body.gravity, *motion)
+    by_body = jnp.einsum("bmp,mj->bjp", _by_body(source, at), ratio)
     numbers = jnp.asarray(_links(source)) + body.added
     none = jnp.zeros((len(body.bodies), len(body.bodies)))
     by_link = jnp.moveaxis(by_body[np.array(body.bodies)], 0, 1)
-    gravity = _by_gravity(source, at)
+    gravity = ratio.T @ _by_gravity(source, at)
     return Tables(
-        torque=jnp.einsum("bjp,bp->j", by_body, numbers) + body.armature * qdd,
+        torque=jnp.einsum("bjp,bp->j", by_body, numbers) + rotors,
         inertia=none,
         by_q=none,
         by_qd=none,
         by_mass=jnp.einsum("ijp,jp->ij", by_link, per_mass(source)[list(body.bodies)]),
         by_moment=jnp.einsum("ijp,jap->ija", by_link, per_moment(source)[list(body.bodies)]),
         by_link=by_link,
-        by_payload=by_body[flange_of(source)],
+        by_payload=by_body[flange_of(body.source)],
         by_gravity=gravity,
         by_tilt=gravity @ jnp.asarray(level(source)),
     )

@@ -60,13 +60,13 @@ def tables(body: Any, q: Rows, qd: Rows, qdd: Rows, stride: int = 1) -> Tables:
     """
     if isinstance(body, PointMass):
         return _of_point_mass(np.asarray(body.mass, float), qdd)
-    motion = _motion(body.source, q, qd, qdd)
-    by_payload = _by_body(motion, flange_of(body.source), body.source)
-    by_link = np.stack([_by_body(motion, b, body.source) for b in body.bodies], 2)
-    by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(body.source)[list(body.bodies)])
-    share = per_moment(body.source)[list(body.bodies)]
+    motion, source = _motion(body, q, qd, qdd)
+    by_payload = _by_body(motion, flange_of(body.source), source)
+    by_link = np.stack([_by_body(motion, b, source) for b in body.bodies], 2)
+    by_mass = np.einsum("tijp,jp->tij", by_link, per_mass(source)[list(body.bodies)])
+    share = per_moment(source)[list(body.bodies)]
     by_moment = np.einsum("tijp,jap->tija", by_link, share, optimize=True)
-    by_gravity = _by_gravity(motion, body.source)
+    by_gravity = _by_gravity(motion, source)
     coarse = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
     along = lambda part: interp1d(coarse, part, axis=0, assume_sorted=True)(np.arange(len(q)))
     by_q, by_qd = (
@@ -94,9 +94,9 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     ``change`` (J + 1, 10) has the additional inertial parameters of the joints' bodies and of the
     last body that moves: the turn changes the direction of their weight, too.
     """
-    source, out = body.source, np.zeros((*q.shape, 2))
-    motion = _motion(source, q, np.zeros_like(q), np.zeros_like(q))
-    changed = [x for x in zip((*body.bodies, flange_of(source)), change, strict=True) if x[1].any()]
+    out, last = np.zeros((*q.shape, 2)), flange_of(body.source)
+    motion, source = _motion(body, q, np.zeros_like(q), np.zeros_like(q))
+    changed = [x for x in zip((*body.bodies, last), change, strict=True) if x[1].any()]
     for a, gravity in enumerate(level(source).T):
         falling = np.zeros_like(motion.acceleration)
         falling[..., 3:] = -gravity
@@ -109,7 +109,10 @@ def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
     """Return inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):
         return np.asarray(body.mass, float) * qdd
-    return _inverse(body.source, q, qd, qdd)
+    if body.following is None:
+        return _inverse(body.source, q, qd, qdd)
+    whole = body.following
+    return _inverse(whole.source, *whole.motion(q, qd, qdd)) @ whole.ratio
 
 
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
@@ -137,14 +140,15 @@ def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
 
 
 class _Motion(NamedTuple):
-    """MuJoCo's data along a log, of B bodies and J joints.
+    """MuJoCo's data along a log, of B bodies, J joints, and M with those that follow them.
 
     Spatial vectors are angular, then linear at the tree's centre of mass.
     """
 
     torque: np.ndarray  # (T, J)
     inertia: np.ndarray  # (T, J, J)
-    axes: np.ndarray  # (T, J, 6) of the joints
+    ratio: np.ndarray  # (M, J) of speeds
+    axes: np.ndarray  # (T, M, 6) of the joints
     speed: np.ndarray  # (T, B, 6)
     acceleration: np.ndarray  # (T, B, 6) less gravity
     place: np.ndarray  # (T, B, 3) of the frames
@@ -152,8 +156,11 @@ class _Motion(NamedTuple):
     centre: np.ndarray  # (T, B, 3) of mass of the subtrees
 
 
-def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> _Motion:
-    """Return MuJoCo's intermediate results of inverse dynamics."""
+def _motion(body: Any, q: Rows, qd: Rows, qdd: Rows) -> tuple[_Motion, mujoco.MjModel]:
+    """Return MuJoCo's intermediate results of inverse dynamics, and the model they are of."""
+    source, ratio, whole = body.source, np.eye(q.shape[1]), body.following
+    if whole is not None:
+        source, ratio, (q, qd, qdd) = whole.source, whole.ratio, whole.motion(q, qd, qdd)
     T, J, B = len(q), source.nv, source.nbody
     shapes = (J,), (J, J), (J, 6), (B, 6), (B, 6), (B, 3), (B, 9), (B, 3)
     out = [np.empty((T, *shape)) for shape in shapes]
@@ -176,9 +183,10 @@ def _motion(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarr
         full(source, data, inertia[t])
         torque[t], axes[t], speed[t], acceleration[t] = force, cdof, cvel, cacc
         place[t], turn[t], centre[t] = xpos, xmat, subtree
-    return _Motion(
-        torque, inertia, axes, speed, acceleration, place, turn.reshape(T, B, 3, 3), centre
-    )
+    torque, inertia = torque @ ratio, ratio.T @ inertia @ ratio
+    turn = turn.reshape(T, B, 3, 3)
+    found = _Motion(torque, inertia, ratio, axes, speed, acceleration, place, turn, centre)
+    return found, source
 
 
 def _carries(source: mujoco.MjModel, body: int) -> np.ndarray:
@@ -212,7 +220,7 @@ def _by_body(motion: _Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
     moves = np.concatenate(
         [local(axes[..., :3]), local(axes[..., 3:] + np.cross(axes[..., :3], arm[:, None]))], 2
     )
-    return _without_rounding(moves @ wrench)
+    return _without_rounding(_independent(motion, moves @ wrench))
 
 
 def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
@@ -223,7 +231,13 @@ def _by_gravity(motion: _Motion, source: mujoco.MjModel) -> np.ndarray:
     on = source.dof_bodyid
     arm = motion.centre[:, on] - motion.centre[:, source.body_rootid[on]]
     moves = motion.axes[..., 3:] + np.cross(motion.axes[..., :3], arm)
-    return _without_rounding(-source.body_subtreemass[on][:, None] * moves)
+    weight = -source.body_subtreemass[on][:, None] * moves
+    return _without_rounding(_independent(motion, weight))
+
+
+def _independent(motion: _Motion, x: np.ndarray) -> np.ndarray:
+    """Return torques (T, J, P) of the independent joints for those of all (T, M, P)."""
+    return x if len(motion.ratio) == motion.ratio.shape[1] else motion.ratio.T @ x
 
 
 def _cross(vectors: np.ndarray) -> np.ndarray:
@@ -258,7 +272,7 @@ def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> l
 
     def central(by_q: float, by_qd: float) -> np.ndarray:
         def moved(c: np.ndarray) -> np.ndarray:
-            return _inverse(body.source, q + by_q * c, qd + by_qd * c, qdd)
+            return inverse_dynamics(body, q + by_q * c, qd + by_qd * c, qdd)
 
         return np.stack([(moved(c) - moved(-c)) / (2.0 * (by_q + by_qd)) for c in columns], -1)
 

@@ -2,6 +2,8 @@
 robot.
 """
 
+import jax
+import jax.numpy as jnp
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,8 @@ import pytest
 from jaxidl.errors import ModelError
 from jaxidl.systems.export import patched
 from jaxidl.systems.mjcf import names_of, read_model
+from jaxidl.systems.regressor import table
+from jaxidl.systems.tables import inverse_dynamics, tables
 from tests.helpers.model_files import (
     FLAT,
     MIMIC,
@@ -233,16 +237,55 @@ def test_a_joint_that_mimics_another_is_locked(tmp_path):
     path = stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf")
     assert names_of(path) == ("j1", "j2", "j3")
     model = read_model(path)
-    assert "joint j4 mimics j2: it is locked at 0.2 and its own motion is ignored" in model.notes
+    (note,) = [note for note in model.notes if " mimics " in note]
+    assert note.startswith("joint j4 mimics j2: it moves with it")
+    assert note.endswith("locked at 0.2")
     motion = states(4, 3)
     expected = fused(urdf(), "j4", 0.2)(*motion)
     np.testing.assert_allclose(
         torque_in_c(model.plant.body.source, *motion), expected, rtol=1e-9, atol=1e-9
     )
     part = read_model(path, joints=["j3"], locked={"j2": 0.4})
-    assert "joint j4 mimics j2: it is locked at 0 and its own motion is ignored" in part.notes
+    ignored = "joint j4 mimics j2: its own motion is ignored, it is locked at 0"
+    assert ignored in part.notes
+    assert part.plant.body.following is None
     with pytest.raises(ModelError, match="j4, which mimics j2"):
         read_model(path, joints=["j1", "j4"])
+
+
+def test_the_torque_of_a_mechanism_has_the_motion_of_joints_that_mimic(tmp_path):
+    """Its power is the rate at which energy changes, that of the joints that follow included."""
+    model = read_model(stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf"))
+    whole = model.plant.body.following.source
+    assert whole.njnt == 4
+    t = np.linspace(0.0, 1.0, 2001)[:, None]
+    turn, at = np.array([1.3, 2.1, 1.7]), np.array([0.3, 0.9, 1.4])
+    q, qd, qdd = (np.real((1j * turn) ** k * np.exp(1j * (turn * t + at))) for k in range(3))
+    data = mujoco.MjData(whole)
+    whole.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    energy = []
+    for x, v in zip(q, qd, strict=True):
+        data.qpos[:], data.qvel[:] = [*x, 0.2 - 0.5 * x[1]], [*v, -0.5 * v[1]]
+        mujoco.mj_forward(whole, data)
+        energy.append(data.energy.sum())
+    tau = inverse_dynamics(model.plant.body, q, qd, qdd)
+    power, rate = np.sum(tau * qd, axis=1), np.gradient(energy, t[:, 0], edge_order=2)
+    np.testing.assert_allclose(power, rate, atol=1e-4 * np.abs(rate).max())
+    few = slice(None, None, 200)
+    body, motion = model.plant.body, (q[few], qd[few], qdd[few])
+    along = tables(body, *motion)
+    load = jnp.array([0.3, 0.02, 0.05, -0.01, 0.02, 0.03, 0.01, 0.0, 0.001, 0.0])
+    loaded = jax.vmap(body.add_payload(load).inverse_dynamics)
+    heavier = loaded(*map(jnp.asarray, motion))
+    np.testing.assert_allclose(along.torque, tau[few], atol=1e-9)
+    np.testing.assert_allclose(along.torque + along.by_payload @ load, heavier, atol=1e-9)
+    for n, x in enumerate(zip(*motion, strict=True)):
+        here = table(body, *map(jnp.asarray, x))
+        np.testing.assert_allclose(here.torque, along.torque[n], atol=1e-9)
+        np.testing.assert_allclose(here.by_link, along.by_link[n], atol=1e-9)
+        np.testing.assert_allclose(here.by_tilt, along.by_tilt[n], atol=1e-9)
+    still = inverse_dynamics(model.plant.body.replace(following=None), q, qd, qdd)
+    assert np.abs(tau - still).max() > 0.01 * np.abs(still).max()
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
@@ -299,7 +342,10 @@ def test_in_mjcf_joints_mimic_others_by_an_equality(tmp_path):
     path = stored(tmp_path, FINGERS)
     model = read_model(path, joints=["arm"], locked={"f2": 0.07})
     where = 0.01 + 0.002 - 0.04 + 5 * 0.04**2
-    assert any(f"joint f1 mimics f2: it is locked at {where:.4g}" in note for note in model.notes)
+    assert any(
+        f"joint f1 mimics f2: its own motion is ignored, it is locked at {where:.4g}" in note
+        for note in model.notes
+    )
     assert read_model(path).names == ("arm", "f2")
     with pytest.raises(ModelError, match="f1, which mimics f2; leave it out"):
         read_model(path, joints=["arm", "f1"])

@@ -152,13 +152,15 @@ def _left(
     q, qd, qdd = (
         reading.position * x[kept][:, moved] for x in (signals.q, signals.qd, signals.qdd)
     )
-    source = signals.body.source
-    standing = np.array(source.opt.gravity)
-    source.opt.gravity = strength * reading.down
+    sources = [b.source for b in (signals.body, signals.body.following) if b is not None]
+    standing = np.array(sources[0].opt.gravity)
     try:
+        for source in sources:
+            source.opt.gravity = strength * reading.down
         torque = inverse_dynamics(signals.body, q + reading.zero, qd, qdd)
     finally:
-        source.opt.gravity = standing
+        for source in sources:
+            source.opt.gravity = standing
     if not all(inner(e).friction for e in rows.effects):
         # what the model's own effects need but its friction, of which it may have too much
         own = rows.command - rows.gap - signals.tables.torque[signals.rows] - rows.friction

@@ -63,7 +63,7 @@ def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) 
     prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / size**2
     each = [(at, x / size[at, None]) for at, x in each]
     wanted, kept = rows.gap / noise, counted
-    square, around = np.zeros((2, *rows.gap.shape))
+    square, around = np.zeros_like(rows.gap), np.zeros_like(rows.gap)
     for _ in range(STEPS):
         gram, right = np.diag(prior + RIDGE * len(wanted)), np.zeros(len(size))
         for (at, x), use, y in zip(each, kept.T, wanted.T, strict=True):

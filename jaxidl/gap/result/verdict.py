@@ -10,6 +10,7 @@ from jaxidl.gap.choice.rivals import Tie
 from jaxidl.gap.result.diagnosis import LIKELY, MUCH, Ambiguity, Finding, Row
 from jaxidl.gap.result.experiments import experiment
 
+HALF = 0.5  # share of the command's spread that no model may leave
 MORE = 1.5  # times what a reference log leaves: less may come from another motion
 SHOWN = 12  # most rivals reported
 
@@ -56,7 +57,7 @@ def unexplained_joints(
 
     Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
     state, in all of the log, or all of it on held-out data if it exceeds that of the envelope or
-    the command's own spread, than which no model at all would do better.
+    ``HALF`` of the command's spread.
 
     Args:
         remaining: (J,) residual in the model returned, on held-out data [N or Nm].
@@ -73,7 +74,7 @@ def unexplained_joints(
         worst = max(left, everywhere[j])
         predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
-        beaten = left > much and left > min(1.1 * envelope[j], spread[j])
+        beaten = left > much and left > min(1.1 * envelope[j], HALF * spread[j])
         before = 0.0 if earlier is None else MORE * earlier[j]
         if worst > max(2.0 * floor[j], before) and (systematic or beaten):
             out.append(j)
