@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 
 import jax
 
-from jaxidl.errors import ModelError
+from jaxidl.effects import searchable, searched
+from jaxidl.errors import ConfigurationError, ModelError, one_of
 from jaxidl.logs.columns import PartOfRobotError
 from jaxidl.logs.joint_names import joints_called
 from jaxidl.logs.log import Log, read
@@ -112,3 +113,28 @@ def words(reading: Mapping[str, Any]) -> str:
         values = [given] if isinstance(given, str) else given
         out += [f"--{name.replace('_', '-')}", *map(str, values)]
     return shlex.join(out)
+
+
+def wanted(
+    held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float
+) -> list[str]:
+    """Return names of the effects to look for."""
+    for name in (*(effects or ()), *exclude):
+        if name not in searchable():
+            raise one_of("an effect to look for", name, searchable())
+    names = [name for name in (searched() if effects is None else effects) if name not in exclude]
+    if not names:
+        raise ConfigurationError(
+            "at least one effect to look for", "none", f"choose among {', '.join(searchable())}"
+        )
+    if not 0.1 <= held_out <= 0.6:
+        raise ConfigurationError(
+            "a held-out share between 0.1 and 0.6",
+            f"{held_out}",
+            "hold out between a tenth and six tenths",
+        )
+    if not 0.0 < min_gain < 1.0:
+        raise ConfigurationError(
+            "a least improvement (min_gain) between 0 and 1", f"{min_gain}", "choose 0.05"
+        )
+    return names

@@ -2,46 +2,38 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import jax
 import numpy as np
 
 from jaxidl import __version__
-from jaxidl.effects import Effect, searchable, searched
-from jaxidl.errors import ConfigurationError, one_of
+from jaxidl.effects import Effect
+from jaxidl.errors import ConfigurationError
 from jaxidl.gap.choice.confirm import possible
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.evidence.clock import late_torques
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
-from jaxidl.gap.evidence.projection import ALIGNMENT
-from jaxidl.gap.evidence.rows import Rows, instants_of, rms, rows_of
+from jaxidl.gap.evidence.rows import Rows, rms, rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.held_out import aside
-from jaxidl.gap.fit.library import Library, library, residual
-from jaxidl.gap.fit.values import Value, values
-from jaxidl.gap.inputs import Inputs, read_inputs
+from jaxidl.gap.fit.library import Library, library
+from jaxidl.gap.inputs import Inputs, read_inputs, wanted
 from jaxidl.gap.reference import left_by, reference_of
 from jaxidl.gap.result.diagnosis import (
     Diagnosis,
     Envelope,
     Gap,
-    Side,
     Traces,
 )
-from jaxidl.gap.result.findings import findings
-from jaxidl.gap.result.network import check
+from jaxidl.gap.result.judged import fitted_to_training, judged
 from jaxidl.gap.result.notes import notes_of
 from jaxidl.gap.result.swings import swings
-from jaxidl.gap.result.trust import trust_of
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.result.words import doubt_of, summarise
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import Signals, prepare
-from jaxidl.replay.rollout import rollout_errors
-from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model, read_model
 
 MIN_GAIN = 0.05
@@ -86,7 +78,7 @@ def diagnose(
         ConfigurationError: for an unknown effect, a share out of its bounds, or a log with a
             different number of joints.
     """
-    names = _names(held_out, effects, exclude, min_gain)
+    names = wanted(held_out, effects, exclude, min_gain)
     with jax.enable_x64(True):
         watch("reading", 0.0)
         measured, known = _inputs(log, model)
@@ -96,21 +88,15 @@ def diagnose(
         if old is not None:
             watch("searching the reference", 0.0)
             before, _ = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
-            kept = (v.effect for v in _values(before))
+            kept = (v.effect for v in fitted_to_training(before))
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found, signals = _search(
             measured, known, common, names, held_out, min_gain, watch, before=before
         )
+        found, (odd, after, gap, network, named, compared) = judged(
+            found, signals, known, common, rollouts, watch
+        )
         rows = found.library.rows
-        after = residual(rows, found.solution)
-        # where nothing is found, the model is judged with the log's torques as well aligned
-        aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
-        gap = rows.gap if found.named else residual(rows, found.solution, aligning)
-        watch("checking the residual", 0.0)
-        network = check(rows, after)
-        odd, trust = trust_of(found, known.names)
-        named = findings(found, found.fitted, known, [n.value for n in network], found.ties, trust)
-        compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
     still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(found.ties, named)
     handed = compared.after if named else compared.before
@@ -168,31 +154,6 @@ def diagnose(
     )
 
 
-def _names(
-    held_out: float, effects: Sequence[str] | None, exclude: Sequence[str], min_gain: float
-) -> list[str]:
-    """Return names of the effects to look for."""
-    for name in (*(effects or ()), *exclude):
-        if name not in searchable():
-            raise one_of("an effect to look for", name, searchable())
-    names = [name for name in (searched() if effects is None else effects) if name not in exclude]
-    if not names:
-        raise ConfigurationError(
-            "at least one effect to look for", "none", f"choose among {', '.join(searchable())}"
-        )
-    if not 0.1 <= held_out <= 0.6:
-        raise ConfigurationError(
-            "a held-out share between 0.1 and 0.6",
-            f"{held_out}",
-            "hold out between a tenth and six tenths",
-        )
-    if not 0.0 < min_gain < 1.0:
-        raise ConfigurationError(
-            "a least improvement (min_gain) between 0 and 1", f"{min_gain}", "choose 0.05"
-        )
-    return names
-
-
 def _inputs(log: Source, model: Model | str | Path) -> Inputs:
     """Return a log and a model; if both are files, joints are matched by their names."""
     if not isinstance(log, Log) and not isinstance(model, Model):
@@ -248,47 +209,6 @@ def _explaining(found: Found) -> list[Item]:
     named = {m.group for m in found.named}
     usual = [i for i in found.library.score.items if i.common or i.always]
     return [*(i for i in usual if i.group not in named), *found.named]
-
-
-def _values(found: Found) -> list[Value]:
-    """Return what was found with parameters fitted to the training rows alone."""
-    return values(found.score, found.solution, found.library.rows, found.predicted)
-
-
-def _gap(
-    found: Found,
-    signals: Signals,
-    gap: np.ndarray,
-    after: np.ndarray,
-    known: Model,
-    common: Any,
-    rollouts: bool,
-    watch: Watch,
-) -> Gap:
-    """Return both sides on the held-out rows, and in the same windows of them.
-
-    The parameters were fitted without these rows.
-    """
-    rows = found.library.rows
-    members = [v.effect for v in _values(found)]
-    behind = signals.behind(members)
-    there = ~rows.training[:, None] & rows.used
-    command = rms(rows.command, there)
-    kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
-
-    def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
-        watch("replaying the log", 0.5)
-        size = rms(left, there)
-        errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
-        relative = np.where(command > 0.0, size / np.maximum(command, 1e-300), np.nan)
-        return Side(size.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
-
-    model = Plant(known.plant.body, (*known.plant.effects, *common))
-    before = side(gap, model, signals._replace(late=behind.late))
-    later = (
-        side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
-    )
-    return Gap(list(known.units), before, later, signals.noise_floor.tolist())
 
 
 def _envelope(made: Library, compared: Gap) -> Envelope:

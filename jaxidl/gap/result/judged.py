@@ -1,0 +1,140 @@
+"""What is said of a set of effects that was found: findings, errors on held-out data, simulations.
+
+What is more likely wrong than right is left out if some joint's motion is simulated worse with it
+than by the model as it was, and better without.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from jaxidl.effects import Effect
+from jaxidl.gap.choice.find import Found, Watch
+from jaxidl.gap.evidence.projection import ALIGNMENT
+from jaxidl.gap.evidence.rows import instants_of, rms
+from jaxidl.gap.fit.library import residual
+from jaxidl.gap.fit.values import Value, values
+from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Side
+from jaxidl.gap.result.findings import findings
+from jaxidl.gap.result.network import Gain, check
+from jaxidl.gap.result.trust import trust_of
+from jaxidl.logs.signals import Signals
+from jaxidl.replay.rollout import rollout_errors
+from jaxidl.systems import Plant
+from jaxidl.systems.mjcf import Model
+
+ASTRAY = "with it the simulation strays further from the measured motion"
+
+
+class Judged(NamedTuple):
+    """What is said of a set; N rows of J joints."""
+
+    odd: list[str]  # sentences about how the log reads
+    after: np.ndarray  # (N, J) residual with the set [N or Nm]
+    gap: np.ndarray  # (N, J) that of the model [N or Nm]
+    network: tuple[Gain, ...]  # of each joint
+    named: tuple[Finding, ...]
+    compared: Gap
+
+
+def judged(
+    found: Found,
+    signals: Signals,
+    known: Model,
+    common: Sequence[Effect],
+    rollouts: bool,
+    watch: Watch,
+) -> tuple[Found, Judged]:
+    """Return what is said of a set, and the set without what leads the simulation astray.
+
+    Args:
+        found: the result of the search.
+        signals: the log, T instants of J joints.
+        known: the model.
+        common: effects that this log and its reference have in common.
+        rollouts: whether to simulate.
+        watch: called with the current stage and the share of it that is done.
+    """
+    first = _judged(found, signals, known, common, rollouts, watch)
+    unlikely = {(f.name, f.joint) for f in first.named if f.confidence < LIKELY}
+    if not unlikely or _astray(first.compared) <= 1.0:
+        return found, first
+    gone = {m.group: ASTRAY for m in found.named if m.key in unlikely}
+    now = found.score.solve([m for m in found.solution.members if m.group not in gone])
+    fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
+    less = replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
+    second = _judged(less, signals, known, common, rollouts, watch)
+    better = _astray(second.compared) < _astray(first.compared)
+    return (less, second) if better else (found, first)
+
+
+def fitted_to_training(found: Found) -> list[Value]:
+    """Return what was found with parameters fitted to the training rows alone."""
+    return values(found.score, found.solution, found.library.rows, found.predicted)
+
+
+def _judged(
+    found: Found,
+    signals: Signals,
+    known: Model,
+    common: Sequence[Effect],
+    rollouts: bool,
+    watch: Watch,
+) -> Judged:
+    rows = found.library.rows
+    after = residual(rows, found.solution)
+    # where nothing is found, the model is judged with the log's torques as well aligned
+    aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
+    gap = rows.gap if found.named else residual(rows, found.solution, aligning)
+    watch("checking the residual", 0.0)
+    network = check(rows, after)
+    odd, trust = trust_of(found, known.names)
+    named = findings(found, found.fitted, known, [n.value for n in network], found.ties, trust)
+    compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
+    return Judged(odd, after, gap, network, named, compared)
+
+
+def _gap(
+    found: Found,
+    signals: Signals,
+    gap: np.ndarray,
+    after: np.ndarray,
+    known: Model,
+    common: Sequence[Effect],
+    rollouts: bool,
+    watch: Watch,
+) -> Gap:
+    """Return both sides on the held-out rows, and in the same windows of them.
+
+    The parameters were fitted without these rows.
+    """
+    rows = found.library.rows
+    members = [v.effect for v in fitted_to_training(found)]
+    behind = signals.behind(members)
+    there = ~rows.training[:, None] & rows.used
+    command = rms(rows.command, there)
+    kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
+
+    def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
+        watch("replaying the log", 0.5)
+        size = rms(left, there)
+        errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
+        relative = np.where(command > 0.0, size / np.maximum(command, 1e-300), np.nan)
+        return Side(size.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
+
+    model = Plant(known.plant.body, (*known.plant.effects, *common))
+    before = side(gap, model, signals._replace(late=behind.late))
+    later = (
+        side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
+    )
+    return Gap(list(known.units), before, later, signals.noise_floor.tolist())
+
+
+def _astray(compared: Gap) -> float:
+    """Return the largest ratio of a joint's error in position after to that before."""
+    before, after = (np.array([*s.rollout_rms.values()]) for s in (compared.before, compared.after))
+    diverges = np.where(np.isnan(before), 0.0, np.inf)
+    ratio = np.where(np.isnan(after), diverges, after / np.maximum(before, 1e-300))
+    return float(np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(initial=0.0))
