@@ -66,7 +66,8 @@ def find(
 ) -> Found:
     """Return what is missing."""
     rows = library.rows
-    score, predicted, banned = library.score, library.predicted, dict[Group, str]()
+    score, predicted = library.score, library.predicted
+    banned, doubted = dict[Group, str](), dict[Group, str]()
     watch("searching", 0.0)
     now = first(score)
     number, contests = 0, Contests()
@@ -75,24 +76,25 @@ def find(
         score, now, predicted = settled(score, now, library, predicted, contests)
         rows = rubbed(rows, now)
         fit, number = set(now.members), number + 1
-        now, narrow, strong, weak = nameable(score, now, rows, min_gain)
+        back = [i for i in library.score.items if i.group in banned and not movable(i.shape)]
+        score = score.having([*score.items, *back]) if back else score
+        now, narrow, banned, weak = nameable(score, now, rows, min_gain, banned)
         now, whole, dropped = confirmed(narrow, now, rows, predicted)
         doubtful = {group: why for group, why in dropped.items() if why != UNSURE}
         weak |= {group: why for group, why in dropped.items() if why == UNSURE}
-        strong |= doubtful
-        banned |= strong
+        doubted |= doubtful
         if number == ROUNDS or (
             not doubtful
             and all(m in fit or m.shape is None or not movable(m.shape) for m in now.members)
         ):
             break
-        score = score.narrowed([i for i in score.items if i.group not in strong])
+        score = score.narrowed([i for i in score.items if i.group not in banned | doubted])
         now = search(score, now.members) if doubtful else now
     narrow, read = reread(narrow, now, rows)
     while dropped or read is not now:
         read, whole, dropped = confirmed(narrow, read, rows, predicted)
-        now, banned = read, banned | dropped
-    gone = banned | weak
+        now, doubted = read, doubted | dropped
+    gone = banned | doubted | weak
     narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
     watch("resampling", 0.0)
     said = support(

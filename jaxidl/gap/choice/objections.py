@@ -1,6 +1,7 @@
 """Why a member of a set may not be named, and the set that is left without those."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from jaxidl.gap.fit.held_out import covariance_of, gain, jackknife, wald, worse_
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
 
+NOTHING: Mapping[Group, str] = MappingProxyType({})
 BOUND = "its value is on a bound"
 LATE = "it is hardly more than a sampling interval"
 UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
@@ -29,7 +31,7 @@ EXCLUDED = 2.0  # standard errors by which a value must differ from zero
 
 
 def nameable(
-    score: Score, now: Solution, rows: Rows, min_gain: float
+    score: Score, now: Solution, rows: Rows, min_gain: float, before: Mapping[Group, str] = NOTHING
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what may not be named, its score, and what was removed and why.
 
@@ -37,7 +39,7 @@ def nameable(
     Members that improve by less than the least improvement are removed last, and nothing takes
     their place but what is common: rare effects may have stood for friction.
     """
-    now, score, strong, weak = supported(score, now, rows)
+    now, score, strong, weak = supported(score, now, rows, before)
     while found := objections(score, now, min_gain, rows):
         _, worst, why = min(found, key=lambda o: o[0])
         weak[worst.group] = why
@@ -48,16 +50,17 @@ def nameable(
 
 
 def supported(
-    score: Score, now: Solution, rows: Rows
+    score: Score, now: Solution, rows: Rows, before: Mapping[Group, str] = NOTHING
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
     Of members that share a joint what is on a bound goes first, since the others were judged beside
     it, and then the weakest. The rest is fitted and searched again each time. In the end each comes
-    back, once, that fits better now: what it was judged beside may have gone.
+    back, once, that fits better now, also of those removed ``before``: what it was judged beside
+    may have gone.
     """
-    every, strong, weak = score, dict[Group, str](), dict[Group, str]()
-    tried = set[Group]()
+    every, strong, weak, tried = score, dict(before), dict[Group, str](), set[Group]()
+    score = every.narrowed([i for i in every.items if i.group not in strong])
     while True:
         found = objections(score, now, 0.0, rows) or unphysical(score, now, rows)
         if not found:
