@@ -18,18 +18,35 @@ from jaxidl.systems.mujoco_body import level, links, per_mass, per_moment
 
 
 class Numbers:
-    """The attributes of a compiled model of J joints into which effects are written.
+    """The attributes of a compiled model into which effects on J of its joints are written.
 
     Effects add to them in place. ``own`` gives those of one joint, as arrays of one element, and
     ``alter`` writes effects that alter the rigid body.
     """
 
-    def __init__(self, model: mujoco.MjModel):
-        # (J,)
+    def __init__(
+        self, model: mujoco.MjModel, joints: Sequence[int] | None = None, flange: int | None = None
+    ):
+        """Take the numbers of a model.
+
+        Args:
+            model: the model, of M joints.
+            joints: numbers of the J joints, if others follow them. Default: all.
+            flange: number of the body that carries a payload. Default: that of the model.
+        """
+        self.joints = tuple(range(model.njnt)) if joints is None else tuple(joints)
+        # (M,)
         self.damping, self.frictionloss = model.dof_damping.copy(), model.dof_frictionloss.copy()
-        # (J,)
+        # (M,)
         self.stiffness, self.springref = model.jnt_stiffness.copy(), model.qpos_spring.copy()
-        self.rigid = Rigid(model, model.dof_armature.copy(), links(model), model.opt.gravity.copy())
+        self.rigid = Rigid(
+            model,
+            self.joints,
+            flange_of(model) if flange is None else flange,
+            model.dof_armature.copy(),
+            links(model),
+            model.opt.gravity.copy(),
+        )
         self._together = False
 
     def expect(self, effects: Sequence[Effect]) -> None:
@@ -44,14 +61,14 @@ class Numbers:
 
     def own(self, joint: int) -> "Numbers":
         """Return a view of the numbers of one joint; adding to it adds to these."""
-        one = copy.copy(self)
+        one, at = copy.copy(self), self.joints[joint]
         for name in ("damping", "frictionloss", "stiffness", "springref"):
-            setattr(one, name, getattr(self, name)[joint : joint + 1])
+            setattr(one, name, getattr(self, name)[at : at + 1])
         return one
 
     @property
     def armature(self) -> np.ndarray:
-        """Rotor inertia (J,)."""
+        """Rotor inertia (M,)."""
         return self.rigid.armature
 
     def alter(self, effect: Effect) -> str | None:
@@ -87,30 +104,37 @@ class Principal(NamedTuple):
 
 
 class Rigid(NamedTuple):
-    """A rigid body as numbers, altered as any other body; J joints, B bodies."""
+    """A rigid body as numbers, altered as any other body; J of M joints, B bodies."""
 
     model: mujoco.MjModel
-    armature: np.ndarray  # (J,)
+    joints: tuple[int, ...]  # numbers of the J joints
+    flange: int  # number of the body that carries a load
+    armature: np.ndarray  # (M,)
     links: np.ndarray  # (B, 10) inertial parameters
     gravity: np.ndarray  # (3,)
     loads: tuple[np.ndarray, ...] = ()  # (10,) each, of the last body that moves
 
+    @property
+    def on(self) -> np.ndarray:
+        """Numbers (J,) of the joints' bodies."""
+        return self.model.jnt_bodyid[list(self.joints)]
+
     def add_inertia(self, extra: Any) -> "Rigid":
-        return self._replace(armature=self.armature + np.asarray(extra, float))
+        armature = self.armature.copy()
+        armature[list(self.joints)] += np.asarray(extra, float)
+        return self._replace(armature=armature)
 
     def add_link(self, extra: Any) -> "Rigid":
         changed = self.links.copy()
-        np.add.at(changed, self.model.jnt_bodyid, np.asarray(extra, float))
+        np.add.at(changed, self.on, np.asarray(extra, float))
         return self._replace(links=changed)
 
     def add_mass(self, extra: Any) -> "Rigid":
-        on = self.model.jnt_bodyid
-        return self.add_link(
-            np.broadcast_to(np.asarray(extra, float), on.shape)[:, None] * per_mass(self.model)[on]
-        )
+        share = per_mass(self.model)[self.on]
+        return self.add_link(np.broadcast_to(np.asarray(extra, float), len(share))[:, None] * share)
 
     def add_moment(self, extra: Any) -> "Rigid":
-        share = per_moment(self.model)[self.model.jnt_bodyid]
+        share = per_moment(self.model)[self.on]
         return self.add_link(np.einsum("ja,jap->jp", np.asarray(extra, float), share))
 
     def add_payload(self, extra: Any) -> "Rigid":
@@ -134,7 +158,7 @@ class Rigid(NamedTuple):
         numbers = self.links.copy()
         for load in self.loads:
             if principal(load, 0.0) is None:
-                numbers[flange_of(self.model)] += load
+                numbers[self.flange] += load
         before = links(self.model)
         changed = np.flatnonzero(np.any(numbers != before, axis=1)).tolist()
         return {b: self._body(numbers[b], before[b], b) for b in changed}

@@ -9,6 +9,7 @@ from jaxidl.effects import Effect, added_to
 from jaxidl.errors import EffectError
 from jaxidl.files import write_bytes
 from jaxidl.systems.attributes import Numbers, drives, kind, motors
+from jaxidl.systems.flange import flange_of
 from jaxidl.systems.loading import load_part, quietly
 from jaxidl.systems.mjcf import Model, as_read
 from jaxidl.systems.record import EFFECTS, Entry, check_fits, read_record
@@ -51,9 +52,10 @@ def patched(model: Model, added: Sequence[Effect]) -> tuple[str, dict[str, Any]]
         check_fits(effect, joints, bounded=False)
     with quietly(), as_read(model) as path:
         entries = read_record(path, joints)
-        spec, _ = load_part(path, model.part, model.locked, model.flange)
-        compiled = prepared(spec, model)
-        numbers = Numbers(compiled)
+        spec, _ = load_part(path, model.part, model.locked, model.flange, follow=True)
+        body: Any = model.plant.body
+        compiled, following = prepared(spec, model), body.following
+        numbers = Numbers(compiled, following and following.own, flange_of(body.source))
         numbers.expect(added)
         for effect in added:
             place = effect.write_mjcf(numbers)

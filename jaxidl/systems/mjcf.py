@@ -84,7 +84,7 @@ def read_model(
         model = compile_spec(spec, path)
         check_flange(model, path)
         whole = None
-        if any(" mimics " in note for note in changed):
+        if any("it follows" in note for note in changed):
             whole = compile_spec(load_part(path, part, locked, flange, follow=True)[0], path)
         try:
             body = mujoco_body(model, whole)

@@ -86,12 +86,10 @@ def take_part(
         spec.delete(joints[name])
     if free := [f"{name} at {at:.4g}" for name, at in where.items() if name not in ties]:
         notes.append(f"locked, because they were not chosen or not logged: {few(free)}")
-    for name in filter(where.__contains__, ties):
-        how = "it moves with it, but in the corrected model it is locked at"
-        other = "its own motion is ignored, it is locked at"
+    for name, (master, _) in ties.items():
+        ignored = f"its own motion is ignored, it is locked at {where.get(name, 0.0):.4g}"
         notes.append(
-            f"joint {name} mimics {ties[name][0]}: {how if name in followers else other}"
-            f" {where[name]:.4g}"
+            f"joint {name} mimics {master}: {'it follows' if name in followers else ignored}"
         )
     return notes
 

@@ -19,7 +19,6 @@ import numpy as np
 from jaxidl.effects.spec import Motor
 from jaxidl.errors import ModelError
 from jaxidl.systems.attributes import Numbers, Principal
-from jaxidl.systems.flange import flange_of
 from jaxidl.systems.mjcf import Model, compile_spec
 from jaxidl.systems.mujoco_body import joint_names
 
@@ -41,11 +40,13 @@ def prepared(spec: mujoco.MjSpec, model: Model) -> mujoco.MjModel:
     """
     for actuator in [a for a in spec.actuators if a.name.startswith(MOTOR)]:
         spec.delete(actuator)
-    names = joint_names(compile_spec(spec, model.path))
-    if names != model.names:
+    body: Any = model.plant.body
+    names, following = joint_names(compile_spec(spec, model.path)), body.following
+    own = names if following is None else tuple(names[j] for j in following.own)
+    if own != model.names:
         raise ModelError(
             f"{model.path} to have joints {', '.join(model.names)}",
-            ", ".join(names),
+            ", ".join(own),
             "read the model again",
         )
     taken = {joint.name for joint in spec.joints}
@@ -79,7 +80,7 @@ def rewritten(
     _point_to_assets(root, spec, path.parent)
     _write_gravity(root, numbers)
     _write_bodies(root, compiled, numbers)
-    _write_motors(root, compiled, drives)
+    _write_motors(root, [compiled.joint(j).name for j in numbers.joints], drives)
     ET.indent(root)
     text = ET.tostring(root, encoding="unicode") + "\n"
     _check(text, compiled, numbers, path)
@@ -139,7 +140,7 @@ def _write_bodies(root: ET.Element, model: mujoco.MjModel, numbers: Numbers) -> 
             del body.attrib["name"]
     taken = {model.body(b).name for b in range(model.nbody)}
     for load in numbers.rigid.carried():
-        carried = ET.SubElement(bodies[flange_of(model)], "body", name=_free("payload", taken))
+        carried = ET.SubElement(bodies[numbers.rigid.flange], "body", name=_free("payload", taken))
         carried.append(_inertial(load))
 
 
@@ -215,7 +216,7 @@ def _write_joint(joint: ET.Element, model: mujoco.MjModel, numbers: Numbers, j: 
             joint.set(key, _text(value))
 
 
-def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Motor]) -> None:
+def _write_motors(root: ET.Element, names: Sequence[str], drives: Sequence[Motor]) -> None:
     """Write a motor for each joint; its lag is exact for a command held over a step."""
     if not drives:
         return
@@ -224,7 +225,7 @@ def _write_motors(root: ET.Element, model: mujoco.MjModel, drives: Sequence[Moto
     for j, motor in enumerate(drives):
         general = {
             "name": f"{MOTOR}{j}",
-            "joint": model.joint(j).name,
+            "joint": names[j],
             "gear": _text(motor.gear),
             "ctrllimited": "false",
         }

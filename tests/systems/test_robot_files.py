@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from jaxidl.effects import InertiaError, OnJoint, Payload, ViscousFriction
 from jaxidl.errors import ModelError
 from jaxidl.systems.export import patched
 from jaxidl.systems.mjcf import names_of, read_model
@@ -237,9 +238,7 @@ def test_a_joint_that_mimics_another_is_locked(tmp_path):
     path = stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf")
     assert names_of(path) == ("j1", "j2", "j3")
     model = read_model(path)
-    (note,) = [note for note in model.notes if " mimics " in note]
-    assert note.startswith("joint j4 mimics j2: it moves with it")
-    assert note.endswith("locked at 0.2")
+    assert "joint j4 mimics j2: it follows" in model.notes
     motion = states(4, 3)
     expected = fused(urdf(), "j4", 0.2)(*motion)
     np.testing.assert_allclose(
@@ -287,6 +286,26 @@ def test_the_torque_of_a_mechanism_has_the_motion_of_joints_that_mimic(tmp_path)
         np.testing.assert_allclose(here.by_tilt, along.by_tilt[n], atol=1e-9)
     still = inverse_dynamics(model.plant.body.replace(following=None), q, qd, qdd)
     assert np.abs(tau - still).max() > 0.01 * np.abs(still).max()
+
+
+def test_a_corrected_model_keeps_joints_that_mimic(tmp_path):
+    model = read_model(stored(tmp_path, urdf(mimic=MIMIC), "robot.urdf"))
+    found = (
+        OnJoint(InertiaError(jnp.array([0.02]), jnp.array([0.3])), 2, 3),
+        OnJoint(ViscousFriction(jnp.array([0.7])), 1, 3),
+        Payload(jnp.array(0.4), jnp.array([0.1, 0.0, 0.02])),
+    )
+    body = model.plant.body
+    for effect in found:
+        body = effect.alter(body)
+    text, record = patched(model, found)
+    assert all(entry["in_mjcf"] for entry in record["effects"])
+    again = read_model(stored(tmp_path, text))
+    assert again.names == model.names
+    assert [type(e.effect) for e in again.plant.effects] == [ViscousFriction]
+    motion = [jnp.asarray(x) for x in states(6, 3)]
+    wanted = body.inverse_dynamics(*motion)
+    np.testing.assert_allclose(again.plant.body.inverse_dynamics(*motion), wanted, rtol=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["floating", "planar"])
