@@ -29,6 +29,7 @@ from jaxidl.gap.result.diagnosis import (
 )
 from jaxidl.gap.result.judged import fitted_to_training, judged
 from jaxidl.gap.result.notes import notes_of
+from jaxidl.gap.result.parts import differing
 from jaxidl.gap.result.swings import swings
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.result.words import doubt_of, summarise
@@ -118,7 +119,7 @@ def diagnose(
     swinging = swings(rows, after if named else gap, known.names)
     more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
     struck = moments(rows, after, known.names, known.units)
-    notes = (*odd, *struck, *swinging, *measured.notes, *more)
+    notes = (*odd, *struck, *differing(found, known.names), *swinging, *measured.notes, *more)
     return Diagnosis(
         verdict=verdict,
         summary=summarise(

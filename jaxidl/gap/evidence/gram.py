@@ -180,7 +180,7 @@ class Gram:
         There is one for each training block.
         """
         at = self.indices(members)
-        gram, right, _ = self._normal(at)
+        gram, right, _ = self.normal_equations(at)
         return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
 
     def known(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
@@ -195,12 +195,18 @@ class Gram:
     def _known(self, at: np.ndarray) -> np.ndarray:
         return self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])
 
-    def _normal(
-        self, at: np.ndarray
+    def normal_equations(
+        self, at: np.ndarray, part: slice | None = None
     ) -> tuple[np.ndarray, np.ndarray, list[tuple[np.ndarray, ...]]]:
-        blocks = len(self.weights)  # training blocks come first
+        """Return normal equations (B, P, P) and (B, P) of scaled columns ``at`` (P,).
+
+        Also return each joint's part of them. They are of ``part`` of the blocks, by default of all
+        training blocks, which come first.
+        """
+        part = slice(len(self.weights)) if part is None else part
+        blocks = len(self.count[part])
         gram, right = np.zeros((blocks, len(at), len(at))), np.zeros((blocks, len(at)))
-        own = self._own(at, slice(blocks))
+        own = self._own(at, part)
         for here, g, h in own:
             gram[:, here[:, None], here] += g
             right[:, here] += h

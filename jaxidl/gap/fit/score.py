@@ -107,7 +107,7 @@ class Score(Gram):
     def _solve(self, members: tuple[Item, ...]) -> Solution:
         at = self.indices(members)
         blocks = len(self.weights)
-        gram, right, own = self._normal(at)
+        gram, right, own = self.normal_equations(at)
         w = self.weights[:, None]
         whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
         left = (
@@ -120,7 +120,7 @@ class Score(Gram):
             first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
             more = self._dilution(first, acting, joints)
         x = self._bounded(left[0], left[1] + more, at)
-        error = np.maximum(self._errors(own, x[1:], slice(blocks)), 0.0)
+        error = np.maximum(self.errors(own, x[1:], slice(blocks)), 0.0)
         passed, heard = self._passed(acting, x[0])
         mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
         value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
@@ -128,7 +128,7 @@ class Score(Gram):
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
 
-    def _errors(self, own: Sequence[Any], x: np.ndarray, blocks: slice) -> np.ndarray:
+    def errors(self, own: Sequence[Any], x: np.ndarray, blocks: slice) -> np.ndarray:
         """Return sums of squares (B, J) on blocks of scaled coefficients ``x``, (P,) or (B, P)."""
         error = self.square[blocks].copy()
         for j, (here, g, h) in enumerate(own):
@@ -211,7 +211,7 @@ class Score(Gram):
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
         at, blocks = self.indices(members), len(self.weights)
         scaled = x * self.scale[at]
-        error = self._errors(self._own(at, slice(blocks)), scaled, slice(blocks)).sum(0)
+        error = self.errors(self._own(at, slice(blocks)), scaled, slice(blocks)).sum(0)
         passed, heard = self._passed(self._acting(at), scaled)
         mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
         return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
@@ -222,7 +222,7 @@ class Score(Gram):
         What the log does not determine is as wide as the prior.
         """
         at = self.indices(found.members)
-        gram, _, own = self._normal(at)
+        gram, _, own = self.normal_equations(at)
         known = self._known(at)
         middle = known * self.alike
         for (here, g, _), square in zip(own, self.square_of(found), strict=True):
@@ -244,7 +244,7 @@ class Score(Gram):
     def aside(self, found: Solution) -> np.ndarray:
         """Return sums of squares (A, J) of a set on the A held-out blocks [noise^2]."""
         at, rest = self.indices(found.members), slice(len(self.weights), None)
-        error = self._errors(self._own(at, rest), found.x * self.scale[at], rest)
+        error = self.errors(self._own(at, rest), found.x * self.scale[at], rest)
         return np.maximum(error, 0.0)
 
     def having(self, items: Sequence[Item]) -> "Score":
