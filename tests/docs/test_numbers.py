@@ -94,7 +94,9 @@ def benchmark() -> list[str]:
     return [
         f"Of the {round(outside['n'] * outside['share'])} logs with an effect from outside the"
         " catalogue that get a wrong name",
-        f"Of the {wrong} wrong names of robots" if wrong else "None of the names of robots is",
+        {0: "None of the names of robots is", 1: "The only wrong name of robots is"}.get(
+            wrong, f"Of the {wrong} wrong names of robots"
+        ),
         f"{100 * centres:.0f} % of the true centres of mass",
     ]
 
