@@ -28,7 +28,7 @@ def differing(found: Found, names: Sequence[str]) -> list[str]:
     if score.anchor is not None:
         return []
     at, count = score.indices(members), score.count[score.training].sum(0)
-    blocks, floor = len(score.weights), score.floor * count
+    blocks, floor = len(score.weights), np.maximum(score.floor * count, 1e-300)
 
     def error(part: slice) -> np.ndarray:
         """Return the sum of squares (J,) that the best coefficients leave of some blocks."""
