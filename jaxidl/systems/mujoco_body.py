@@ -143,8 +143,7 @@ def _equation_of_motion(
 ) -> tuple[Float[Array, "J J"], Joints]:
     all_joints, source, armature = body.following, body.source, body.armature
     if all_joints is not None:
-        source = all_joints.source
-        q, qd, _ = all_joints.motion(q, qd, qd)
+        source, (q, qd, _) = all_joints.source, all_joints.motion(q, qd, qd)
         rotors = jnp.asarray(source.dof_armature, armature.dtype)
         armature = rotors.at[jnp.asarray(all_joints.own)].set(armature)
     model = _constants(source)
@@ -179,9 +178,7 @@ def _heavier(body: MujocoBody, data: Any, dtype: Any) -> Any:
 def mujoco_body(model: mujoco.MjModel, whole: mujoco.MjModel | None = None) -> MujocoBody:
     """Return the body of a compiled MuJoCo model that has only slides and hinges.
 
-    Args:
-        model: the model.
-        whole: the same with joints that follow others by equality constraints; locked in the first.
+    ``whole`` also has the joints that follow others by equality constraints.
 
     Raises:
         ValueError: with MuJoCo's message, if it rejects the model's numbers when compiled again.

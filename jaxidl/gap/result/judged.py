@@ -4,7 +4,7 @@ What is more likely wrong than right is left out if some joint's motion is simul
 than by the model as it was, and better without.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -57,7 +57,11 @@ def judged(
         rollouts: whether to simulate.
         watch: called with the current stage and the share of it that is done.
     """
-    first = _judged(found, signals, known, common, rollouts, watch)
+    compare = lambda found, gap, after: _gap(
+        found, signals, gap, after, known, common, rollouts, watch
+    )
+    watch("checking the residual", 0.0)
+    first = _judged(found, known, compare)
     unlikely = {(f.name, f.joint) for f in first.named if f.confidence < LIKELY}
     if not unlikely or _astray(first.compared) <= 1.0:
         return found, first
@@ -65,7 +69,7 @@ def judged(
     now = found.score.solve([m for m in found.solution.members if m.group not in gone])
     fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
     less = replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
-    second = _judged(less, signals, known, common, rollouts, watch)
+    second = _judged(less, known, compare)
     better = _astray(second.compared) < _astray(first.compared)
     return (less, second) if better else (found, first)
 
@@ -75,25 +79,16 @@ def fitted_to_training(found: Found) -> list[Value]:
     return values(found.score, found.solution, found.library.rows, found.predicted)
 
 
-def _judged(
-    found: Found,
-    signals: Signals,
-    known: Model,
-    common: Sequence[Effect],
-    rollouts: bool,
-    watch: Watch,
-) -> Judged:
+def _judged(found: Found, known: Model, compare: Callable[..., Gap]) -> Judged:
     rows = found.library.rows
     after = residual(rows, found.solution)
     # where nothing is found, the model is judged with the log's torques as well aligned
     aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
     gap = rows.gap if found.named else residual(rows, found.solution, aligning)
-    watch("checking the residual", 0.0)
     network = check(rows, after)
     odd, trust = trust_of(found, known.names)
     named = findings(found, found.fitted, known, [n.value for n in network], found.ties, trust)
-    compared = _gap(found, signals, gap, after, known, common, rollouts, watch)
-    return Judged(odd, after, gap, network, named, compared)
+    return Judged(odd, after, gap, network, named, compare(found, gap, after))
 
 
 def _gap(
