@@ -36,6 +36,7 @@ from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.parameters import common
 from jaxidl.excite.plan import Noise
 from jaxidl.excite.prepare import ALIGNMENT, Prepared, prepared
+from jaxidl.excite.rehearsal import rehearsed
 from jaxidl.excite.table import separated
 from jaxidl.files import markdown, plain, write_bytes
 from jaxidl.gap import diagnose, read
@@ -218,6 +219,7 @@ def settled(case: Case, report: Any, work: Path, steps: int, factor: float) -> d
     limits = limits_of(model.names, bounds(model), reached=wider(found.reached(), factor))
     made = contested(found, model, limits, top=1.5)
     best = design(made.plan, None, Effort(2, steps, case.seed % 1000), RATE)
+    best = rehearsed(best, made, found.explanations, limits, 1.0 / RATE)
     chance = random_motion(made.plan, None, case.seed, RATE)
     out: dict[str, Any] = {
         "case": case.id,

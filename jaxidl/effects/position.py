@@ -68,9 +68,10 @@ class Spring(Effect):
     def variants(cls, scale: Scale) -> list[Variant]:
         """Return springs relaxed at the low end, in the middle or at the high end of the range.
 
-        A spring relaxed farther out looks like an offset.
+        A preloaded one, such as a gas spring, is relaxed far outside; farther than ten ranges out,
+        it looks like an offset.
         """
-        within = {"rest": (scale.lower - scale.width, scale.upper + scale.width)}
+        within = {"rest": (scale.lower - 10.0 * scale.width, scale.upper + 10.0 * scale.width)}
         rests = (scale.lower, (scale.lower + scale.upper) / 2, scale.upper)
         return [Variant({"rest": rest}, ("stiffness",), within) for rest in rests]
 

@@ -37,17 +37,17 @@ class Limits:
     torque_margin: float = 0.2
     clearance: float = 0.03  # between shapes [m]
 
-    def planned(self) -> "Limits":
-        """Return the limits of the plan: these less their margins."""
-        room = 0.5 * self.margin * (self.upper - self.lower)
-        share = 1.0 - self.margin
+    def planned(self, part: float = 1.0) -> "Limits":
+        """Return the limits of the plan: these less their margins, or less a ``part`` of these."""
+        room = 0.5 * part * self.margin * (self.upper - self.lower)
+        share = 1.0 - part * self.margin
         return replace(
             self,
             lower=self.lower + room,
             upper=self.upper - room,
             speed=share * self.speed,
             acceleration=share * self.acceleration,
-            torque=(1.0 - self.torque_margin) * self.torque,
+            torque=(1.0 - part * self.torque_margin) * self.torque,
         )
 
     def checked(self, noise: Float[np.ndarray, " J"]) -> "Limits":

@@ -18,6 +18,7 @@ from jaxidl.excite.doubt import Doubt, doubt
 from jaxidl.excite.limits import Limits, limits_of
 from jaxidl.excite.motion import KINDS
 from jaxidl.excite.prepare import Prepared, assumed_noise, prepared
+from jaxidl.excite.rehearsal import rehearsed
 from jaxidl.excite.table import errors, evidence, separated, text
 from jaxidl.gap.inputs import words
 from jaxidl.logs.joint_names import joints_called
@@ -222,6 +223,9 @@ def excite(
             request.rate,
             lambda share: watch("designing", share),
         )
+        if open_ is not None:
+            watch("rehearsing", 0.0)
+            found = rehearsed(found, made, open_.explanations, inside, float(open_.signals.dt))
         before, after = evidence(made, found)
         titles = () if open_ is None else open_.titles
         rows, apart = errors(made, before, after), separated(made, titles, before, after)

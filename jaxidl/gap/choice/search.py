@@ -8,8 +8,8 @@
 3. Begin with the envelope: all common effects, on every joint. This is the model of conventional
    identification. Begin with nothing, too, and go on from the better end.
 4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
-   one by another, by all that it can imitate or by a part that it contains, or replace two by one
-   or two.
+   one by another, by all that it can imitate or by a part that it contains, a rare one by another
+   and a common one that it imitated, or two by one or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`), give effects of a motor the command
    that arrives at them (:mod:`jaxidl.gap.fit.motors`) and effects that read the torque the one that
    is now predicted behind the motor, and go to 4 until the set no longer changes.
@@ -123,8 +123,14 @@ def replaced(score: Score, now: Solution) -> list[Move]:
         if not m.common:
             on = set(m.joints)
             common = [i for i in score.items if i.common and on & set(i.joints)]
-            moves += [(frozenset([m]), frozenset(i for i in common if i.group not in taken))]
+            common = [i for i in common if i.group not in taken]
+            moves += [(frozenset([m]), frozenset(common))]
         rest = after(now.members, [m], [])
+        if not m.common:
+            for first in (i for i in common if set(i.joints) <= on):
+                second = promising(score, (*rest, first), -np.inf, on, [m])
+                second = [i for i in second if set(i.joints) <= on][:TRIED]
+                moves += [(frozenset([m]), frozenset([first, i])) for i in second]
         fresh = promising(score, rest, now.value, set(m.joints), [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]
     return moves
