@@ -246,7 +246,7 @@ def executed(
 ) -> dict[str, Any]:
     """Execute a motion in the engine, and diagnose its log together with the old one."""
     try:
-        run = case.measure(motion=(motion.q, motion.qd, motion.qdd))
+        run = case.measure(motion=(motion.q, motion.qd, motion.qdd), most=limits.torque)
     except Diverged as error:
         return {"right": 0.0, "lost": str(error)}
     speed = np.gradient(run.clean, 1.0 / RATE, axis=0)

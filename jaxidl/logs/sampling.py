@@ -12,6 +12,7 @@ from jaxidl.logs.mending import Samples
 
 LATEST = 1e10  # [s]; a Unix time is smaller
 LEAST_RATE = 20.0  # [Hz]
+ROUNDED = 0.05  # share by which a clock may miss it
 LEAST_RUN = 50  # samples
 BRIDGED = 5  # up to this many consecutive missing samples are interpolated; more split the run
 UNIFORM = 0.02  # samples this close to a uniform grid, in intervals, are left unchanged
@@ -130,8 +131,8 @@ def interval(cut: Iterable[Piece]) -> float:
     # slower pieces contain no faster motion
     dt = float(np.quantile(steps, 0.5, method="nearest") if same else steps.max())
     name, time = cut[0].samples.table.name, cut[0].samples.time
-    if dt > 1 / LEAST_RATE:
-        got = f"one sample every {dt:g} s"
+    if dt > (1 + ROUNDED) / LEAST_RATE:
+        got = f"{1 / dt:.3g}, one every {dt:.3g} s"
         if dt > 0.25 or np.all(time == np.rint(time)):
             remedy = "give time in seconds: it looks like milliseconds or sample numbers"
         else:

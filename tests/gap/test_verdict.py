@@ -36,6 +36,14 @@ def test_what_happens_only_in_the_fitted_part_is_not_passed_over():
     assert of(0.01) == ()
 
 
+@pytest.mark.parametrize(("left", "said"), [(0.033, ()), (0.061, (0,)), (0.02, ())])
+def test_what_conventional_identification_explains_besides_is_unexplained_if_it_is_large(
+    left, said
+):
+    """An envelope always fits somewhat better: 2 % of the command, here of 0.02, is not much."""
+    assert unexplained_joints([left], [left], [(0.0, 0.1)], [0.02], [1.0], [0.001]) == said
+
+
 def test_what_a_reference_log_leaves_as_well_is_no_change():
     of = lambda earlier: unexplained_joints(
         [0.3], [0.3], [(0.7, 0.07)], [2.0], [1.0], [0.02], [earlier]

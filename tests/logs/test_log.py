@@ -340,6 +340,10 @@ def test_a_file_given_twice_is_refused(tmp_path):
     refuse(lambda: read([]), "at least one log")
 
 
+def test_a_logger_of_20_hz_may_miss_it_a_little(tmp_path):
+    assert read(write(tmp_path / "a.csv", good(dt=0.0505))).dt == pytest.approx(0.0505)
+
+
 def test_files_of_very_different_rates_are_refused(tmp_path):
     a, b = write(tmp_path / "a.csv", good()), write(tmp_path / "b.csv", good(dt=6 * DT))
     refuse(lambda: read([a, b]), "within a factor of 5", "200 Hz")

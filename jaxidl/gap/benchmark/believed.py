@@ -56,7 +56,7 @@ def inertia(model: Any, q: Array) -> Array:
 class Controller:
     """Feed-forward of the believed model and proportional-derivative feedback, sample by sample.
 
-    The feedback is on the encoder readings.
+    The feedback is on the encoder readings. Commands are cut at ``most`` (J,) [N or Nm], if given.
 
     Attributes:
         wanted: the reference (T, J) [m or rad], a different motion for every seed unless a
@@ -71,6 +71,7 @@ class Controller:
         duration: float,
         rate: float,
         motion: tuple[Array, Array, Array] | None = None,
+        most: Array | None = None,
     ):
         model, rng = believe(model_xml), np.random.default_rng(seed)
         kinds = [
@@ -91,6 +92,7 @@ class Controller:
         self._gain = [float(m) * NATURAL**2 for m in np.diag(inertia(model, self.wanted[0]))]
         self._damp = [2 * DAMPING * gain / NATURAL for gain in self._gain]
         self._rate, self._share = rate, -math.expm1(-2 * math.pi * DERIVATIVE / rate)
+        self._most = [math.inf] * len(kinds) if most is None else most.tolist()
         self._before: Floats = []
         self._speed = [0.0] * len(kinds)
 
@@ -115,8 +117,7 @@ class Controller:
                     " s into the run"
                 )
             self._speed[j] += self._share * ((y - before) * self._rate - self._speed[j])
-            command.append(
-                ahead[j] + self._gain[j] * off + self._damp[j] * (speed[j] - self._speed[j])
-            )
+            asked = ahead[j] + self._gain[j] * off + self._damp[j] * (speed[j] - self._speed[j])
+            command.append(min(max(asked, -self._most[j]), self._most[j]))
         self._before = reading
         return reading, command

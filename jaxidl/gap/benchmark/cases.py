@@ -46,9 +46,12 @@ class Case:
         write_case(self, folder)
 
     def measure(
-        self, duration: float = 24.0, motion: tuple[Array, Array, Array] | None = None
+        self,
+        duration: float = 24.0,
+        motion: tuple[Array, Array, Array] | None = None,
+        most: Array | None = None,
     ) -> Run:
-        """Run the engine, along a given ``motion`` if there is one.
+        """Run the engine, along a given ``motion`` if there is one, and within torques ``most``.
 
         Raises:
             Diverged: if the controller lost the mechanism, as for a case or two of most roots.
@@ -59,6 +62,7 @@ class Case:
             self.seed,
             duration,
             motion=motion,
+            most=most,
         )
 
 

@@ -63,17 +63,19 @@ def run(
     duration: float = 24.0,
     rate: float = 500.0,
     motion: tuple[Array, Array, Array] | None = None,
+    most: Array | None = None,
 ) -> Run:
     """Run the mechanism ``model_xml`` with the ``hidden`` effects for ``duration`` s.
 
     It is sampled at ``rate`` Hz. Motion and noise follow from ``seed`` alone, so effects can be
     compared on the same motion. A given ``motion``, positions, speeds and accelerations (T, J) at
-    the rate, is followed instead; the seed is then that of the noise alone.
+    the rate, is followed instead; the seed is then that of the noise alone. Commands
+    are cut at ``most`` (J,) [N or Nm], if given.
 
     Raises:
         Diverged: if the controller lost the mechanism.
     """
-    control = Controller(model_xml, seed, duration, rate, motion)
+    control = Controller(model_xml, seed, duration, rate, motion, most)
     plant = _Plant(model_xml, hidden, 1 / (rate * FINER), control.wanted[0], control.ahead[0])
     readings, commands, clean = [], [], []
     for k in range(len(control.wanted)):

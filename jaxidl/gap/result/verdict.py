@@ -56,8 +56,8 @@ def unexplained_joints(
     """Return joints with a large residual.
 
     Large is ``MUCH`` of the command's spread: the part of it that a network still predicts from the
-    state, in all of the log, or all of it on held-out data if it exceeds that of the envelope or
-    ``HALF`` of the command's spread.
+    state, in all of the log, or that the envelope predicts on held-out data. Or it is large if
+    ``HALF`` of the command's spread is left there.
 
     Args:
         remaining: (J,) residual in the model returned, on held-out data [N or Nm].
@@ -74,7 +74,7 @@ def unexplained_joints(
         worst = max(left, everywhere[j])
         predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
-        beaten = left > much and left > min(1.1 * envelope[j], HALF * spread[j])
+        beaten = left**2 > min(envelope[j] ** 2 + much**2, (HALF * spread[j]) ** 2)
         before = 0.0 if earlier is None else MORE * earlier[j]
         if worst > max(2.0 * floor[j], before) and (systematic or beaten):
             out.append(j)
