@@ -1,7 +1,7 @@
 """What is said of a set of effects that was found: findings, errors on held-out data, simulations.
 
-What is more likely wrong than right is left out if some joint's motion is simulated worse with it
-than by the model as it was, and better without.
+What hardly anything speaks for is left out. So is what is more likely wrong than right, if some
+joint's motion is simulated worse with it than by the model as it was, and better without.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value, values
-from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Side
+from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import Gain, check
 from jaxidl.gap.result.trust import trust_of
@@ -25,6 +25,8 @@ from jaxidl.replay.rollout import rollout_errors
 from jaxidl.systems import Plant
 from jaxidl.systems.mjcf import Model
 
+HARDLY = 0.1  # confidence below which an effect is not even suspected
+UNLIKELY = "its confidence is below 10 %"
 ASTRAY = "with it the simulation strays further from the measured motion"
 
 
@@ -62,16 +64,28 @@ def judged(
     )
     watch("checking the residual", 0.0)
     first = _judged(found, known, compare)
-    unlikely = {(f.name, f.joint) for f in first.named if f.confidence < LIKELY}
+    if hardly := _below(HARDLY, first):
+        found = _without(found, hardly, UNLIKELY)
+        first = _judged(found, known, compare)
+    unlikely = _below(LIKELY, first)
     if not unlikely or _astray(first.compared) <= 1.0:
         return found, first
-    gone = {m.group: ASTRAY for m in found.named if m.key in unlikely}
-    now = found.score.solve([m for m in found.solution.members if m.group not in gone])
-    fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
-    less = replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
+    less = _without(found, unlikely, ASTRAY)
     second = _judged(less, known, compare)
     better = _astray(second.compared) < _astray(first.compared)
     return (less, second) if better else (found, first)
+
+
+def _below(confidence: float, said: Judged) -> set[Key]:
+    return {(f.name, f.joint) for f in said.named if f.confidence < confidence}
+
+
+def _without(found: Found, keys: set[Key], why: str) -> Found:
+    """Return the set without some of its effects, the others fitted again."""
+    gone = {m.group: why for m in found.named if m.key in keys}
+    now = found.score.solve([m for m in found.solution.members if m.group not in gone])
+    fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
+    return replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
 
 
 def fitted_to_training(found: Found) -> list[Value]:
