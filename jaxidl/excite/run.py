@@ -87,9 +87,10 @@ class Result(NamedTuple):
         """Return what a reader should know, each in one line."""
         out = []
         if self.found.smaller < 1.0:
+            kept = "" if self.doubt is None else ", and all limits in a rehearsal"
             out.append(
                 f"the motion was made smaller by {1.0 - self.found.smaller:.0%} to keep the limits"
-                " of torque or clearance"
+                f" of torque or clearance{kept}"
             )
         if not self.found.descended:
             out.append(

@@ -97,7 +97,8 @@ def left(d: Diagnosis) -> Html:
     names = [oneline(d.model.names[j]) for j in d.unexplained]
     about = (
         f"On {listed(names)} the residual is larger than with conventional identification, or can"
-        " still be predicted from the motion: there is a cause outside the catalogue."
+        " still be predicted from the motion: a cause acts that the catalogue does not have, or that"
+        " this log does not show clearly."
     )
     sure = [f for f in d.findings if f.sure]
     held = (
@@ -177,7 +178,8 @@ def remains(d: Diagnosis) -> Html:
         if j in quiet:
             continue
         if not value > 2.0 * stderr or value <= 0.0:
-            text = "nothing of it: no systematic part remains"
+            nothing = "nothing of it repeats from one part of the log to another"
+            text = nothing if j in d.unexplained else "nothing of it: no systematic part remains"
         else:
             much = (
                 "a systematic part remains"
