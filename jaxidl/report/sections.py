@@ -97,8 +97,8 @@ def left(d: Diagnosis) -> Html:
     names = [oneline(d.model.names[j]) for j in d.unexplained]
     about = (
         f"On {listed(names)} the residual is larger than with conventional identification, or can"
-        " still be predicted from the motion: a cause acts that the catalogue does not have, or that"
-        " this log does not show clearly."
+        " still be predicted from the motion: a cause acts that the catalogue does not have,"
+        " or that this log does not show clearly."
     )
     sure = [f for f in d.findings if f.sure]
     held = (
