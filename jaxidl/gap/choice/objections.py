@@ -221,12 +221,7 @@ def plain(score: Score, now: Solution, m: Item) -> list[Item]:
 
 
 def held(m: Item, x: np.ndarray) -> bool:
-    """Return whether bounds hold all of a member's coefficients (P,) that are not zero.
-
-    How far a shape may be scaled before it is fitted is no bound of the effect.
-    """
-    if movable(m.shape) and not m.shape.free:
-        return bool(np.all(x == 0.0))
+    """Return whether bounds hold all of a member's coefficients (P,) that are not zero."""
     at_bound = ((x <= m.lower) & ~gone(m.shape)) | (x >= m.upper)
     return bool(np.all(at_bound | (x == 0.0)))
 
