@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from jaxidl.gap import diagnose
@@ -13,25 +14,47 @@ from jaxidl.logs.log import from_arrays
 from jaxidl.systems.mjcf import read_model
 
 
-@pytest.mark.slow
-def test_an_effect_that_is_hardly_likely_is_not_suspected(tmp_path, monkeypatch):
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
     hidden = [
         make("viscous_friction", 0, {"coefficient": 0.4}),
-        make("coulomb_friction", 0, {"level": 0.5}),
+        make("spring", 0, {"stiffness": 2.0, "rest": 0.3}),
     ]
     columns = simulate(PENDULUM, hidden, 5, duration=12.0)
-    path = tmp_path / "model.xml"
+    path = tmp_path_factory.mktemp("pendulum") / "model.xml"
     path.write_text(PENDULUM)
     log = from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])
+    return log, read_model(path)
+
+
+@pytest.mark.slow
+def test_an_effect_that_is_hardly_likely_is_not_suspected(measured, monkeypatch):
     before = judged.findings
     monkeypatch.setattr(
         judged,
         "findings",
         lambda *given: tuple(
-            replace(f, confidence=0.05) if f.name == "coulomb_friction" else f
-            for f in before(*given)
+            replace(f, confidence=0.05) if f.name == "spring" else f for f in before(*given)
         ),
     )
-    found = diagnose(log, read_model(path), rollouts=False)
-    assert [f.name for f in found.findings] == ["viscous_friction"]
-    assert [r.reason for r in found.rivals if r.name == "coulomb_friction"] == [judged.UNLIKELY]
+    found = diagnose(*measured, rollouts=False)
+    assert "spring" not in [f.name for f in found.findings]
+    assert [r.reason for r in found.rivals if r.name == "spring"] == [judged.UNLIKELY]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stray", [2.0, 0.5])
+def test_a_rare_effect_that_leads_the_simulation_astray_is_left_out(measured, monkeypatch, stray):
+    """The model as it was strays by 1.0, with the spring by ``stray``, and without it by 0.7."""
+
+    def errors(plant, motion, aside):
+        names = [type(getattr(e, "effect", e)).name for e in plant.effects]
+        error = stray if "spring" in names else 0.7 if names else 1.0
+        return {"0.5": np.array([error])}
+
+    monkeypatch.setattr(judged, "rollout_errors", errors)
+    found = diagnose(*measured)
+    named = [f.name for f in found.findings]
+    assert "viscous_friction" in named
+    assert ("spring" in named) == (stray < 1.0)
+    assert judged.ASTRAY not in {r.reason for r in found.rivals} or stray > 1.0

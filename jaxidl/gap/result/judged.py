@@ -1,7 +1,8 @@
 """What is said of a set of effects that was found: findings, errors on held-out data, simulations.
 
-What hardly anything speaks for is left out. So is what is more likely wrong than right, if some
-joint's motion is simulated worse with it than by the model as it was, and better without.
+What hardly anything speaks for is left out. If some joint's motion is simulated worse than by the
+model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
+simulation is better without.
 """
 
 from collections.abc import Callable, Sequence
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
@@ -67,12 +68,15 @@ def judged(
     if hardly := _below(HARDLY, first):
         found = _without(found, hardly, UNLIKELY)
         first = _judged(found, known, compare)
-    unlikely = _below(LIKELY, first)
-    if not unlikely or _astray(first.compared) <= 1.0:
+    far = _astray(first.compared)
+    strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
+    rare = {(f.name, f.joint) for f in first.named if not CATALOGUE[f.name].common}
+    leading = {key for key in rare if key[1] in strays} | _below(LIKELY, first)
+    if not strays or not leading:
         return found, first
-    less = _without(found, unlikely, ASTRAY)
+    less = _without(found, leading, ASTRAY)
     second = _judged(less, known, compare)
-    better = _astray(second.compared) < _astray(first.compared)
+    better = max(_astray(second.compared)) < max(far)
     return (less, second) if better else (found, first)
 
 
@@ -141,9 +145,11 @@ def _gap(
     return Gap(list(known.units), before, later, signals.noise_floor.tolist())
 
 
-def _astray(compared: Gap) -> float:
-    """Return the largest ratio of a joint's error in position after to that before."""
-    before, after = (np.array([*s.rollout_rms.values()]) for s in (compared.before, compared.after))
+def _astray(compared: Gap) -> list[float]:
+    """Return the largest ratio of each joint's error in position after to that before."""
+    before, after = (
+        np.atleast_2d([*s.rollout_rms.values()]) for s in (compared.before, compared.after)
+    )
     diverges = np.where(np.isnan(before), 0.0, np.inf)
     ratio = np.where(np.isnan(after), diverges, after / np.maximum(before, 1e-300))
-    return float(np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(initial=0.0))
+    return np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(0, initial=0.0).tolist()
