@@ -73,7 +73,7 @@ def gap(
         flange: body of the model on which to look for a payload.
     """
     from jaxidl.gap.inputs import read_inputs
-    from jaxidl.gap.result.experiments import designed
+    from jaxidl.gap.result.verdict import designed
     from jaxidl.gap.workflow import diagnose  # mujoco: slow to import, and only needed here
     from jaxidl.jobs.progress import Bar
     from jaxidl.report import check_folder, save, table

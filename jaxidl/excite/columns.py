@@ -16,7 +16,7 @@ import numpy as np
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
 from jaxidl.gap.evidence.additions import Drive, along
-from jaxidl.gap.evidence.reach import alterations, narrowed, reaches
+from jaxidl.gap.evidence.links import alterations, narrowed, reaches
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.free import inner
 from jaxidl.systems.mujoco_body import MujocoBody

@@ -158,8 +158,8 @@ def _kept(plant: Any, reference: Reference, limits: Any, dt: float) -> Bool[Arra
 
     def one(control: Gains) -> Any:
         q = execute(plant, reference, control, torque, dt)[round(SETTLE / dt) :]
-        qd = jnp.gradient(q, dt, axis=0)
-        qdd = jnp.gradient(qd, dt, axis=0)
+        qd: Any = jnp.gradient(q, dt, axis=0)
+        qdd: Any = jnp.gradient(qd, dt, axis=0)
         within = [q.min(0) > lower, q.max(0) < upper]
         within += [jnp.abs(x).max(0) < m for x, m in ((qd, speed), (qdd, acceleration))]
         return jnp.stack(within).all()

@@ -77,24 +77,24 @@ def read_inputs(
             part = model_of(error.joints)
             log, side = measured(part.names)
         part = part or model_of()
-        lists = {
+        given = {
             "joints": joints,
             "columns": columns,
             "torque_constant": torque_constant,
             "gear_ratio": gear_ratio,
+            "motor": motor,
+            "topic": topic,
+            "flange": flange,
         }
-        reading: dict[str, Any] = {name: list(given) for name, given in lists.items() if given}
-        reading |= {"motor": str(motor)} if motor is not None else {}
-        reading |= {"topic": topic} if topic is not None else {}
-        reading |= {"flange": flange} if flange is not None else {}
+        alone = lambda value: str(value) if isinstance(value, str | Path) else list(value)
+        reading = {name: alone(value) for name, value in given.items() if value}
         log = replace(log, reading=reading)
         if not log.still or (side is not None and side.positions):
             return Inputs(log, part)
         try:
+            # not every joint can be locked anywhere; the model's notes say where it is instead
             return Inputs(log, model_of(part.names, dict(log.still)))
-        except (
-            ModelError
-        ):  # not every joint can be locked anywhere; the model's notes say where it is instead
+        except ModelError:
             return Inputs(log, part)
 
 

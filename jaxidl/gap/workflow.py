@@ -9,30 +9,23 @@ import numpy as np
 from jaxidl import __version__
 from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.gap.choice.confirm import possible
 from jaxidl.gap.choice.find import Found, Watch, find
-from jaxidl.gap.evidence.clock import late_torques
-from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.choice.objections import possible
+from jaxidl.gap.evidence.conventions import late_torques
+from jaxidl.gap.evidence.gram import Anchor, Item
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
-from jaxidl.gap.evidence.rows import Rows, rms, rows_of
+from jaxidl.gap.evidence.rows import rms, rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.held_out import aside
-from jaxidl.gap.fit.library import Library, library
+from jaxidl.gap.fit.library import library, residual
+from jaxidl.gap.fit.score import Score
 from jaxidl.gap.inputs import Inputs, read_inputs, wanted
-from jaxidl.gap.reference import left_by, reference_of
-from jaxidl.gap.result.diagnosis import (
-    Diagnosis,
-    Envelope,
-    Gap,
-    Traces,
-)
+from jaxidl.gap.result.diagnosis import Diagnosis, Envelope, Traces
 from jaxidl.gap.result.judged import fitted_to_training, judged
-from jaxidl.gap.result.notes import notes_of
-from jaxidl.gap.result.parts import differing
-from jaxidl.gap.result.swings import swings
+from jaxidl.gap.result.notes import differing, notes_of, swings
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
-from jaxidl.gap.result.words import doubt_of, summarise
+from jaxidl.gap.result.words import doubt_of
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import Signals, prepare
 from jaxidl.systems.mjcf import Model, read_model
@@ -89,53 +82,55 @@ def diagnose(
         if old is not None:
             watch("searching the reference", 0.0)
             before, _ = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
-            kept = (v.effect for v in fitted_to_training(before))
+            kept = fitted_to_training(before)
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found, signals = _search(
             measured, known, common, names, held_out, min_gain, watch, before=before
         )
-        found, (odd, after, gap, network, named, compared) = judged(
-            found, signals, known, common, rollouts, watch
-        )
+        said = judged(found, signals, known, common, rollouts, watch)
+        found, named, gap, after = said.found, said.named, said.gap, said.after
         rows = found.library.rows
-    still = tuple((n.value, n.stderr) for n in network)
     doubts = doubts_of(found.ties, named)
-    handed = compared.after if named else compared.before
-    envelope = _envelope(found.library, compared)
+    compared, left = (said.compared.after, after) if named else (said.compared.before, gap)
+    common_left = [aside(rows, found.library.envelope, j) for j in range(len(known.names))]
     unexplained = unexplained_joints(
-        handed.torque_rms,
-        rms(after if named else gap, rows.used).tolist(),
-        still,
-        envelope.torque_rms,
+        compared.torque_rms,
+        rms(left, rows.used).tolist(),
+        said.network,
+        common_left,
         rows.spread.tolist(),
         rows.floor.tolist(),
-        None if before is None else left_by(before),
+        None if before is None else _left_by(before),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    late = late_torques(rows, _explaining(found), known.names)
-    odd = [*odd, *late]
+    odd = [*said.odd, *late_torques(rows, _explaining(found), known.names)]
     doubt = doubt_of(odd, measured.stray, rows.signals.duration)
-    swinging = swings(rows, after if named else gap, known.names)
-    more = (*known.notes, *rows.signals.notes, *notes_of(rows, known))
-    struck = moments(rows, after, known.names, known.units)
-    notes = (*odd, *struck, *differing(found, known.names), *swinging, *measured.notes, *more)
+    notes = (
+        *odd,
+        *moments(rows, after, known.names, known.units),
+        *differing(found, known.names),
+        *swings(rows, left, known.names),
+        *measured.notes,
+        *known.notes,
+        *rows.signals.notes,
+        *notes_of(rows, known),
+    )
+    s, at = rows.signals, rows.signals.rows
+    time, kept_aside = measured.time[signals.rows], ~rows.training
     return Diagnosis(
         verdict=verdict,
-        summary=summarise(
-            verdict, named, doubts, compared, unexplained, known, reference is not None, doubt
-        ),
         findings=named,
         ambiguous=doubts,
         where=where,
         remaining=remaining,
-        gap=compared,
-        envelope=envelope,
+        gap=said.compared,
+        envelope=Envelope(common_left, said.compared.relative(common_left)),
         unexplained=unexplained,
         rivals=rivals_of(found),
-        network=still,
+        network=said.network,
         model=known,
-        traces=_traces(measured.time[signals.rows], rows, gap, after),
+        traces=Traces(time, kept_aside, s.q[at], s.qd[at], rows.command, gap, after, rows.used),
         band=rows.signals.band,
         notes=notes,
         options={
@@ -167,11 +162,11 @@ def _inputs(log: Source, model: Model | str | Path) -> Inputs:
 
 def _matching(log: Log, known: Model) -> Log:
     if log.joints != len(known.names):
-        expected, remedy = (
+        raise ConfigurationError(
             f"the model's {len(known.names)} joints in the log",
+            f"{log.joints} in the log",
             "use a log and a model of the same mechanism",
         )
-        raise ConfigurationError(expected, f"{log.joints} in the log", remedy)
     return log
 
 
@@ -194,7 +189,7 @@ def _search(
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
     rows = rows_of(signals.thinned(), effects, held_out)
-    reference = None if before is None else reference_of(before)
+    reference = None if before is None else _reference(before)
     while True:
         watch("computing what each effect would add", 0.0)
         found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
@@ -212,15 +207,26 @@ def _explaining(found: Found) -> list[Item]:
     return [*(i for i in usual if i.group not in named), *found.named]
 
 
-def _envelope(made: Library, compared: Gap) -> Envelope:
-    joints = range(len(compared.before.torque_rms))
-    left = np.array([aside(made.rows, made.envelope, j) for j in joints])
-    command = np.array(compared.before.torque_rms) / np.maximum(
-        compared.before.torque_relative, 1e-300
+def _reference(before: Found) -> Anchor:
+    """Return the evidence of a log about common effects and its findings, at the values found."""
+    rows, score, named = before.library.rows, before.score, before.named
+    taken = {m.group for m in named}
+    members = [
+        *named,
+        *(m for m in before.library.envelope.members if not m.always and m.group not in taken),
+    ]
+    fresh = Score(
+        rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
     )
-    return Envelope(left.tolist(), (left / np.maximum(command, 1e-300)).tolist())
+    gram, right, known, _ = fresh.normal(members)
+    at = [
+        before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
+        for m in members
+    ]
+    return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
 
 
-def _traces(time: np.ndarray, rows: Rows, before: np.ndarray, after: np.ndarray) -> Traces:
-    s, at = rows.signals, rows.signals.rows
-    return Traces(time, ~rows.training, s.q[at], s.qd[at], rows.command, before, after, rows.used)
+def _left_by(found: Found) -> list[float]:
+    """Return the residual (J,) that was left by what was found [N or Nm]."""
+    rows = found.library.rows
+    return rms(residual(rows, found.solution), rows.used).tolist()

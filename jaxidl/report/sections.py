@@ -9,8 +9,8 @@ import numpy as np
 
 from jaxidl.gap.evidence.localise import Place
 from jaxidl.gap.result.diagnosis import Diagnosis
-from jaxidl.gap.result.experiments import designed, plugins
 from jaxidl.gap.result.network import SYSTEMATIC
+from jaxidl.gap.result.verdict import designed, plugins
 from jaxidl.report.html import Html, join, table, tag
 from jaxidl.report.words import (
     compared,

@@ -5,8 +5,7 @@ import pytest
 
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.evidence.clock import late_torques
-from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.conventions import conventions, late_torques
 from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import library

@@ -10,7 +10,7 @@ from jaxidl.effects import JointElasticity, OnJoint
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.cases import all_cases
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.choice.confirm import unconfirmed
+from jaxidl.gap.choice.objections import unconfirmed
 from jaxidl.gap.evidence.noise import read_again
 from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.gap.fit.values import Value

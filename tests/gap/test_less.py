@@ -12,9 +12,8 @@ from jaxidl.errors import EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
-from jaxidl.gap.choice import confirm, objections
-from jaxidl.gap.choice.confirm import UNSURE
-from jaxidl.gap.choice.objections import BOUND
+from jaxidl.gap.choice import objections
+from jaxidl.gap.choice.objections import BOUND, UNSURE
 from jaxidl.gap.fit import values
 from jaxidl.gap.fit.held_out import wald
 from jaxidl.systems.export import patched, write_patched
@@ -122,14 +121,14 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
 ):
     """One that is wrong widens the errors of the others, which are right without it."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)
-    real = confirm.unconfirmed
+    real = objections.unconfirmed
     asked = []
 
     def unconfirmed(value, own):
         asked.append(value.key[0])
         return "it is wrong" if asked.count("viscous_friction") == 1 else real(value, own)
 
-    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
+    monkeypatch.setattr(objections, "unconfirmed", unconfirmed)
     found = gap.diagnose(measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False)
     # dry friction explains less than viscous friction here, and others may take its place
     names = {f.name for f in found.findings}
@@ -144,12 +143,12 @@ def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
 def test_nothing_takes_the_place_of_what_the_whole_log_does_not_confirm(tmp_path, monkeypatch):
     """Other kinds of friction would imitate it."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)
-    real, why = confirm.unconfirmed, UNSURE
+    real, why = objections.unconfirmed, UNSURE
 
     def unconfirmed(value, own):
         return why if value.key[0] == "coulomb_friction" else real(value, own)
 
-    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
+    monkeypatch.setattr(objections, "unconfirmed", unconfirmed)
     named = lambda: {
         f.name
         for f in gap.diagnose(
@@ -164,7 +163,7 @@ def test_nothing_takes_the_place_of_what_the_whole_log_does_not_confirm(tmp_path
 def test_what_only_seems_wrong_since_another_has_gone_is_judged_again(tmp_path, monkeypatch):
     """Without what went, the others explain it as well as they can, and look wrong."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)
-    real, asked = confirm.unconfirmed, []
+    real, asked = objections.unconfirmed, []
 
     def unconfirmed(value, own):
         asked.append(value.key[0])
@@ -172,7 +171,7 @@ def test_what_only_seems_wrong_since_another_has_gone_is_judged_again(tmp_path, 
         then = value.key[0] == "viscous_friction" and asked.count("viscous_friction") == 2
         return "it is wrong" if first or then else real(value, own)
 
-    monkeypatch.setattr(confirm, "unconfirmed", unconfirmed)
+    monkeypatch.setattr(objections, "unconfirmed", unconfirmed)
     found = gap.diagnose(measured(0.2, 0.5, 5), tmp_path / "model.xml", rollouts=False)
     assert asked.count("viscous_friction") > 2
     assert "viscous_friction" in {f.name for f in found.findings}

@@ -9,7 +9,7 @@ from jaxidl.gap.evidence.items import columns_of, item
 from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.gap.evidence.shape import Shape
 from jaxidl.gap.fit.balance import balance
-from jaxidl.gap.fit.motors import arriving
+from jaxidl.gap.fit.shapes import arriving
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import prepare
 

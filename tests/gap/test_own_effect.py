@@ -31,7 +31,7 @@ from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
 from jaxidl.gap.evidence.projection import ALIGNMENT
-from jaxidl.gap.result.experiments import plugins
+from jaxidl.gap.result.verdict import plugins
 from jaxidl.systems.export import write_patched
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.tables import inverse_dynamics

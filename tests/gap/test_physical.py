@@ -27,9 +27,16 @@ from jaxidl.gap.evidence.links import change_of, links_of, physical, pseudo_iner
 from jaxidl.gap.evidence.rows import kept_rows, rms, rows_of
 from jaxidl.gap.evidence.shape import acts_on_predicted, reads_load, shapes_of
 from jaxidl.gap.fit.consistent import PLACES, buildable, consistent, dissipating
-from jaxidl.gap.fit.library import library, load_of, pushed, residual, upsampled
+from jaxidl.gap.fit.library import (
+    heavier,
+    library,
+    load_of,
+    pushed,
+    residual,
+    scales,
+    upsampled,
+)
 from jaxidl.gap.fit.prior import plausible
-from jaxidl.gap.fit.scales import heavier, scales
 from jaxidl.gap.fit.shapes import fitted
 from jaxidl.gap.fit.values import values
 from jaxidl.logs.signals import prepare
@@ -249,9 +256,9 @@ def test_a_place_that_the_filter_blurs_forbids_no_friction(two_link):
     )
     any_sign = replace(one, lower=np.full(1, -np.inf))
     for item, count in ((one, PLACES - 1), (any_sign, PLACES)):
-        unequal, least = dissipating([item], rows, {id(item): slice(0, 1)}, 1)
+        unequal, least = dissipating([item], rows)
         assert len(unequal) == len(least) == count
-    assert np.all(dissipating([one], rows, {id(one): slice(0, 1)}, 1)[0] > 0.0)
+    assert np.all(dissipating([one], rows)[0] > 0.0)
 
 
 def test_where_ties_are_sought_effects_read_the_predicted_command(
@@ -529,8 +536,7 @@ def test_only_a_tensor_that_is_free_by_itself_has_to_be_that_of_a_body(two_link)
 
     def cone(name):
         i = items_of(shapes_of(CATALOGUE[name], scales(rows)[1]), rows, rows.tau)[-1]
-        count = len(i.lower)
-        ((base, slopes),) = buildable([i], links, (), {id(i): slice(0, count)}, count)
+        ((base, slopes),) = buildable([i], links, ())
         return base, slopes
 
     base, slopes = cone("com_error")

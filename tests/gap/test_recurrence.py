@@ -8,8 +8,8 @@ import pytest
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.mechanisms import TWO_LINK
-from jaxidl.gap.evidence.recurrence import copies, returns
 from jaxidl.gap.evidence.rows import rows_of
+from jaxidl.gap.evidence.samples import copies, returns
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import library
 from jaxidl.logs.log import from_arrays

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from jaxidl.gap.evidence.gram import samples_alike
 from jaxidl.gap.evidence.projection import basis
+from jaxidl.gap.evidence.samples import samples_alike
 
 
 def test_joints_at_rest_do_not_say_how_many_samples_count_as_one():

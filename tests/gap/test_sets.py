@@ -33,7 +33,7 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.samples import correlation_time
 from jaxidl.gap.evidence.shape import Shape
 from jaxidl.gap.fit.held_out import aside, gain, worse_by
-from jaxidl.gap.fit.library import Library, residual
+from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled
@@ -343,7 +343,7 @@ def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     common = [replace(i, always=True) for i in (pool[0], pool[8])]
     there = score_of(other, common)
     first = there.solve(common)
-    gram, _ = there.normal(first.members)
+    gram, *_ = there.normal(first.members)
     new = rows._replace(gap=rows.gap - _made(common, first))
     here = score_of(
         new, [*common, pool[9]], anchor=Anchor(first.members, gram.sum(0), np.zeros(len(gram[0])))
@@ -571,7 +571,7 @@ def test_what_may_not_be_named_goes_and_the_rest_is_fitted_anew(planted):
     rows, pool, truth, _ = planted
     bound = replace(pool[0], upper=np.array([0.4]))
     score = score_of(rows, [bound, *truth[1:]])
-    now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05)
+    now, narrowed, strong, weak = nameable(score, score.solve(score.items), rows, 0.05, {})
     assert strong == {bound.group: "its value is on a bound"}
     assert weak == {}
     assert set(now.members) == set(truth[1:])
@@ -591,7 +591,7 @@ def test_one_member_on_each_joint_goes_at_a_time():
 def test_what_makes_too_little_goes_last_and_nothing_takes_its_place(planted):
     rows, pool, truth, _ = planted
     score = score_of(rows, pool)
-    now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8)
+    now, _, strong, weak = nameable(score, score.solve(truth), rows, 0.8, {})
     assert strong == {}
     assert set(weak.values()) == {"it removes less than 80% of the error"}
     assert set(now.members) < set(truth)
@@ -609,7 +609,7 @@ def test_what_is_common_takes_the_place_of_rare_effects_that_make_too_little():
     gap[:, 0] = (columns + noise[2])[0, :, 0]
     rows = rows_with(gap)
     score = score_of(rows, [friction, *rare])
-    now, _, _, weak = nameable(score, score.solve(rare), rows, 0.3)
+    now, _, _, weak = nameable(score, score.solve(rare), rows, 0.3, {})
     assert now.members == (friction,)
     assert all("less than" in why for why in weak.values())
 
@@ -677,7 +677,7 @@ def test_what_was_removed_beside_others_comes_back_once_those_are_gone():
     score = score_of(rows, [common, rare])
     both = score.solve([common, rare])
     assert both.x[both.of(common)] == pytest.approx(-0.1)
-    now, _, strong, _ = nameable(score, both, rows, 0.05)
+    now, _, strong, _ = nameable(score, both, rows, 0.05, {})
     assert now.members == (common,)
     assert common.group not in strong
 
@@ -833,8 +833,7 @@ def test_another_part_of_the_same_effect_may_explain_as_much():
     rows = rows_with(gap)
     score = score_of(rows, [extra, mass, centre])
     now = score.solve([extra, centre])
-    made = Library(rows, score, now, rows.command)
-    (tie,) = tied(score, now, made, rows.command)
+    (tie,) = tied(score, now, rows, rows.command)
     assert (tie.found, tie.instead) == ((centre.group,), (mass.group,))
     np.testing.assert_allclose(tie.moves[extra.group], -0.3, atol=0.02)
     assert centre.group not in tie.moves
@@ -863,7 +862,7 @@ def test_a_shape_far_from_its_best_is_a_rival_with_what_fitting_it_brings(monkey
     rows = rows_with(gap)
     score = score_of(rows, [centre, offset, far])
     now = score.solve([centre])
-    (tie,) = tied(score, now, Library(rows, score, now, rows.command), rows.command)
+    (tie,) = tied(score, now, rows, rows.command)
     assert asked == [(far, (far,))]
     assert (tie.found, tie.instead) == ((centre.group,), (best.group,))
     also = score_of(rows, [best])
@@ -887,8 +886,7 @@ def test_one_of_two_rare_effects_is_tried_without_the_other(monkeypatch):
     rows = rows_with(gap)
     score = score_of(rows, [beside, other])
     now = score.solve([beside, other])
-    made = Library(rows, score, now, rows.command)
-    assert contested(score, now, made, rows.command, Contests()) == [best]
+    assert contested(score, now, rows, rows.command, Contests()) == [best]
 
 
 def test_a_member_is_contested_once_beside_the_same_others():
@@ -904,8 +902,7 @@ def test_a_member_is_contested_once_beside_the_same_others():
 
     def better(*members):
         now = score.solve(members)
-        made = Library(rows, score, now, rows.command)
-        return contested(score, now, made, rows.command, contests)
+        return contested(score, now, rows, rows.command, contests)
 
     assert better(alike)
     assert better(alike) is None
@@ -924,7 +921,7 @@ def test_ties_are_looked_for_beside_a_member_that_explains_nothing():
     score = score_of(rows, [cause, idle, other])
     now = score.solve([cause, idle])
     assert not [
-        t for t in tied(score, now, Library(rows, score, now, rows.command), rows.command)
+        t for t in tied(score, now, rows, rows.command)
         if cause.group in t.found
     ]  # fmt: skip
 

@@ -9,7 +9,7 @@ from jaxidl.gap.benchmark.mechanisms import TWO_LINK
 from jaxidl.gap.evidence.items import columns_of
 from jaxidl.gap.evidence.rows import instants_of, rows_of
 from jaxidl.gap.evidence.shape import shapes_of
-from jaxidl.gap.fit.scales import scales
+from jaxidl.gap.fit.library import scales
 from jaxidl.logs.log import from_arrays
 from jaxidl.logs.signals import INSTANTS_PER_HERTZ, prepare
 from jaxidl.systems.mjcf import read_model

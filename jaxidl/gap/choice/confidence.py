@@ -57,9 +57,8 @@ def support(
                 if m in now.members and not bound & set(m.joints)
             }
         )
-        for m in now.members:
-            if m.group in there:
-                there[m.group] += 1
+        for group in there.keys() & {m.group for m in now.members}:
+            there[group] += 1
     return Support({g: n / draws if draws else 1.0 for g, n in there.items()}, moves)
 
 

@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jaxidl.gap.choice.confidence import DRAWS, Support, support
-from jaxidl.gap.choice.confirm import UNSURE, confirmed
-from jaxidl.gap.choice.objections import nameable
+from jaxidl.gap.choice.objections import UNSURE, confirmed, nameable
 from jaxidl.gap.choice.rivals import Contests, Tie, contested, tied
 from jaxidl.gap.choice.search import search
 from jaxidl.gap.evidence.gram import Group, Item
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import Shape, acts_on_predicted, movable, reads_load
-from jaxidl.gap.fit.leaning import turned
 from jaxidl.gap.fit.library import (
     Library,
     load_of,
@@ -27,10 +25,9 @@ from jaxidl.gap.fit.library import (
     upsampled,
     with_friction,
 )
-from jaxidl.gap.fit.motors import arriving
-from jaxidl.gap.fit.prior import compact
+from jaxidl.gap.fit.prior import compact, turned
 from jaxidl.gap.fit.score import Score, Solution
-from jaxidl.gap.fit.shapes import fitted, seen_from
+from jaxidl.gap.fit.shapes import arriving, fitted, seen_from
 from jaxidl.gap.fit.values import Value
 
 ROUNDS = 5  # rounds of fitting shapes and searching sets, and of reading a load
@@ -96,16 +93,14 @@ def find(
         now, doubted = read, doubted | dropped
     gone = banned | doubted | weak
     narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
-    watch("resampling", 0.0)
-    said = support(
-        narrow, now, DRAWS if resample else 0, watch=lambda share: watch("resampling", share)
-    )
+    draws = DRAWS if resample else 0
+    said = support(narrow, now, draws, watch=lambda share: watch("resampling", share))
     watch("looking for other explanations", 0.0)
     ties: list[Tie] = []
     if resample:
         anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
         anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
-        ties = tied(anew, now, library._replace(rows=rows), predicted)
+        ties = tied(anew, now, rows, predicted)
     return Found(library, narrow, now, whole, predicted, said, ties, gone)
 
 
@@ -129,12 +124,12 @@ def settled(
         rows = library.rows
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted, acts_on_predicted)
-        fresh = refitted(score, now, library, predicted)
-        score, after = renewed(score, now, fresh)
-        same = {m.group for m in after.members} == {m.group for m in now.members}
-        now = after
-        if same and (better := contested(score, now, library, predicted, contests)) is not None:
-            score, now = renewed(score, now, better, whole=True)
+        score, members = exchanged(score, now, refitted(score, now, library, predicted))
+        now, before = search(score, members), now
+        same = {m.group for m in now.members} == {m.group for m in before.members}
+        if same and (better := contested(score, now, rows, predicted, contests)) is not None:
+            score, _ = exchanged(score, now, better)
+            now = search(score, better)
         elif same:
             break
     return score, now, predicted
@@ -175,23 +170,10 @@ def reread(score: Score, now: Solution, rows: Rows) -> tuple[Score, Solution]:
     return score, now
 
 
-def renewed(
-    score: Score, now: Solution, fresh: list[Item], whole: bool = False
-) -> tuple[Score, Solution]:
-    """Return the score with ``fresh`` items in place of their groups', and the best set from it."""
-    score, members = exchanged(score, now, fresh, whole)
-    return score, search(score, members)
-
-
-def exchanged(
-    score: Score, now: Solution, fresh: list[Item], whole: bool = False
-) -> tuple[Score, list[Item]]:
-    """Return the score and the set with ``fresh`` items in place of their groups'.
-
-    If they are a ``whole`` set, no other member stays.
-    """
+def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, list[Item]]:
+    """Return the score and the set with ``fresh`` items in place of their groups'."""
     groups = {i.group for i in fresh}
-    stay = [] if whole else [m for m in now.members if m.group not in groups]
+    stay = [m for m in now.members if m.group not in groups]
     old = {id(m) for m in now.members if m.group in groups}
     items = [
         *(i for i in score.items if id(i) not in old),

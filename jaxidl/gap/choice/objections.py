@@ -1,13 +1,20 @@
-"""Why a member of a set may not be named, and the set that is left without those."""
+"""Why a member of a set may not be named, and the set that is left without those.
 
-from collections.abc import Iterable, Mapping
-from types import MappingProxyType
+What the whole log does not confirm is not named, either. The search fits to a part of the log.
+Fitted to all of it, an effect's values must differ from zero, one by one or together, be off their
+bounds, and be possible in a simulation. What only seems wrong since another effect has gone is
+judged again once something else could take that one's place. Nothing takes the place of what may be
+zero: it would be as little sure.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, added_to
+from jaxidl.errors import EffectError
 from jaxidl.gap.choice.search import EPSILON, search, without
-from jaxidl.gap.evidence.gram import Group, Item
+from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.noise import in_units_of_noise
 from jaxidl.gap.evidence.projection import ALIGNMENT
@@ -17,21 +24,18 @@ from jaxidl.gap.fit.consistent import physical_fits
 from jaxidl.gap.fit.held_out import covariance_of, gain, jackknife, wald, worse_aside
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.gap.fit.values import Value, values
 
-NOTHING: Mapping[Group, str] = MappingProxyType({})
 BOUND = "its value is on a bound"
 LATE = "it is hardly more than a sampling interval"
+UNSURE = "the whole log does not confirm what a part of it suggests"
 UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
-
-
 STRONG = 10.0  # contribution to the score: without such an effect the set is a different one
-
-
 EXCLUDED = 2.0  # standard errors by which a value must differ from zero
 
 
 def nameable(
-    score: Score, now: Solution, rows: Rows, min_gain: float, before: Mapping[Group, str] = NOTHING
+    score: Score, now: Solution, rows: Rows, min_gain: float, before: Mapping[Group, str]
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what may not be named, its score, and what was removed and why.
 
@@ -50,7 +54,7 @@ def nameable(
 
 
 def supported(
-    score: Score, now: Solution, rows: Rows, before: Mapping[Group, str] = NOTHING
+    score: Score, now: Solution, rows: Rows, before: Mapping[Group, str]
 ) -> tuple[Solution, Score, dict[Group, str], dict[Group, str]]:
     """Return the set without what the log does not support, as :func:`nameable` does.
 
@@ -84,9 +88,8 @@ def supported(
         else:
             weak |= {m.group: why for _, m, why in first}
         out = {id(m) for _, m, _ in first}
-        score = every.narrowed(
-            [i for i in every.items if i.group not in strong and i.group not in weak]
-        )
+        gone = strong | weak
+        score = every.narrowed([i for i in every.items if i.group not in gone])
         now = search(
             score,
             [m for m in now.members if id(m) not in out],
@@ -97,10 +100,7 @@ def supported(
 def readmitted(
     every: Score, score: Score, now: Solution, gone: Iterable[Group], rows: Rows
 ) -> tuple[Score, Solution, Group] | None:
-    """Return a set with an effect that is better off without those beside which it was removed.
-
-    Also return its score and the effect. None if there is no such effect.
-    """
+    """Return score, set and effect if one fits better without what it was removed beside."""
     for group in gone:
         fuller = every.narrowed([*score.items, *(i for i in every.items if i.group == group)])
         then = search(fuller, now.members)
@@ -171,11 +171,8 @@ def unphysical(score: Score, now: Solution, rows: Rows) -> list[Objection]:
 def price(score: Score, now: Solution, rows: Rows) -> float:
     """Return how much the score falls if a set is kept physical."""
     x = physical_fits(score, now, rows, folds=False)
-    return (
-        0.0
-        if x is None
-        else score.likelihood(now.members, now.x) - score.likelihood(now.members, x[0])
-    )
+    likelihood = lambda x: score.likelihood(now.members, x)
+    return 0.0 if x is None else likelihood(now.x) - likelihood(x[0])
 
 
 def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows) -> str:
@@ -183,21 +180,20 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if m.always:
         return ""
     at = now.of(m)
-    x, stderr = now.x[at], jackknife(now.folds[:, at])
-    if not (np.any(np.abs(x) > EXCLUDED * stderr) or together(x, now.folds[:, at]) > EXCLUDED):
+    x, folds = now.x[at], now.folds[:, at]
+    together = wald(x, covariance_of(folds)) if len(x) > 1 else 0.0
+    if not (np.any(np.abs(x) > EXCLUDED * jackknife(folds)) or together > EXCLUDED):
         return "its standard error does not exclude zero"
     if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve([*without(now, m), *plain(score, now, m)])
-    interval = rows.signals.interval
+    pick, interval = list(m.joints), rows.signals.interval
     if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
         return LATE
-    pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
-    without_it, with_it = (
-        in_units_of_noise(rows, residual(rows, s, joints=pick), pick) for s in (other, now)
-    )
+    left = (residual(rows, s)[:, pick] for s in (now, other))
+    with_it, without_it = (in_units_of_noise(rows, x, pick) for x in left)
     if np.all(with_it > without_it):
         return "it only makes the encoder's noise smaller"
     if gain(score, other, now)[pick].max() < min_gain:
@@ -227,18 +223,12 @@ def held(m: Item, x: np.ndarray) -> bool:
 
 
 def beyond(m: Item, x: np.ndarray) -> bool:
-    """Return whether a member's reported values exceed the catalogue's bounds.
-
-    An example is the centre of a load that is far away.
-    """
+    """Return whether reported values leave the catalogue's bounds, as a far load's centre may."""
     if not m.shape.cls.internal:
         return False
-    effect = m.shape.at(x).settled()
-    values = {n: np.asarray(getattr(effect, n), float) for n in m.shape.cls.parameters}
-    return any(
-        np.any((v < p.lower) | (v > p.upper))
-        for v, p in ((values[n], m.shape.cls.parameters[n]) for n in values)
-    )
+    effect, known = m.shape.at(x).settled(), m.shape.cls.parameters
+    each = ((np.asarray(getattr(effect, n), float), p) for n, p in known.items())
+    return any(np.any((v < p.lower) | (v > p.upper)) for v, p in each)
 
 
 def late(now: Solution, m: Item, x: np.ndarray) -> float:
@@ -250,18 +240,53 @@ def late(now: Solution, m: Item, x: np.ndarray) -> float:
     if m.shape.free:
         return np.inf
     names = [n for n in movable(m.shape) for _ in range(np.size(m.shape.values[n]))]
-    times = [
-        v
-        for n, v in zip(names, vector(m.shape, x), strict=True)
-        if m.shape.cls.parameters[n].unit == "s"
-    ]
+    named = zip(names, vector(m.shape, x), strict=True)
+    times = [v for n, v in named if m.shape.cls.parameters[n].unit == "s"]
     back = [float(now.x[now.of(o)][0]) for o in now.members if o.key == (ALIGNMENT, m.shape.joint)]
     return max(times) + min([0.0, *back]) if times else np.inf
 
 
-def together(x: np.ndarray, folds: np.ndarray) -> float:
-    """Return the root mean square of coefficients (P,) in standard errors, jointly (Wald).
+def possible(effect: Effect, own: Sequence[Effect]) -> bool:
+    """Return whether an effect, with what the model has of it already, is within its bounds.
 
-    ``folds`` are the coefficients fitted without one block each.
+    Values fitted to the whole log may leave them; a model with such an effect cannot be simulated.
     """
-    return wald(x, covariance_of(folds)) if len(x) > 1 else 0.0
+    try:
+        added_to(own, effect).check()
+    except EffectError:
+        return False
+    return True
+
+
+def confirmed(
+    score: Score, now: Solution, rows: Rows, predicted: np.ndarray
+) -> tuple[Solution, list[Value], dict[Group, str]]:
+    """Return a set without what the whole log does not confirm, its values, and what went and why.
+
+    The values are fitted to the whole log. The weakest goes first, since the others were fitted
+    beside it; nothing goes that was confirmed before.
+    """
+    dropped, doubted = dict[Group, str](), set[Key]()
+    while True:
+        fitted = values(score, now, rows.whole(), predicted)
+        wrong = {v.key: why for v in fitted if (why := unconfirmed(v, rows.effects))}
+        doubted = doubted or wrong.keys()
+        if not (wrong := {key: why for key, why in wrong.items() if key in doubted}):
+            return now, fitted, dropped
+        less = {
+            key: score.solve([m for m in now.members if m.always or m.key != key]) for key in wrong
+        }
+        weakest = max(less, key=lambda key: less[key].value)
+        gone = (m.group for m in now.members if not m.always and m.key == weakest)
+        dropped |= dict.fromkeys(gone, wrong[weakest])
+        now = less[weakest]
+
+
+def unconfirmed(value: Value, own: Sequence[Effect]) -> str:
+    """Return why the values fitted to the whole log rule an effect out; empty if they do not."""
+    known = any(np.any(np.abs(v) > EXCLUDED * e) for v, e in value.parameters.values())
+    if not (known or value.together > EXCLUDED or value.share > 0.0):
+        return UNSURE
+    if value.on_bound:
+        return BOUND
+    return "" if possible(value.effect, own) else "its value is impossible"

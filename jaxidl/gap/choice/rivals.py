@@ -4,7 +4,6 @@ They are better ones, once their shapes are fitted, and equally good ones.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -17,11 +16,9 @@ from jaxidl.gap.evidence.gram import Group, Item
 from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import movable
-from jaxidl.gap.fit.library import Library
-from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.prior import compact
 from jaxidl.gap.fit.score import Score, Solution
-from jaxidl.gap.fit.shapes import fitted, seen_from
+from jaxidl.gap.fit.shapes import arriving, fitted, seen_from
 
 RIVALS = 2  # rivals tried of each effect that is not common
 ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
@@ -40,13 +37,13 @@ class Tie(NamedTuple):
     instead: tuple[Group, ...]  # each in place of all that was found
     # highest prior probability among them, relative to what was found; at most 1
     likely: float
-    falls: float = np.inf  # by how much the score falls with the best of them
+    falls: float  # by how much the score falls with the best of them
     # by how much the coefficients of the other members are different beside the likeliest of them
-    moves: Mapping[Group, np.ndarray] = MappingProxyType({})
+    moves: Mapping[Group, np.ndarray]
 
 
 def contested(
-    score: Score, now: Solution, library: Library, predicted: np.ndarray, contests: Contests
+    score: Score, now: Solution, rows: Rows, predicted: np.ndarray, contests: Contests
 ) -> list[Item] | None:
     """Return better members, or None.
 
@@ -54,49 +51,41 @@ def contested(
     ones without the other. A shape that has not been fitted loses against one that has; here both
     are fitted. What is in ``contests`` is not tried again; what is tried is added.
     """
-    rows, changed = library.rows, False
+    changed = False
     for m in [m for m in now.members if not m.always]:
-        beside = frozenset(o.group for o in now.members if set(o.joints) & set(m.joints))
-        if m not in now.members or (m.group, beside) in contests:
+        near = [o for o in now.members if set(o.joints) & set(m.joints)]
+        place = m.group, frozenset(o.group for o in near)
+        if m not in now.members or place in contests:
             continue
-        contests.add((m.group, beside))
+        contests.add(place)
         rest = without(now, m)
+        taken = {r.group for r in rest}
         promise = estimates.promise(score, rest, m.joints)
         others = [i for i in score.items if id(i) in promise and i is not m]
-        best = sorted(
-            (i for i in others if i.group not in {r.group for r in rest}),
-            key=lambda i: -promise[id(i)],
-        )[:RIVALS]
+        others = [i for i in others if i.group not in taken]
+        best = sorted(others, key=lambda i: -promise[id(i)])[:RIVALS]
         worth = promise[id(m)] - m.odds
         far = UNFIT * worth if m.common else FAR
         best = [i for i in best if promise[id(i)] - i.odds > worth - far]
+        same = [] if m.common else [i for i in score.items if i.group == m.group and i is not m]
+        shapes = [i for i in [m, *same][: RIVALS + 1] if not m.common and movable(i.shape)]
         # a load for the errors of links: it has many amplitudes until its mass is known
         trials = [
             [*(r for r in rest if r.always or not part(r, i)), i]
             for i in others
-            if i.shape.cls.implied and part(m, i) and i.group not in {r.group for r in rest}
+            if i.shape.cls.implied and part(m, i)
         ]
         trials += [[*rest, i] for i in best]
-        starts = (
-            [m, *(i for i in score.items if i.group == m.group and i is not m)][: RIVALS + 1]
-            if not m.common
-            else []
-        )
         # a simpler one
-        trials += [[*rest, i] for i in starts if len(i.lower) < len(m.lower) and movable(i.shape)]
+        trials += [[*rest, i] for i in shapes if len(i.lower) < len(m.lower)]
         trials += [
             [*bare, i]
-            for i in (*starts, *best)
+            for i in (*shapes, *best)
             if movable(i.shape) and len(bare := outside(rest, i)) < len(rest)
         ]
         # another rare one may have kept it from its best shape
-        trials += [
-            [*(r for r in rest if r is not o), i]
-            for o in rest
-            if not (o.always or o.common) and set(o.joints) & set(m.joints)
-            for i in starts
-            if movable(i.shape)
-        ]
+        rare = [o for o in near if not (o is m or o.always or o.common)]
+        trials += [[*(r for r in rest if r is not o), i] for o in rare for i in shapes]
         for trial in trials:
             fresh = fitted_beside(trial[:-1], trial[-1], score, rows, predicted)
             small = score.having([*now.members, *(i for i in fresh if i not in now.members)])
@@ -141,7 +130,7 @@ def outside(members: Iterable[Item], whole: Item) -> list[Item]:
     return [m for m in members if m.always or not (part(m, whole) and m.key[1] == whole.key[1])]
 
 
-def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Tie]:
+def tied(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Tie]:
     """Return sets of effects that predict the log equally well in each other's place.
 
     Their priors do not matter, but each set has to be physical; the one found comes first. An
@@ -149,7 +138,7 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
     member contains is not looked for beside it, nor an effect in place of parts of it alone.
     """
     sets: dict[tuple[Group, ...], dict[Group, tuple[float, float, Solution]]] = {}
-    known = now.value - price(score, now, library.rows)
+    known = now.value - price(score, now, rows)
     for m in [m for m in now.members if not m.always]:
         rest = without(now, m)
         worth = _worth(score, rest, m)
@@ -170,11 +159,11 @@ def tied(score: Score, now: Solution, library: Library, predicted: np.ndarray) -
         for i in sorted(near, key=lambda i: -alone[id(i)]):
             best.setdefault(i.group, i)
         for i in sorted(best.values(), key=lambda i: -worth[id(i)])[: 2 * RIVALS]:
-            fresh = fitted_beside(rest, i, score, library.rows, predicted)
+            fresh = fitted_beside(rest, i, score, rows, predicted)
             small = score.having(fresh)
             at = search(small, fresh, swap=False)
             odds, least = (sum(o.odds for o in s.members) for s in (at, now))
-            reached = at.value - price(small, at, library.rows)
+            reached = at.value - price(small, at, rows)
             if (
                 fresh[-1] in at.members
                 and odds > least - FARTHER

@@ -11,7 +11,7 @@
    one by another, by all that it can imitate or by a part that it contains, a rare one by another
    and a common one that it imitated, or two by one or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`), give effects of a motor the command
-   that arrives at them (:mod:`jaxidl.gap.fit.motors`) and effects that read the torque the one that
+   that arrives at them and effects that read the torque the one that
    is now predicted behind the motor, and go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.choice.objections`) that are on a bound, that their standard
    error does not distinguish from zero, that are not physical, that only make the encoder's noise
@@ -61,10 +61,7 @@ Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
 
 
 def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
-    """Return the set after all moves that raise the score, best first.
-
-    Each move is judged from the set that the ones before have reached.
-    """
+    """Return the set after all moves that raise the score, best first, each beside the last."""
     ranked = []
     for out, new in moves:
         value = score.solve(after(now.members, out, new)).value
@@ -108,8 +105,9 @@ def single(score: Score, now: Solution) -> list[Move]:
 def replaced(score: Score, now: Solution) -> list[Move]:
     """Return the moves of one for another on its joints.
 
-    They are also those of one for several that it can imitate, of one for its part, and of a rare
-    one for all common ones: one motor constant looks like the errors of several links.
+    They are also those of one for several that it can imitate, of one for its part, of a rare one
+    for all common ones, since one motor constant looks like the errors of several links, and of a
+    rare one for another and a common one that it imitated.
     """
     moves = [
         (frozenset(alike), frozenset([i]))
@@ -120,27 +118,22 @@ def replaced(score: Score, now: Solution) -> list[Move]:
     for m in filter(lambda m: not m.always, now.members):
         less = [i for i in score.items if len(i.lower) < len(m.lower) and i.group not in taken]
         moves += [(frozenset([m]), frozenset([i])) for i in estimates.imitated(score, less, m)]
+        rest, on = after(now.members, [m], []), set(m.joints)
         if not m.common:
-            on = set(m.joints)
             common = [i for i in score.items if i.common and on & set(i.joints)]
             common = [i for i in common if i.group not in taken]
             moves += [(frozenset([m]), frozenset(common))]
-        rest = after(now.members, [m], [])
-        if not m.common:
             for first in (i for i in common if set(i.joints) <= on):
                 second = promising(score, (*rest, first), -np.inf, on, [m])
                 second = [i for i in second if set(i.joints) <= on][:TRIED]
                 moves += [(frozenset([m]), frozenset([first, i])) for i in second]
-        fresh = promising(score, rest, now.value, set(m.joints), [m])
+        fresh = promising(score, rest, now.value, on, [m])
         moves += [(frozenset([m]), frozenset([i])) for i in fresh[:REPLACED]]
     return moves
 
 
 def pairs(score: Score, now: Solution) -> list[Move]:
-    """Return the moves of two members of one joint for one or two others.
-
-    The pairs are the most entangled ones.
-    """
+    """Return the moves of two members of one joint, the most entangled, for one or two others."""
     moves = []
     for a, b in entangled(now):
         rest, both = after(now.members, [a, b], []), set(a.joints) & set(b.joints)

@@ -17,15 +17,15 @@ from jaxtyping import Float
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.gap.evidence.friction import friction_along, mean_sign
-from jaxidl.gap.evidence.reach import Columns, narrowed
+from jaxidl.gap.evidence.links import Columns, narrowed
 from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
+from jaxidl.systems.free import inner
 from jaxidl.systems.tabled_body import TabledBody
 from jaxidl.systems.tables import Tables, inverse_dynamics
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
-SIDE_BY_SIDE = 4  # effects of one class per program; one that takes steps is faster alone
-FILTERED = 12  # joints of effects whose terms are filtered together
+SIDE_BY_SIDE = 4  # effects of one class per program; one that remembers takes steps: faster alone
 OFTEN = 100_000  # instants times squared joints from which programs run often, or take long
 
 
@@ -80,16 +80,19 @@ def additions(
             the encoders, its change counts, too.
     """
     joints = signals.q.shape[1]
-    columns, inner, places = narrowed(effects)
-    drive, starts = driven(signals, tau, predicted, predicted + friction, columns)
+    columns, alone, places = narrowed(effects)
+    each = (signals.q, signals.qd, signals.qdd, tau, predicted, predicted + friction)
+    tables = signals.tables.part(columns)  # as if the other joints did not move
+    drive = Drive._make([*(x[:, columns] for x in each), tables])
+    starts = np.zeros(len(tau), bool)
+    starts[[s.start for s in signals.slices]] = True
     times = signals.dt, round(signals.dt / signals.interval)
     many = _often if signals.q.size * joints > OFTEN else _seldom
+    kind = type(inner(alone[0]))
+    together = 1 if kind.actuates() and kind.start is not Effect.start else SIDE_BY_SIDE
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
-    together = 1 if remembers(inner[0]) else SIDE_BY_SIDE
-
-    def terms_of(first: int) -> Terms:
-        """Return the terms of those effects from the ``first`` that are computed side by side."""
-        part = inner[first : first + together]
+    for first in range(0, len(alone), together):
+        part = alone[first : first + together]
         filled = part + [part[-1]] * (together - len(part))
         leaves = [
             np.stack([np.asarray(x, float) for x in each])
@@ -97,58 +100,28 @@ def additions(
         ]
         where = np.resize(np.asarray(places[first : first + together]), together)
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
-        return Terms(*(np.asarray(x)[: len(part)] for x in terms))
-
-    step = together * max(FILTERED // (together * drive.q.shape[1]), 1)
-    for first in range(0, len(inner), step):
-        last = min(first + step, len(inner))
-        parts = [terms_of(n) for n in range(first, last, together)]
-        terms = Terms(*map(np.concatenate, zip(*parts, strict=True)))
+        terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
             added = _rows(terms, signals, columns, drive, undone, rubbing)
         # a diverging simulation adds nothing
         wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
-        out[first:last][:, :, columns] = np.where(wild, 0.0, added)
+        out[first : first + together][:, :, columns] = np.where(wild, 0.0, added)
         if np.any(terms.change[-1]):
             delivered = tau.copy()
             delivered[:, columns] += terms.change[-1]
     return out, delivered
 
 
-def remembers(effect: Effect) -> bool:
-    """Return whether what an effect delivers depends on what was before."""
-    kind = type(effect.effect if isinstance(effect, OnJoint) else effect)
-    return kind.actuates() and kind.start is not Effect.start
-
-
-def driven(
-    signals: Signals, tau: np.ndarray, predicted: np.ndarray, load: np.ndarray, columns: Columns
-) -> tuple[Drive, np.ndarray]:
-    """Return the inputs of effects on some joints, and at which instants (T,) a run begins."""
-    starts = np.zeros(len(tau), bool)
-    starts[[s.start for s in signals.slices]] = True
-    each = (signals.q, signals.qd, signals.qdd, tau, predicted, load)
-    tables = signals.tables.part(columns)  # as if the other joints did not move
-    return Drive._make([*(x[:, columns] for x in each), tables]), starts
-
-
 def _many(
     structure: Any, leaves: Any, where: Any, drive: Drive, starts: Any, dt: float, finer: int
 ) -> Terms:
-    """Return terms (G, T, J) of G effects of one structure.
-
-    Where they reach other joints, each is on joint ``where`` (G,).
-    """
+    """Return terms (G, T, J) of G effects of one structure, on joints ``where`` (G,) or alone."""
 
     def one(values: Any, joint: Any) -> Terms:
         effect = jax.tree.unflatten(structure, values)
-        return along(
-            effect.replace(joint=joint) if isinstance(effect, OnJoint) else effect,
-            drive,
-            starts,
-            dt,
-            finer,
-        )
+        if isinstance(effect, OnJoint):
+            effect = effect.replace(joint=joint)
+        return along(effect, drive, starts, dt, finer)
 
     return jax.vmap(one)(leaves, where)
 
@@ -165,9 +138,8 @@ def along(effect: Any, drive: Drive, starts: Any, dt: float, finer: int = 1) -> 
     ``starts`` (T,) says at which instants a run begins. A hidden state takes ``finer`` steps in
     each ``dt``.
     """
-    inner = type(effect.effect if isinstance(effect, OnJoint) else effect)
     change = drive.tau * 0.0
-    if inner.actuates():
+    if type(inner(effect)).actuates():
         command = effect.seen(drive.tau, drive.predicted)
         change = _delivered(effect, drive._replace(tau=command), starts, dt, finer) - command
 
@@ -184,15 +156,8 @@ def along(effect: Any, drive: Drive, starts: Any, dt: float, finer: int = 1) -> 
     torque, level, up, down, inertia = jax.vmap(instant)(
         drive.q, drive.qd, drive.qdd, drive.predicted, drive.load, drive.table
     )
-    return Terms(
-        change,
-        torque,
-        level,
-        up,
-        down,
-        inertia,
-        effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q),
-    )
+    place = effect.true_position(drive.q, dt) + jnp.zeros_like(drive.q)
+    return Terms(change, torque, level, up, down, inertia, place)
 
 
 def _delivered(effect: Any, drive: Drive, starts: Any, dt: float, finer: int) -> Any:

@@ -1,4 +1,4 @@
-"""Whether the log's columns, signs, zeros, units and gravity are those of the model.
+"""Whether the log's columns, signs, zeros, units, gravity and clocks are those of the model.
 
 Each of a few other readings of the log (a joint's torque or position with the opposite sign, its
 zero 90° or 180° away, its position in degrees, the columns of two joints exchanged, the base
@@ -9,6 +9,10 @@ joint's error to a third or less, also of what is left without any model: where 
 explains a torque, every larger unit makes errors look smaller. What was taken is reported, with
 others that are as good, and nothing is changed; but no effect is named with confidence on joints
 that seem to be misread.
+
+A motor may act late, but no motion precedes its torque. Where the torques of most joints fit the
+motion far better a while earlier, the log's two clocks differ, or its torques were filtered. This
+is reported, too.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,8 +20,10 @@ from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import minimize_scalar, nnls
 
+from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.projection import CONVENTION, Projection
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.systems.free import inner
 from jaxidl.systems.tables import inverse_dynamics
@@ -27,6 +33,9 @@ FEWER = 1.0 / 3.0  # of a joint's error: what another reading has to leave at mo
 ALIKE = 0.01  # difference of squared errors below which two readings are equally good
 ENOUGH = 400  # rows
 UNITS = (1e3, 1e-3, 1e2, 1e-2, 1e1, 1e-1)  # factors of torques
+LONGEST = 0.2  # that torques may be logged late [s]
+LESS = 0.7  # of a joint's error: what has to be left at most then,
+ABOVE = 1.5  # where it is this many times its floor
 MOUNTED = {
     "the base stood upright, with its z axis up": (0, 0, -1),
     "the base hung upside down": (0, 0, 1),
@@ -57,14 +66,11 @@ def conventions(rows: Rows, names: Sequence[str]) -> tuple[list[str], np.ndarray
     source, misread = getattr(rows.signals.body, "source", None), np.zeros(len(names), bool)
     if source is None:
         return [], misread
-    size, some = (
-        len(names),
-        np.linspace(0, len(rows.gap) - 1, min(ENOUGH, len(rows.gap))).astype(int),
-    )
+    size, last = len(names), len(rows.gap) - 1
+    some = np.linspace(0, last, min(ENOUGH, last + 1)).astype(int)
     gravity = np.array(source.opt.gravity)
     strength = float(np.linalg.norm(gravity))
-    one = np.ones(size)
-    own = np.arange(size)
+    one, own = np.ones(size), np.arange(size)
     now = Reading(one, 0.0 * one, one, gravity / max(strength, 1e-300), own, own)
     left = _left(rows, some, now, strength)
     bare = _left(rows, some, now, strength, share=0.0)
@@ -80,25 +86,20 @@ def conventions(rows: Rows, names: Sequence[str]) -> tuple[list[str], np.ndarray
         if not better or min(error) >= np.sum(left**2):
             break
         alike = [t for t, e in zip(better, error, strict=True) if e <= min(error) + ALIKE]
-        said.append(_sentence([t[:2] for t in alike], left, alike[0][-1], names))
-        misread |= (alike[0][-1] <= most) & (left > WRONG)
+        after = alike[0][-1]
+        worst = int(np.argmax(left - after))
+        how = " or ".join(
+            f"{'the log' if joint is None else names[joint]} reads as if {what}"
+            for joint, what, *_ in alike
+        )
+        said.append(
+            f"{how}: friction and the model's inertias would then leave {after[worst]:.0%} of"
+            f" {names[worst]}'s torque instead of {left[worst]:.0%}; check how positions and"
+            " torques were recorded"
+        )
+        misread |= (after <= most) & (left > WRONG)
         now, left = alike[0][-2:]
     return said, misread
-
-
-def _sentence(
-    alike: Sequence[tuple[int | None, str]], before: np.ndarray, after: np.ndarray, names: Any
-) -> str:
-    worst = int(np.argmax(before - after))
-    how = " or ".join(
-        f"{'the log' if joint is None else names[joint]} reads as if {what}"
-        for joint, what in alike
-    )
-    return (
-        f"{how}: friction and the model's inertias would then leave {after[worst]:.0%} of"
-        f" {names[worst]}'s torque instead of {before[worst]:.0%}; check how positions and torques"
-        " were recorded"
-    )
 
 
 def _others(
@@ -181,3 +182,37 @@ def _left(
             left = nnls(x, y, maxiter=1000)[1] / np.sqrt(use.sum())
             out[j] = left / max(float(there), 1e-300) / abs(reading.torque[j])
     return out
+
+
+def late_torques(rows: Rows, items: Sequence[Item], names: Sequence[str]) -> list[str]:
+    """Return a sentence if torques of most joints were logged late; otherwise nothing.
+
+    They are compared beside ``items``: all that is common, and what was found.
+    """
+    moving = np.flatnonzero(rows.used.any(0) & (rows.spread > 0.0))
+    once = list({i.group: i for i in items}.values())
+    projected, dt = Projection(rows, once), rows.signals.interval
+
+    def error(late: float) -> np.ndarray:
+        left = projected.residuals(rows.shifted(-late))
+        return np.array([np.sqrt(np.mean(left[j] ** 2)) for j in moving])
+
+    total = lambda late: float(np.sum(np.log(error(late) + 1e-300)))
+    usual = -CONVENTION[0] * dt
+    last, late = total(usual), usual
+    while 2.0 * late < LONGEST and (more := total(2.0 * late)) < last:
+        last, late = more, 2.0 * late
+    if late == usual:
+        return []
+    bounds = late / 2.0, 2.0 * late
+    found: Any = minimize_scalar(total, bounds=bounds, options={"xatol": 0.1 * dt})
+    best = float(found.x)
+    before, after = error(0.0), error(best)
+    able, better = before > ABOVE * rows.floor[moving], after < LESS * before
+    if 2 * np.count_nonzero(better) <= np.count_nonzero(able):
+        return []
+    return [
+        f"the torques of {', '.join(np.array(names)[moving[better]])} fit the motion if they were"
+        f" logged {1e3 * best:.2g} ms late, later than they act: check the clocks of positions and"
+        " torques, and filters of the torques"
+    ]

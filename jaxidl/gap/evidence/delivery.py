@@ -69,15 +69,10 @@ def delivery(
     places: np.ndarray,
     scale: np.ndarray,
 ) -> Delivery:
-    """Return the share of joint j's command that arrives behind effects.
+    """Return the share of joint j's command that arrives behind effects with A coefficients.
 
-    Args:
-        rows: N rows.
-        j: the joint.
-        noise: the unit of its torques [N or Nm].
-        acting: the effects, with A coefficients.
-        places: (A,) of the coefficients in a score.
-        scale: (A,) how many of a score's coefficients are one.
+    Torques are in units of ``noise`` [N or Nm]. The coefficients are at ``places`` (A,) of a score,
+    and ``scale`` (A,) of the score's coefficients are one.
     """
     mask = rows.training & rows.used[:, j]
     n, none = max(int(mask.sum()), 1), np.zeros((0, int(mask.sum())))

@@ -11,7 +11,7 @@ import numpy as np
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
-from jaxidl.gap.evidence.reach import narrowed
+from jaxidl.gap.evidence.links import narrowed
 from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from jaxidl.gap.evidence.delivery import Delivery, delivery
 from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.evidence.samples import samples_alike
 
 Key = tuple[str, int | None]  # an effect's name and its joint
 # name, joint and part of an effect: one shape of each at a time
@@ -22,10 +23,7 @@ Group = tuple[str, int | None, str]
 
 @dataclass(frozen=True, eq=False)
 class Item:
-    """One shape of an effect: P columns of the predicted command on some joints.
-
-    Items are compared by identity.
-    """
+    """One shape of an effect: P columns of the predicted command; equal to itself alone."""
 
     group: Group
     shape: Any  # see :mod:`jaxidl.gap.fit.library`
@@ -41,9 +39,8 @@ class Item:
     always: bool = False  # true if part of every set without being an effect
     # additional commands on its joints (S, N, K), and what it holds back of them (S, P, N, K) [1]
     push: tuple[np.ndarray, np.ndarray] | None = field(default=None, repr=False)
-    deaf: np.ndarray | None = field(
-        default=None, repr=False
-    )  # (P, K) share of samples at which no additional command passes
+    # (P, K) share of samples at which no additional command passes
+    deaf: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def key(self) -> Key:
@@ -51,26 +48,18 @@ class Item:
         return self.group[:2]
 
 
-class Anchor(NamedTuple):
-    """Evidence of another log of the same machine about items that both share.
+def columns_at(items: Iterable[Item], joint: int, rows: int) -> Float[np.ndarray, "P N"]:
+    """Return the columns that items have on a joint, side by side, of N ``rows``."""
+    on = [i.columns[:, :, i.joints.index(joint)] for i in items if joint in i.joints]
+    return np.concatenate([np.zeros((0, rows)), *on])
 
-    Changes of their coefficients increase its error.
-    """
+
+class Anchor(NamedTuple):
+    """Another log's evidence about items of both: changes of coefficients increase its error."""
 
     items: tuple[Item, ...]
     information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
     pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
-
-
-def samples_alike(count: np.ndarray, effective: np.ndarray) -> float:
-    """Return how many of ``count`` (J,) samples count as one if ``effective`` (J,) are independent.
-
-    It is the median over the joints that move.
-    """
-    moves = count > 0
-    return (
-        float(np.median(count[moves] / np.maximum(effective[moves], 1.0))) if moves.any() else 1.0
-    )
 
 
 class Gram:
@@ -85,15 +74,12 @@ class Gram:
         anchor: Anchor | None = None,
         old: "Gram | None" = None,
     ):
-        """Compute the Gram matrices.
+        """Compute the Gram matrices of items on N rows, in B training blocks and held-out ones.
 
-        Args:
-            rows: N rows, B training blocks, others held out.
-            items: all items that may be in a set.
-            noise: (J,) root mean square residual of the envelope [N or Nm].
-            effective: (J,) effective number of training samples.
-            anchor: evidence of another log about some of the items.
-            old: the score of the same rows with other items; what both share is not computed again.
+        The envelope's residual has a root mean square ``noise`` (J,) [N or Nm] and an ``effective``
+        number (J,) of training samples. An ``anchor`` is evidence of another log about some of the
+        items. What is there in ``old``, the score of the same rows with other items, is not
+        computed again.
         """
         self.rows, self.items = rows, list(items)
         self.noise, self.effective = noise, effective
@@ -127,11 +113,8 @@ class Gram:
         for i in items:
             same[self.place[id(i)]] = before.get(id(i), -1)
         for j in range(joints):
-            on = [(i, i.joints.index(j)) for i in items if j in i.joints]
-            which = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i, _ in on)])
-            x = np.concatenate(
-                [np.zeros((0, len(rows.block))), *(i.columns[:, :, k] for i, k in on)]
-            )
+            on = [i for i in items if j in i.joints]
+            which, x = self.indices(on), columns_at(on, j, len(rows.block))
             x = rows.steady(x * weights[:, j] / self.scale[which, None], j).T  # (N, p)
             y = rows.steady(rows.gap[:, j] * weights[:, j], j)
             parts = [rows.block == b for b in order]
@@ -149,7 +132,7 @@ class Gram:
             self.square[:, j] = [y[b] @ y[b] for b in parts]
             self.count[:, j] = [rows.used[b, j].sum() for b in parts]
             self.which.append(which)
-            acting = [i for i, _ in on if i.actuates]
+            acting = [i for i in on if i.actuates]
             at = self.indices(acting)
             self.deliveries.append(delivery(rows, j, noise[j], acting, at, self.scale[at]))
         # variance of the command [noise^2]
@@ -163,7 +146,7 @@ class Gram:
         self.anchor = anchor
         self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:
-            at = np.concatenate([np.zeros(0, int), *(self.place[id(i)] for i in anchor.items)])
+            at = self.indices(anchor.items)
             self.anchored[np.ix_(at, at)] = (
                 anchor.information / self.scale[at, None] / self.scale[at]
             )
@@ -174,23 +157,16 @@ class Gram:
             local[which] = np.arange(len(which))
         self.weights = np.ones(int(self.training.sum()))  # weights of the training blocks
 
-    def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal equations (B, P, P) and (B, P) of a set's coefficients.
+    def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, ...]:
+        """Return normal equations (B, P, P) and (B, P) of a set's coefficients, by training block.
 
-        There is one for each training block.
+        Also return what priors and another log add to them: a matrix (P, P) and a right side (P,).
         """
         at = self.indices(members)
         gram, right, _ = self.normal_equations(at)
-        return gram * self.scale[at, None] * self.scale[at], right * self.scale[at]
-
-    def known(self, members: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:
-        """Return what priors and another log add to the normal equations of a set.
-
-        These are a matrix (P, P) and a right side (P,).
-        """
-        at = self.indices(members)
         s = self.scale[at]
-        return self._known(at) * s[:, None] * s, self.pull[at] * s
+        both = s[:, None] * s
+        return gram * both, right * s, self._known(at) * both, self.pull[at] * s
 
     def _known(self, at: np.ndarray) -> np.ndarray:
         return self.anchored[np.ix_(at, at)] + np.diag(self.prior[at])

@@ -5,14 +5,15 @@ from typing import Any
 
 import jax
 import numpy as np
+from jaxtyping import Float
 
-from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.gram import Item, Key
 from jaxidl.gap.evidence.rows import Rows
-from jaxidl.gap.evidence.shape import Shape, parameters
+from jaxidl.gap.evidence.shape import Shape, amplitudes, limits
 
 # log odds that each parameter costs: a log narrows its range to about a tenth
 PARAMETER = float(np.log(10.0))
+SAME = 1e-6  # share of a part that an effect which contains it cannot imitate
 
 
 def beside(
@@ -24,17 +25,22 @@ def beside(
     an effect never takes the place of a simpler one that it contains: beside the simpler one it is
     only what is specific to it.
     """
-    flat, directions = columns.reshape(len(columns), -1), []
-    inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True)
-    for name, part in parts:
-        amplitudes = inverse @ (flat @ part.ravel())
-        if np.linalg.norm(part.ravel() - amplitudes @ flat) < 1e-6 * np.linalg.norm(part):
-            directions.append((name, amplitudes))
+    each = [(name, imitation(columns, part)) for name, part in parts]
+    directions = [(name, amplitudes) for name, amplitudes in each if amplitudes is not None]
     if not directions:
         return shape, columns
     u, s, _ = np.linalg.svd(np.array([d for _, d in directions]).T)
     basis = np.where(np.abs(left := u[:, int(np.sum(s > 1e-9 * s[0])) :]) > 1e-9, left, 0.0)
     return shape._replace(basis=basis, parts=tuple(directions)), np.tensordot(basis.T, columns, 1)
+
+
+def imitation(columns: np.ndarray, part: np.ndarray) -> Float[np.ndarray, " P"] | None:
+    """Return amplitudes with which columns (P, N, J) add a torque (N, J); None if they cannot."""
+    flat = columns.reshape(len(columns), -1)
+    inverse = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True)
+    amplitudes = inverse @ (flat @ part.ravel())
+    left = part.ravel() - amplitudes @ flat
+    return amplitudes if np.linalg.norm(left) < SAME * np.linalg.norm(part) else None
 
 
 def items_of(
@@ -64,21 +70,10 @@ def columns_of(shapes: Sequence[Shape], rows: Rows, predicted: np.ndarray) -> li
         together.setdefault((jax.tree.structure(probes[0]), str(alike)), []).append(number)
     out: list[np.ndarray] = [np.zeros(0)] * len(jobs)
     for numbers in together.values():
-        added, _ = additions(
-            [p for n in numbers for p in jobs[n][1]],
-            rows.signals,
-            rows.tau,
-            predicted,
-            friction=rows.unloaded,
-            rubbing=rows.rubbing,
-        )
-        for n, part in zip(
-            numbers,
-            np.split(added, np.cumsum([len(jobs[n][1]) for n in numbers])[:-1]),
-            strict=True,
-        ):
-            shape, _, size = jobs[n]
-            columns = part / size[:, None, None]
+        each = iter(rows.added([p for n in numbers for p in jobs[n][1]], predicted))
+        for n in numbers:
+            shape, probes, size = jobs[n]
+            columns = np.stack([next(each) for _ in probes]) / size[:, None, None]
             out[n] = columns if shape.basis is None else np.tensordot(shape.basis.T, columns, 1)
     return out
 
@@ -91,10 +86,7 @@ def spread(i: Item, rows: Rows) -> np.ndarray:
 
 
 def item(shape: Shape, columns: np.ndarray) -> Item:
-    """Return the item of a shape with columns (P, N, J).
-
-    Joints that it does not affect are left out.
-    """
+    """Return the item of a shape with columns (P, N, J), on the joints that it affects."""
     cls = shape.cls
     size = np.sqrt(np.mean(columns**2, 1))  # (P, J)
     joints = tuple(
@@ -102,11 +94,8 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
     )
     lower, upper = shape.limits()
     part = "+".join(shape.free) if cls.linear else ""
-    odds = (
-        shape.odds
-        - PARAMETER * (rank(columns) if shape.free else 0)
-        - PARAMETER * parameters(shape)
-    )
+    more = len(limits(shape)[0]) - amplitudes(shape)  # parameters besides
+    odds = shape.odds - PARAMETER * ((rank(columns) if shape.free else 0) + more)
     group, none = (cls.name, shape.joint, part), np.zeros(len(lower))
     return Item(
         group,
@@ -120,15 +109,6 @@ def item(shape: Shape, columns: np.ndarray) -> Item:
         cls.actuates(),
         cls.common,
     )
-
-
-def freedom(shape: Shape, columns: np.ndarray) -> int:
-    """Return how many amplitudes with columns (P, N, J) a log can tell apart beside implied ones.
-
-    The shape is of an effect whose others imply some of its amplitudes.
-    """
-    own = [np.full(np.size(shape.values[n]), n not in shape.cls.implied) for n in shape.free]
-    return rank(columns[np.concatenate(own)])
 
 
 def rank(columns: np.ndarray) -> int:
@@ -147,13 +127,13 @@ def part(m: Item, whole: Item) -> bool:
 
 def absorbed(members: Sequence[Item]) -> dict[Key, Key]:
     """Return parts of effects with a shape, named as their whole: its key by theirs."""
-    found: dict[Key, Key] = {}
     # what two logs have in common is neither a finding nor a part of one
     own = [m for m in members if not m.always]
     keys = {m.key for m in own}
-    for m in own:
-        if m.shape is not None and not m.shape.cls.linear:
-            found |= {
-                (name, m.key[1]): m.key for name, _ in m.shape.parts if (name, m.key[1]) in keys
-            }
-    return found
+    return {
+        (name, m.key[1]): m.key
+        for m in own
+        if m.shape is not None and not m.shape.cls.linear
+        for name, _ in m.shape.parts
+        if (name, m.key[1]) in keys
+    }

@@ -1,23 +1,27 @@
-"""Physical changes of a link.
+"""Which joints an effect concerns, and how it changes links.
 
-They are given by its ten inertial parameters, how large a change is plausible, and which links are
-consistent. A body of positive density has a positive definite pseudo-inertia (Wensing, Kim and
-Slotine, IEEE RA-L 2018).
+It concerns its own joint alone, two, or all that carry what it changes. An effect of one joint is
+computed as if the mechanism had no other, so that one program serves all joints. Links are given by
+their ten inertial parameters, by how large a change is plausible, and by which are physical: a body
+of positive density has a positive definite pseudo-inertia (Wensing, Kim and Slotine, IEEE RA-L
+2018).
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.ten import PLACES
-from jaxidl.gap.evidence.reach import alterations
+from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.flange import flange_of
 from jaxidl.systems.mujoco_body import MujocoBody, per_mass, per_moment
 
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
 PLAUSIBLE = 0.5
+Columns = slice | list[int]  # joints
 COMPACT = 0.1  # radius of gyration of a load about its own centre, relative to the robot's reach
 
 
@@ -47,33 +51,20 @@ def links_of(body: Any) -> Links | None:
     ids = [*body.bodies, last]
     mass = source.body_mass
     typical = np.mean(mass[mass > 0.0]) if np.any(mass > 0.0) else 1.0
-    reach: Any = [
-        max(
-            [
-                0.05,
-                *(
-                    np.linalg.norm(source.body_pos[c])
-                    for c in range(source.nbody)
-                    if source.body_parentid[c] == b
-                ),
-            ]
-        )
-        for b in ids
-    ]
+    apart = np.linalg.norm(source.body_pos, axis=1)  # of each body from the one that carries it
+    reach = [max([0.05, *apart[source.body_parentid == b]]) for b in ids]
     heavy = np.maximum(mass[ids], 0.2 * typical)[:, None]
     length = np.maximum(reach, np.sqrt(np.abs(each[ids, 4:7]).max(1)))[:, None]
-    spread = np.concatenate(
-        [heavy, np.repeat(heavy * length, 3, 1), np.repeat(heavy * length**2, 6, 1)], 1
-    )
-    total, far = heavy[:-1].sum(), length[:-1].sum()  # a load may be as heavy and long as the robot
-    load = total * np.repeat([1.0, far, far**2], [1, 3, 6])
+    ten = lambda mass, far: mass * np.repeat(far ** np.arange(3), [1, 3, 6], -1)
+    far = float(length[:-1].sum())
+    load = ten(heavy[:-1].sum(), far)  # it may be as heavy and long as the robot
     return Links(
         mass[ids][:, None] * each[ids],
         each[list(body.bodies)],
         per_moment(source)[list(body.bodies)],
-        np.concatenate([PLAUSIBLE * spread[:-1], load[None]]),
+        np.concatenate([PLAUSIBLE * ten(heavy, length)[:-1], load[None]]),
         last == body.bodies[-1],
-        float(far),
+        far,
     )
 
 
@@ -105,9 +96,44 @@ def pseudo_inertia(ten: np.ndarray) -> np.ndarray:
 
 
 def physical(ten: np.ndarray) -> np.ndarray:
-    """Return which links (..., 10) are physical.
-
-    Their pseudo-inertia is positive definite, or they are zero.
-    """
+    """Return which links (..., 10) have a positive definite pseudo-inertia, or are zero."""
     least = np.linalg.eigvalsh(pseudo_inertia(ten))[..., 0]
     return np.asarray(least > -1e-9 * np.maximum(np.abs(ten).max(-1), 1e-12))
+
+
+def narrowed(effects: Sequence[Effect]) -> tuple[Columns, list[Effect], list[int]]:
+    """Return the joints that effects concern, the effects on those alone, and where they reach.
+
+    The last result is the joint of each effect that reaches other joints.
+    """
+    first, nowhere = effects[0], [0] * len(effects)
+    if isinstance(first, OnJoint) and not any(reaches(e.effect) for e in effects):  # type: ignore[attr-defined]
+        return slice(first.joint, first.joint + 1), [e.effect for e in effects], nowhere  # type: ignore[attr-defined]
+    if isinstance(first, OnJoint):
+        return slice(None), [e.replace(joint=0) for e in effects], [e.joint for e in effects]  # type: ignore[attr-defined]
+    if hasattr(first, "other"):
+        return [first.joint, first.other], [e.replace(joint=0, other=1) for e in effects], nowhere  # type: ignore[attr-defined]
+    return slice(None), list(effects), nowhere
+
+
+def reaches(effect: Effect) -> bool:
+    """Return whether an effect changes the body that its joint carries, or the joint's position."""
+    carried = (x for name, x in alterations(effect) if name != "add_inertia")
+    return any(map(np.any, carried)) or on_encoders(effect)
+
+
+def alterations(effect: Effect) -> list[tuple[str, np.ndarray]]:
+    """Return how an effect alters a body: names of the body's methods, and their arguments."""
+    body = _Altered()
+    effect.alter(body)
+    return body.made
+
+
+class _Altered:
+    """A body that notes how it is altered."""
+
+    def __init__(self) -> None:
+        self.made: list[tuple[str, np.ndarray]] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return lambda extra: self.made.append((name, np.asarray(extra))) or self

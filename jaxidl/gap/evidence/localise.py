@@ -28,15 +28,14 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
 
     Joints are in the order of their relative residual.
     """
-    counted = data.used
-    size = (rms(residual, counted) / np.maximum(data.spread, 1e-12)).tolist()
+    size = (rms(residual, data.used) / np.maximum(data.spread, 1e-12)).tolist()
     places = []
     for j in np.argsort(size)[::-1].tolist():
-        energy = residual[:, j] ** 2 * counted[:, j]
+        energy = residual[:, j] ** 2 * data.used[:, j]
         found = []
         for regime, mask, words in _regimes(data, j):
             share = float(energy[mask].sum() / max(energy.sum(), 1e-300))
-            time = float(np.sum(mask & counted[:, j]) / max(np.sum(counted[:, j]), 1))
+            time = float(np.sum(mask & data.used[:, j]) / max(np.sum(data.used[:, j]), 1))
             if share > LEAST and share > EXCESS * time and time > 0.0:
                 sentence = (
                     f"{names[j]}: {share:.0%} of the residual's energy lies {words}, which is"
@@ -61,11 +60,11 @@ def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
     speed, load, push = np.abs(qd), np.abs(tau), np.abs(qdd)
     (low, high), (left, right) = np.quantile(speed, [0.25, 0.75]), np.quantile(q, [1 / 3, 2 / 3])
     hard, heavy = np.quantile(push, 0.75), np.quantile(load, 0.75)
-    reach = max(1, round(0.05 / (np.median(np.diff(rows)) * signals.dt)))
+    reach = max(1, round(0.05 / data.step))
     events = np.diff(np.sign(qd), prepend=np.sign(qd[0])) != 0
     turn = np.convolve(events, np.ones(2 * reach + 1), "same") > 0
     quarters = np.arange(len(rows)) * 4 // len(rows)
-    out = [
+    return [
         ("standstill", resting[:, j], "where the joint is at rest"),
         ("reversal", turn & ~resting[:, j], "within 50 ms of a reversal"),
         ("low speed", speed < low, f"below a speed of {low:.3g}"),
@@ -81,17 +80,15 @@ def _regimes(data: Rows, j: int) -> list[tuple[str, np.ndarray, str]]:
         ("high position", q > right, f"at positions above {right:.3g}"),
         ("high acceleration", push > hard, f"above an acceleration of {hard:.3g}"),
         ("high load", load > heavy, f"above a torque of {heavy:.3g}"),
+        *(
+            (f"quarter {k + 1}", quarters == k, f"in the {which} quarter of the log")
+            for k, which in enumerate(("first", "second", "third", "last"))
+        ),
     ]
-    for k, which in enumerate(("first", "second", "third", "last")):
-        out.append((f"quarter {k + 1}", quarters == k, f"in the {which} quarter of the log"))
-    return out
 
 
 def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Place]:
-    """Return places of a residual that follows the direction of motion, or is constant.
-
-    Also return the frequencies that it has.
-    """
+    """Return places of a residual that follows the direction or is constant; its frequencies."""
     counted = data.used[:, j]
     rows = data.signals.rows
     qd, r = data.signals.qd[rows, j][counted], residual[counted, j]
@@ -101,8 +98,7 @@ def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Plac
     dry = np.mean(r * np.sign(qd)) ** 2 / max(energy, 1e-300)
     mean = np.mean(r) ** 2 / max(energy, 1e-300)
     way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
-    dt = float(np.median(np.diff(rows))) * data.signals.dt
-    f, power = signal.welch(residual[:, j], 1.0 / dt, nperseg=min(256, len(rows)))
+    f, power = signal.welch(residual[:, j], 1.0 / data.step, nperseg=min(256, len(rows)))
     top = f[np.searchsorted(np.cumsum(power), 0.8 * power.sum())]
     said = [
         ("direction", float(dry), f"{dry:.0%} of it is a constant torque {way} the motion"),

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.gram import Item, columns_at
 from jaxidl.gap.evidence.rows import Rows
 
 LENGTH = 0.25  # of a moment [s]
@@ -28,11 +28,8 @@ RIDGE = 1e-6
 def strange(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) -> np.ndarray:
     """Return which of N rows lie in a moment that stands out, those that were left out included.
 
-    Args:
-        rows: N rows of the log.
-        items: all common effects and what was found.
-        noise: (J,) root mean square of what the common ones leave [N or Nm].
-        alike: number of neighbouring rows that count as one.
+    The ``items`` are all common effects and what was found. What the common ones leave has a root
+    mean square ``noise`` (J,) [N or Nm]; ``alike`` neighbouring rows count as one.
     """
     square = trimmed(rows, items, noise, alike)
     usual = ENERGY * np.quantile(square, 1.0 - SELDOM, axis=0)
@@ -47,17 +44,15 @@ def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) 
     same. Elsewhere what is left is divided by its variance as the fit predicts it, in units of the
     noise: what no fitted moment resembles is no surprise.
     """
-    step = float(np.median(np.diff(rows.signals.rows))) * rows.signals.dt
-    mean = lambda x: uniform_filter1d(x, max(1, round(LENGTH / step)), axis=0, mode="constant")
+    long = max(1, round(LENGTH / rows.step))
+    mean = lambda x: uniform_filter1d(x, long, axis=0, mode="constant")
     counted = rows.used & rows.signals.moving[rows.signals.rows]
     share = mean(counted.astype(float))
-    edges = np.cumsum([0, *(len(i.lower) for i in items)])
-    each, size, noise = [], np.zeros(edges[-1]), np.maximum(noise, 1e-300)
+    sizes = [len(i.lower) for i in items]
+    each, size, noise = [], np.zeros(sum(sizes)), np.maximum(noise, 1e-300)
     for j, use in enumerate(counted.T):
-        on = [n for n, i in enumerate(items) if j in i.joints]
-        at = np.concatenate([np.zeros(0, int), *(np.arange(edges[n], edges[n + 1]) for n in on)])
-        columns = [items[n].columns[:, :, items[n].joints.index(j)] for n in on]
-        each.append((at, np.concatenate([np.zeros((0, len(use))), *columns]) / noise[j]))
+        at = np.flatnonzero(np.repeat([j in i.joints for i in items], sizes))
+        each.append((at, columns_at(items, j, len(use)) / noise[j]))
         size[at] += np.sum(each[-1][1] ** 2 * use, 1)
     size = np.sqrt(np.where(size > 0.0, size, 1.0) / len(rows.gap))
     prior = np.concatenate([np.zeros(0), *(i.precision for i in items)]) / size**2
@@ -87,28 +82,20 @@ def trimmed(rows: Rows, items: Sequence[Item], noise: np.ndarray, alike: float) 
 
 
 def moments(rows: Rows, left: np.ndarray, names: Sequence[str], units: Sequence[str]) -> list[str]:
-    """Return a sentence about the moments of a log that were left out, if there are any.
-
-    Args:
-        rows: N rows of the log.
-        left: (N, J) residual of what was found [N or Nm].
-        names: names of the joints.
-        units: units of their torques.
-    """
+    """Return a sentence about moments left out, if any; ``left`` (N, J) [N or Nm] remains."""
     if not rows.strange.any():
         return []
-    signals, found = rows.signals, list[str]()
-    near = LENGTH / (float(np.median(np.diff(signals.rows))) * signals.dt)
+    found = list[str]()
     edges = np.flatnonzero(np.diff(rows.strange, prepend=False, append=False))
     inner = edges[1:-1].reshape(-1, 2)
-    apart = inner[np.diff(inner)[:, 0] > near]  # what follows closely is the same moment
+    apart = inner[
+        np.diff(inner)[:, 0] > LENGTH / rows.step
+    ]  # what follows closely is the same moment
     for a, b in np.concatenate([edges[:1], apart.ravel(), edges[-1:]]).reshape(-1, 2).tolist():
-        run = next(k for k, s in enumerate(signals.slices) if signals.rows[a] < s.stop)
         peak = np.abs(left[a:b]).max(0)
         j = int(np.argmax(peak / np.maximum(rows.floor, 1e-300)))
-        at = (signals.rows[[a, b - 1]].mean() - signals.slices[run].start) * signals.dt
-        where = f" of run {run + 1}" if len(signals.slices) > 1 else ""
-        found.append(f"at {at:.1f} s{where} ({names[j]}, up to {peak[j]:.2g} {units[j]})")
+        at, run = rows.when([a, b - 1])
+        found.append(f"at {at:.1f} s{run} ({names[j]}, up to {peak[j]:.2g} {units[j]})")
     return [
         f"{', '.join(found)} the torque has an error that no effect explains, as in a collision or"
         " a push: these moments are left out"

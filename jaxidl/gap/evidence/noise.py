@@ -47,13 +47,11 @@ def in_units_of_noise(rows: Rows, left: np.ndarray, joints: Sequence[int]) -> np
     Encoder noise that is white has a spectrum in the torque that grows with the frequency's fourth
     power. No simulation is assumed to be better than a small white residual.
     """
-    signals = rows.signals
-    interval = signals.dt * float(np.median(np.diff(signals.rows)))
-    joints = list(joints)
+    signals, joints = rows.signals, list(joints)
     used = np.where(rows.used[:, joints], left, 0.0)
-    frequency, power = welch(used, 1.0 / interval, nperseg=min(SEGMENT, len(left)), axis=0)
+    frequency, power = welch(used, 1.0 / rows.step, nperseg=min(SEGMENT, len(left)), axis=0)
     encoder = 5.0 * signals.noise_floor[joints] ** 2 * frequency[:, None] ** 4 / signals.band**5
-    least = 2.0 * interval * (LEAST_FLOOR * rows.spread[joints]) ** 2
+    least = 2.0 * rows.step * (LEAST_FLOOR * rows.spread[joints]) ** 2
     # neither noise nor a command: whatever is there is far above both
     nothing = 1e-12 * power.max(axis=0) + np.finfo(float).tiny
     return np.mean(power / (encoder + least + nothing), axis=0)

@@ -3,13 +3,13 @@
 It shows which shapes promise most beside them, and when the logged torque acts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from scipy import linalg
 
-from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.gram import Item, columns_at
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.samples import correlation_time
 
@@ -21,40 +21,46 @@ CLEAR = 2.0  # rise of the log likelihood
 
 
 class Projection:
-    """The part of a column that common effects cannot imitate, to rank shapes."""
+    """The part of torques on the training rows of some joints that ``items`` cannot imitate."""
 
-    def __init__(self, rows: Rows, common: Sequence[Item], noise: np.ndarray):
-        self.use, self.noise, self.bases = rows.used & rows.training[:, None], noise, []
-        self.rows = rows
-        for j in range(len(noise)):
-            on = [self._of(i.columns[:, :, i.joints.index(j)], j) for i in common if j in i.joints]
-            self.bases.append(basis(np.concatenate([np.zeros((0, self.use[:, j].sum())), *on]).T))
+    def __init__(
+        self,
+        rows: Rows,
+        items: Sequence[Item],
+        noise: np.ndarray | None = None,
+        joints: Iterable[int] | None = None,
+    ):
+        """Find what ``items`` can imitate on some of J joints, by default all.
 
-    def _of(self, x: np.ndarray, j: int) -> np.ndarray:
+        Torques are in units of ``noise`` (J,) [N or Nm], by default 1.
+        """
+        size = rows.gap.shape[1]
+        self.rows, self.use = rows, rows.used & rows.training[:, None]
+        self.noise = np.ones(size) if noise is None else noise
+        self.bases = {
+            j: basis(self.seen(columns_at(items, j, len(rows.gap)), j).T)
+            for j in (range(size) if joints is None else joints)
+        }
+
+    def seen(self, x: np.ndarray, j: int) -> np.ndarray:
         """Return what is fitted of torques (..., N) of a joint."""
-        return self.rows.steady(x, j)[..., self.use[:, j]]
+        return self.rows.steady(x, j)[..., self.use[:, j]] / self.noise[j]
 
-    def left_of(self, rows: Rows) -> np.ndarray:
-        """Return minus the log likelihood (J,) of the residual of all common effects."""
-        total = np.zeros(len(self.bases))
-        for j, left in enumerate(self.residuals(rows)):
-            square = float(left @ left) / max(len(left), 1)
-            if square > 0.0:
-                total[j] = (
-                    0.5
-                    * len(left)
-                    / correlation_time(left)
-                    * np.log(max(square, rows.floor[j] ** 2))
-                )
-        return total
+    def left(self, x: np.ndarray, j: int) -> np.ndarray:
+        """Return what the items cannot imitate of torques (..., N) of a joint."""
+        seen = self.seen(x, j)
+        return seen - (seen @ self.bases[j]) @ self.bases[j].T
 
     def residuals(self, rows: Rows) -> list[np.ndarray]:
-        """Return the residual of all common effects on the training rows of each joint."""
-        gaps = [self._of(gap, j) for j, gap in enumerate(rows.gap.T)]
-        return [y - basis @ (basis.T @ y) for y, basis in zip(gaps, self.bases, strict=True)]
+        """Return what is left of the residual of other ``rows`` of the log, on each joint."""
+        return [self.left(gap, j) for j, gap in enumerate(rows.gap.T)]
 
     def best(self, items: Sequence[Item], left: np.ndarray, effective: np.ndarray) -> list[Item]:
-        """Return the most promising shapes of each effect and joint."""
+        """Return the most promising shapes of each effect and joint.
+
+        The residual of what is projected out is ``left`` (N, J), with an ``effective`` number (J,)
+        of samples.
+        """
         groups: dict[Any, list[tuple[float, int, Item]]] = {}
         for number, i in enumerate(items):
             groups.setdefault(i.group, []).append((self._promise(i, left, effective), -number, i))
@@ -65,19 +71,17 @@ class Projection:
         ]
 
     def _promise(self, i: Item, left: np.ndarray, effective: np.ndarray) -> float:
-        parts, wanted = [], []
-        for k, j in enumerate(i.joints):
-            x = self._of(i.columns[:, :, k], j).T / self.noise[j]
-            parts.append(x - self.bases[j] @ (self.bases[j].T @ x))
-            wanted.append(self._of(left[:, j], j) / self.noise[j])
-        x, y = np.concatenate(parts), np.concatenate(wanted)
-        gram = x.T @ x
-        step = np.linalg.solve(
-            gram + (1e-6 * np.trace(gram) / len(gram) + 1e-300) * np.eye(len(gram)), x.T @ y
+        parts = [self.left(i.columns[:, :, k], j) for k, j in enumerate(i.joints)]
+        x, y = (
+            np.concatenate(parts, 1),
+            np.concatenate([self.seen(left[:, j], j) for j in i.joints]),
         )
+        gram = x @ x.T
+        ridge = (1e-6 * np.trace(gram) / len(gram) + 1e-300) * np.eye(len(gram))
+        step = np.linalg.solve(gram + ridge, x @ y)
         if len(step) == 1:
             step = np.clip(step, i.lower, i.upper)
-        gain = float(2 * step @ (x.T @ y) - step @ gram @ step)
+        gain = float(2 * step @ (x @ y) - step @ gram @ step)
         rate = float(np.clip(gain / max(y @ y, 1e-300), 0.0, 1.0 - 1e-9))
         return -0.5 * effective[list(i.joints)].sum() * np.log(1.0 - rate) - len(step) + i.odds
 
@@ -99,10 +103,19 @@ def aligned(rows: Rows, common: Sequence[Item]) -> Rows:
     before is the logger's convention, and no effect. A torque that precedes its motion by more than
     that is a delay, and left for the search.
     """
-    joints = rows.gap.shape[1]
-    projected = Projection(rows, common, np.ones(joints))
+    projected = Projection(rows, common)
     steps = np.linspace(*CONVENTION, 9) * rows.signals.interval
-    values = np.stack([projected.left_of(rows.shifted(s)) for s in steps])  # (S, J)
+
+    def unlikely(late: float) -> list[float]:
+        """Return minus the log likelihood of what is left on each joint."""
+        out = []
+        for left, floor in zip(projected.residuals(rows.shifted(late)), rows.floor, strict=True):
+            square = float(left @ left) / max(len(left), 1)
+            alike = correlation_time(left) if square > 0.0 else np.inf
+            out.append(0.5 * len(left) / alike * np.log(max(square, floor**2, 1e-300)))
+        return out
+
+    values = np.array([unlikely(late) for late in steps.tolist()])  # (S, J)
     zero, best = int(np.argmin(np.abs(steps))), values.argmin(0)
     unclear = (values[zero] - values.min(0) < CLEAR) | (best == 0) | (best == len(steps) - 1)
     return rows.shifted(steps[np.where(unclear, zero, best)])

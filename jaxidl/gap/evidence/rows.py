@@ -13,7 +13,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.drift import slower, weighted, weights_of
 from jaxidl.gap.evidence.friction import friction_along
-from jaxidl.gap.evidence.recurrence import returns
+from jaxidl.gap.evidence.samples import returns
 from jaxidl.logs.low_pass import at_instants, band_limited
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
@@ -32,11 +32,7 @@ AGREES = 3.0  # rests that agree differ by at most this many times the error of 
 
 
 class Rows(NamedTuple):
-    """N rows of J joints.
-
-    Of a joint at rest only the last instant of each rest counts, with the torque that broke it
-    away.
-    """
+    """N rows of J joints; a rest is its last instant, with the torque that broke it away."""
 
     gap: Float[np.ndarray, "N J"]  # command minus the predicted one [N or Nm]
     command: Float[np.ndarray, "N J"]  # filtered [N or Nm]
@@ -64,24 +60,38 @@ class Rows(NamedTuple):
         """Return the rows with ``strange`` ones (N,) left out."""
         return self._replace(used=self.used & ~strange[:, None], strange=strange)
 
+    def added(self, effects: Sequence[Effect], predicted: np.ndarray) -> Float[np.ndarray, "G N J"]:
+        """Return what effects of one structure add to a ``predicted`` command (T, J) [N or Nm]."""
+        added, _ = additions(
+            effects,
+            self.signals,
+            self.tau,
+            predicted,
+            friction=self.unloaded,
+            rubbing=self.rubbing,
+        )
+        return added
+
     def shifted(self, shift: float | np.ndarray) -> "Rows":
         """Return the rows as if torques had been logged ``shift`` (J,) [s] later."""
         s = self.signals
         t, each = np.arange(len(s.q)) * s.dt, np.broadcast_to(shift, s.q.shape[1:])
-        moved = lambda x: np.concatenate(
-            [
-                np.stack(
-                    [at_instants(c, t[r], t[r] - d) for c, d in zip(x[r].T, each, strict=True)], 1
-                )
-                for r in s.slices
-            ]
-        )
+
+        def moved(x: np.ndarray) -> np.ndarray:
+            out = np.empty_like(x)
+            for r in s.slices:
+                for j, late in enumerate(each):
+                    out[r, j] = at_instants(x[r, j], t[r], t[r] - late)
+            return out
+
         tau = moved(self.tau)
         command = s.command(tau)[s.rows]
-        late = s._replace(tau=moved(s.tau))
-        gap = self.gap + command - self.command
         return self._replace(
-            gap=gap, command=command, tau=tau, signals=late, shift=self.shift + each
+            gap=self.gap + command - self.command,
+            command=command,
+            tau=tau,
+            signals=s._replace(tau=moved(s.tau)),
+            shift=self.shift + each,
         )
 
     def evened(self, left: np.ndarray) -> "Rows":
@@ -94,16 +104,14 @@ class Rows(NamedTuple):
         share = square / np.maximum(square.sum(0), 1e-300)
         density = 1.0 / self.training.sum() + share.max(1) / max(share.max(1).sum(), 1e-300)
         at = np.cumsum(np.where(self.training, density, 0.0))
-        number = np.minimum(
-            BLOCKS * (at - at[self.training][0]) / (at[-1] - at[self.training][0]), BLOCKS - 1
-        ).astype(int)
+        first = at[self.training][0]
+        number = np.minimum(BLOCKS * (at - first) / (at[-1] - first), BLOCKS - 1).astype(int)
         return self._replace(block=np.where(self.training, number, self.block))
 
     def drifting(self, left: np.ndarray) -> "Rows":
         """Return the rows in which drift, as in a residual ``left`` (N, J), counts little."""
-        use, signals = self.used & self.training[:, None], self.signals
-        seconds = signals.dt * float(np.median(np.diff(signals.rows))) * use.sum(0)
-        each = [weights_of(left[on, j], seconds[j]) for j, on in enumerate(use.T)]
+        use = self.used & self.training[:, None]
+        each = [weights_of(left[on, j], self.step * on.sum()) for j, on in enumerate(use.T)]
         return self._replace(slow=np.stack(each))
 
     def sure(self) -> "Rows":
@@ -159,16 +167,28 @@ class Rows(NamedTuple):
         s = self.signals
         if not s.bands or s.bands[joint] >= s.band:
             return x
-        rate = 1.0 / (s.dt * float(np.median(np.diff(s.rows))))
         moving = self.used[:, joint] & s.moving[s.rows, joint]
         for part in (moving & self.training, moving & ~self.training):
             if part.any():
-                x[..., part] = band_limited(x[..., part], rate, s.bands[joint])
+                x[..., part] = band_limited(x[..., part], 1.0 / self.step, s.bands[joint])
         return x
 
     def whole(self) -> "Rows":
         """Return the rows with none held out."""
         return self._replace(block=np.where(self.training, self.block, BLOCKS - 1 - self.block))
+
+    def when(self, rows: Sequence[int]) -> tuple[float, str]:
+        """Return the time since the run of some rows began [s], and words for that run."""
+        s = self.signals
+        at = s.rows[list(rows)]
+        run = next(n for n, part in enumerate(s.slices) if at[0] < part.stop)
+        where = f" of run {run + 1}" if len(s.slices) > 1 else ""
+        return float(at.mean() - s.slices[run].start) * s.dt, where
+
+    @property
+    def step(self) -> float:
+        """Return the time between two rows [s]."""
+        return float(np.median(np.diff(self.signals.rows))) * self.signals.dt
 
     @property
     def training(self) -> np.ndarray:

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxidl.effects import Effect, OnJoint, Scale
-from jaxidl.systems.free import pieces
+from jaxidl.systems.free import inner, pieces
 
 ON_BOUND = 1e-3  # relative distance to a bound within which a value is on it
 ROUNDING = 1e-9  # share of an effect that stays where all of it is gone
@@ -23,16 +23,13 @@ Present = Mapping[tuple[str, int | None], Mapping[str, np.ndarray]]
 
 
 def present(effects: Sequence[Effect]) -> Present:
-    """Return what a model has already.
-
-    It is the sum of the parameters of effects with the same name and joint.
-    """
+    """Return what a model has: by name and joint, the sum of its effects' parameters."""
     found: dict[tuple[str, int | None], dict[str, np.ndarray]] = {}
     for effect in effects:
-        inner = effect.effect if isinstance(effect, OnJoint) else effect
-        own = found.setdefault((inner.name, getattr(effect, "joint", None)), {})
-        for name in inner.parameters:
-            own[name] = own.get(name, 0.0) + np.asarray(getattr(inner, name), float)
+        alone = inner(effect)
+        own = found.setdefault((alone.name, getattr(effect, "joint", None)), {})
+        for name in alone.parameters:
+            own[name] = np.asarray(own.get(name, 0.0) + np.asarray(getattr(alone, name), float))
     return found
 
 
@@ -50,9 +47,8 @@ class Shape(NamedTuple):
     amplitudes: frozenset[str] = frozenset()  # amplitudes of all shapes of the effect
     # (A, P) combinations of the amplitudes that the effect's parts cannot imitate
     basis: np.ndarray | None = None
-    parts: tuple[
-        tuple[str, np.ndarray], ...
-    ] = ()  # names of the parts, and the amplitudes (A,) that add what one unit of them adds
+    # names of the parts, and the amplitudes (A,) that add what one unit of them adds
+    parts: tuple[tuple[str, np.ndarray], ...] = ()
 
     def probes(self) -> tuple[list[Effect], np.ndarray]:
         """Return an effect for each amplitude (P), or one at the values, and divisors (P,).
@@ -62,9 +58,7 @@ class Shape(NamedTuple):
         if not self.free:
             return [self.effect()], np.ones(1)
         whole = self._replace(basis=None)
-        far = np.minimum(
-            np.abs(whole.limits()[1]), np.abs(whole.limits()[0]) + np.abs(whole.limits()[1])
-        )
+        far = np.abs(whole.limits()[1])
         # a motor's curve ends at its bound
         size = np.where(np.isfinite(far) & (far > 0.0), np.minimum(0.5 * far, 1.0), 1.0)
         return [whole.at(row) for row in np.diag(size)], size
@@ -91,16 +85,12 @@ class Shape(NamedTuple):
 
     def scaled(self, share: float) -> dict[str, np.ndarray]:
         """Return values at which an effect without amplitudes adds about ``share`` as much."""
-        if len(self.values) != 1 or not np.isfinite(self.cls.neutral):
+        neutral = self.cls.neutral
+        if len(self.values) != 1 or not np.isfinite(neutral):
             return {}
-        (name,) = self.values
-        low, high = self.bounds(name)
-        value = np.asarray(self.values[name])
-        return {
-            name: np.asarray(
-                np.clip(self.cls.neutral + share * (value - self.cls.neutral), low, high)
-            )
-        }
+        ((name, value),) = self.values.items()
+        there = np.clip(neutral + share * (value - neutral), *self.bounds(name))
+        return {name: np.asarray(there)}
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the bounds of a parameter: the variant's within the catalogue's."""
@@ -110,9 +100,8 @@ class Shape(NamedTuple):
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
         """Return lower and upper bounds (P,) of the coefficients."""
         if self.free:
-            pairs = np.array(
-                [self.bounds(name) for name in self.free for _ in range(np.size(self.values[name]))]
-            ).T
+            each = (np.size(self.values[name]) * [self.bounds(name)] for name in self.free)
+            pairs = np.array([pair for pairs in each for pair in pairs]).T
             if self.basis is None:
                 return pairs[0], pairs[1]
             # the least and the most that amplitudes within their bounds can be of each combination
@@ -120,12 +109,10 @@ class Shape(NamedTuple):
             with np.errstate(invalid="ignore"):  # zero times no bound
                 ends = np.nan_to_num(weight * pairs, nan=0.0, posinf=np.inf, neginf=-np.inf)
             return ends.min(1).sum(1), ends.max(1).sum(1)
-        neutral, least = self.cls.neutral, 0.0
-        if len(self.values) == 1 and np.isfinite(neutral):
-            (name,) = self.values
-            low, high = self.bounds(name)
-            other = neutral - MOST_SCALED * (np.asarray(self.values[name]) - neutral)
-            least = -MOST_SCALED if np.all((other >= low) & (other <= high)) else 0.0
+        least, neutral = 0.0, self.cls.neutral
+        for name, other in self.scaled(-MOST_SCALED).items():
+            reached = neutral - MOST_SCALED * (self.values[name] - neutral)
+            least = -MOST_SCALED if np.all(other == reached) else 0.0  # no bound is in the way
         return np.array([least]), np.array([MOST_SCALED])
 
 
@@ -144,10 +131,7 @@ def acts_on_predicted(shape: Shape) -> bool:
 
 
 def reads_load(shape: Shape) -> bool:
-    """Return whether what an effect adds depends on the torque at the joint.
-
-    It is the same for all shapes of a class.
-    """
+    """Return whether what effects of a class add depends on the torque at the joint."""
     if shape.cls not in _READS:
         _READS[shape.cls] = shape.effect().reads_torque(shape.joints)
     return _READS[shape.cls]
@@ -164,16 +148,10 @@ def build(
     values: Mapping[str, Any],
     options: Mapping[str, Any],
 ) -> Effect:
-    """Return an effect of the whole mechanism from values of one joint.
-
-    The values are those of all joints if it belongs to none.
-    """
+    """Return an effect of the whole mechanism from values of one joint, or of all if of none."""
     own = cls.alone() and joint is not None
-    arrays = {
-        n: jnp.asarray(np.atleast_1d(np.asarray(v, float)) if own else np.asarray(v, float))
-        for n, v in values.items()
-    }
-    effect = cls(**arrays, **options)
+    array = lambda v: jnp.asarray(np.array(v, float, ndmin=int(own)))
+    effect = cls(**{n: array(v) for n, v in values.items()}, **options)
     return OnJoint(effect, joint, joints) if own and joint is not None else effect
 
 
@@ -199,41 +177,20 @@ def shapes_of(
         ):
             continue  # not plausible on this joint
         joint = None if cls.whole else scale.joint
-        there = own.get((cls.name, joint), {})
-        less = {
-            n: float(np.min(there[n]))
-            for n in variant.free
-            if n in there and np.ndim(there[n]) <= 1
-        }
-        within = {**variant.within}
-        for n, value in less.items():
+        within, there = {**variant.within}, own.get((cls.name, joint), {})
+        for n in variant.free:
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
-            within[n] = (low - (1.0 - ROUNDING) * max(value, 0.0), high)
+            if n in there and np.ndim(there[n]) <= 1:
+                within[n] = low - (1.0 - ROUNDING) * max(float(np.min(there[n])), 0.0), high
         if changed:  # it may also be less, such as a load that is gone
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
         prior = (
             cls.changes if changed else cls.prior if variant.prior is None else variant.prior
         ) / rivals
         odds = float(np.log(prior / (1.0 - prior)))
-        found.append(
-            Shape(
-                cls,
-                joint,
-                scale.joints,
-                variant.free,
-                values,
-                variant.options,
-                within,
-                odds,
-                amplitudes,
-            )
-        )
+        shape = Shape(cls, joint, scale.joints, variant.free, values, variant.options, within)
+        found.append(shape._replace(odds=odds, amplitudes=amplitudes))
     return found
-
-
-def parameters(shape: Shape) -> int:
-    """Return how many parameters besides the amplitudes a fit may change."""
-    return sum(np.size(shape.values[n]) for n in movable(shape))
 
 
 def movable(shape: Shape) -> tuple[str, ...]:
@@ -253,13 +210,7 @@ def effect_at(shape: Shape, theta: np.ndarray) -> Effect:
 
 def amplitudes(shape: Shape) -> int:
     """Return the number of amplitudes."""
-    if not shape.free:
-        return 0
-    return (
-        sum(np.size(shape.values[n]) for n in shape.free)
-        if shape.basis is None
-        else shape.basis.shape[1]
-    )
+    return len(shape.limits()[0]) if shape.free else 0
 
 
 def at_parameters(shape: Shape, theta: np.ndarray) -> Shape:

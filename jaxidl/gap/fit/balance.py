@@ -12,13 +12,12 @@ from jaxtyping import Float
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.items import imitation
 from jaxidl.gap.evidence.rows import Rows, rows_of
 from jaxidl.gap.fit.library import alignments, noise_of, residual, upsampled
 from jaxidl.gap.fit.score import Score
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
-
-SAME = 1e-6  # share of a part that an effect which contains it cannot imitate
 
 
 def balance(
@@ -40,14 +39,8 @@ def balance(
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
-            added, tau = additions(
-                [effect],
-                signals,
-                tau,
-                predicted + tau - rows.tau,
-                friction=unloaded,
-                rubbing=rubbing,
-            )
+            load = predicted + tau - rows.tau
+            added, tau = additions([effect], signals, tau, load, friction=unloaded, rubbing=rubbing)
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)
@@ -71,19 +64,12 @@ def parts_of(
     if not own.linear or not contained or own is effect:
         return []
     zero = own.replace(**{n: 0.0 * getattr(own, n) for n in own.parameters})
-    columns = _added(
-        [zero.replace(**{name: 0.0 * getattr(own, name) + 1.0}) for name in names], effect, signals
-    )
-    flat, found = columns.reshape(len(columns), -1), []
-    for name in contained:
-        cls = CATALOGUE[name]
-        (part,) = _added([cls(*(jnp.ones(1) for _ in cls.parameters))], effect, signals)
-        amplitudes = np.linalg.pinv(flat @ flat.T, rcond=1e-12, hermitian=True) @ (
-            flat @ part.ravel()
-        )
-        same = np.linalg.norm(part.ravel() - amplitudes @ flat) < SAME * np.linalg.norm(part)
-        found += [amplitudes] if same and len(cls.parameters) == 1 else []
-    return found
+    ones = lambda name: zero.replace(**{name: 0.0 * getattr(own, name) + 1.0})
+    columns = _added([ones(name) for name in names], effect, signals)
+    unit = lambda cls: cls(*(jnp.ones(1) for _ in cls.parameters))
+    simple = [CATALOGUE[name] for name in contained if len(CATALOGUE[name].parameters) == 1]
+    parts = [_added([unit(cls)], effect, signals)[0] for cls in simple]
+    return [a for part in parts if (a := imitation(columns, part)) is not None]
 
 
 def _added(parts: Sequence[Effect], effect: Effect, signals: Signals) -> np.ndarray:

@@ -18,6 +18,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.links import Links, change_of, links_of, physical, pseudo_inertia
 from jaxidl.gap.evidence.rows import Rows
+from jaxidl.gap.fit.prior import changes, changes_links
 from jaxidl.gap.fit.score import Score, Solution
 
 PLACES = 80  # number of a joint's rows at which its friction must dissipate
@@ -78,17 +79,15 @@ def physical_fits(
 
     None if its own coefficients are physical already.
     """
-    members, count = found.members, len(found.x)
-    places = {id(m): found.of(m) for m in members}
-    cones = buildable(members, links_of(rows.signals.body), rows.effects, places, count)
-    unequal, least = dissipating(members, rows, places, count)
+    members = found.members
+    cones = buildable(members, links_of(rows.signals.body), rows.effects)
+    unequal, least = dissipating(members, rows)
     physical = all(
         np.linalg.eigvalsh(base + np.tensordot(found.x, s, 1))[0] >= 0.0 for base, s in cones
     )
     if physical and not np.any(unequal @ found.x < least - 1e-9):
         return None
-    gram, right = score.normal(members)
-    known, pull = score.known(members)
+    gram, right, known, pull = score.normal(members)
     pull = pull + score.dilution(found)
     at = score.indices(members)
     lower, upper = (bound[at] / score.scale[at] for bound in score.bounds)
@@ -102,60 +101,55 @@ def physical_fits(
     return x
 
 
-def dissipating(
-    members: Sequence[Item], rows: Rows, places: dict[int, slice], count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return rows (M, P): friction of a joint against its motion, by the coefficients.
+def dissipating(members: Sequence[Item], rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows (M, P): friction of a joint against its motion, by the members' coefficients.
 
     There is one row for each of a number of places of the log, but for those where an effect that
     dissipates with any coefficient seems to feed motion: there the filter blurs it. Also return the
     least values (M,) of their products with the coefficients: the model's own friction may be less,
     not reversed.
     """
-    out, least, signals = [], [], rows.signals
+    signals, count = rows.signals, sum(len(m.lower) for m in members)
+    out, least = [np.zeros((0, count))], [np.zeros(0)]
+    rubs = [m.shape is not None and m.shape.cls.friction for m in members]
     for j in range(rows.gap.shape[1]):
-        here = [
-            m for m in members if m.shape is not None and m.shape.cls.friction and m.joints == (j,)
-        ]
+        here = [friction and m.joints == (j,) for m, friction in zip(members, rubs, strict=True)]
         speed = signals.qd[signals.rows, j]
         fast = np.flatnonzero(rows.used[:, j] & (np.abs(speed) > FAST * signals.rest_speed[j]))
-        if not here or not len(fast):
+        if not any(here) or not len(fast):
             continue
         picked = fast[np.argsort(np.abs(speed[fast]))][
             np.linspace(0, len(fast) - 1, min(PLACES, len(fast))).astype(int)
         ]
-        part, clear = np.zeros((len(picked), count)), np.ones(len(picked), bool)
-        for m in here:
-            part[:, places[id(m)]] = (m.columns[:, picked, 0] * np.sign(speed[picked])).T
-            if np.all(m.lower >= 0.0):
-                clear &= np.all(part[:, places[id(m)]] >= 0.0, axis=1)
-        size = max(np.abs(part).max(), 1e-300)
-        out.append(part[clear] / size)
-        own = rows.friction[picked[clear], j] * np.sign(speed[picked[clear]])
-        least.append(-np.maximum(own, 0.0) / size)
-    if not out:
-        return np.zeros((0, count)), np.zeros(0)
+        way, clear, parts = np.sign(speed[picked]), np.ones(len(picked), bool), []
+        for m, on in zip(members, here, strict=True):
+            part = m.columns[:, picked, 0] * way if on else np.zeros((len(m.lower), len(picked)))
+            if on and np.all(m.lower >= 0.0):
+                clear &= np.all(part >= 0.0, axis=0)
+            parts.append(part)
+        against = np.concatenate(parts).T
+        size = max(np.abs(against).max(), 1e-300)
+        out.append(against[clear] / size)
+        least.append(-np.maximum((rows.friction[picked, j] * way)[clear], 0.0) / size)
     return np.concatenate(out), np.concatenate(least)
 
 
 def buildable(
-    members: Sequence[Item],
-    links: Links | None,
-    own: Sequence[Effect],
-    places: dict[int, slice],
-    count: int,
+    members: Sequence[Item], links: Links | None, own: Sequence[Effect]
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Return the pseudo-inertia of each link that the members change, and its derivatives.
 
-    The model's ``own`` effects are included.
+    The derivatives are by the members' coefficients. The model's ``own`` effects are included.
     """
     if links is None:
         return []
-    slopes = np.zeros((count, *links.nominal.shape))
-    for m in members:
-        if m.shape is not None and m.shape.free and m.shape.cls.alter is not Effect.alter:
-            for k, row in enumerate(np.eye(len(m.lower))):
-                slopes[places[id(m)].start + k] = change_of(m.shape.at(row), links)
+    none = lambda m: np.zeros((len(m.lower), *links.nominal.shape))
+    slopes = np.concatenate(
+        [
+            np.zeros((0, *links.nominal.shape)),
+            *(changes(m, links) if changes_links(m) else none(m) for m in members),
+        ]
+    )
     nominal = links.nominal + sum((change_of(e, links) for e in own), np.zeros(()))
     if links.same:  # a load is then part of the last link
         slopes[:, -2] += slopes[:, -1]
@@ -165,11 +159,10 @@ def buildable(
     for link, numbers in enumerate(nominal):
         if not np.any(slopes[:, link]) or not physical(numbers):
             continue
+        base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
         # if the tensor is not free, at least the mass is
         alone = np.all(slopes[:, link, :4] == 0.0, axis=1)
-        whole = np.any(slopes[alone, link, 4:])
-        base, change = pseudo_inertia(numbers), pseudo_inertia(slopes[:, link])
-        if not whole:
+        if not np.any(slopes[alone, link, 4:]):
             base, change = base[3, 3] * np.eye(4), change[:, 3, 3, None, None] * np.eye(4)
         found.append((base, change))
     return found

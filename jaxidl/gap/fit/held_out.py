@@ -19,10 +19,7 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
 
 
 def worse_by(rows: Rows, before: Solution, after: Solution, joint: int) -> tuple[float, float]:
-    """Return the share of a joint's root mean square held-out error that is removed.
-
-    Also return its standard error.
-    """
+    """Return the share of a joint's root mean square held-out error that goes, and its error."""
     a, b = (squares(rows, s, joint) / s.passed[joint] for s in (after, before))
     share = lambda x, y: 1.0 - np.sqrt(x / np.maximum(y, 1e-300))
     return float(share(a.sum(), b.sum())), float(jackknife(share(a.sum() - a, b.sum() - b)))
@@ -30,15 +27,12 @@ def worse_by(rows: Rows, before: Solution, after: Solution, joint: int) -> tuple
 
 def squares(rows: Rows, found: Solution, joint: int) -> np.ndarray:
     """Return sums of squares (A,) of a joint's residual on the held-out blocks, drift and all."""
-    left = residual(rows, found, joints=[joint])[:, 0] ** 2 * rows.used[:, joint]
+    left = residual(rows, found)[:, joint] ** 2 * rows.used[:, joint]
     return np.array([left[rows.block == b].sum() for b in np.unique(rows.block[rows.block < 0])])
 
 
 def aside(rows: Rows, found: Solution, joint: int) -> float:
-    """Return the root mean square error of a joint on held-out rows [N or Nm].
-
-    It is relative to what actuators let through.
-    """
+    """Return a joint's root mean square held-out error [N or Nm] over what motors let through."""
     count = max(int(rows.used[~rows.training, joint].sum()), 1)
     return float(np.sqrt(squares(rows, found, joint).sum() / count / found.passed[joint]))
 

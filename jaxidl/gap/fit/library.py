@@ -2,7 +2,8 @@
 
 It covers every shape that an effect offers. What is linear in an effect's amplitudes is one group
 of columns. What has a shape (a speed, a period, a delay ...) is one group for each starting shape;
-of these the few that promise most beside all common effects are kept.
+of these the few that promise most beside all common effects are kept. Effects derive their starting
+values from the magnitudes of the log on each joint (:func:`scales`).
 """
 
 from collections.abc import Sequence
@@ -12,18 +13,21 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from jaxidl.effects import CATALOGUE, Effect
+from jaxidl.effects import CATALOGUE, Effect, Scale
 from jaxidl.gap.evidence.friction import friction_along
-from jaxidl.gap.evidence.gram import Anchor, Item, samples_alike
+from jaxidl.gap.evidence.gram import Anchor, Item, columns_at
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.links import links_of
 from jaxidl.gap.evidence.projection import Projection, aligned, alignments
-from jaxidl.gap.evidence.recurrence import copies, without_pauses
 from jaxidl.gap.evidence.rows import Rows, rms
-from jaxidl.gap.evidence.samples import correlation_beside
+from jaxidl.gap.evidence.samples import (
+    copies,
+    correlation_beside,
+    samples_alike,
+    without_pauses,
+)
 from jaxidl.gap.evidence.shape import Present, Shape, effect_at, shapes_of, vector
 from jaxidl.gap.fit.prior import plausible
-from jaxidl.gap.fit.scales import heavier, scales
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.logs.low_pass import at_instants
 
@@ -31,6 +35,7 @@ ALIKE = 20.0  # correlated samples that count as one, before their number is kno
 PUSH = 0.01  # additional commands, over its spread, to test whether they are delivered
 HELD = 0.1  # time for which it is held [s]: oscillating or late drives deliver it by then
 DEAF = 0.8
+TOGETHER = 0.1  # share of a joint's motion in which another one has to move, too
 
 
 def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Item]:
@@ -52,7 +57,7 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
         more = columns_of(shapes, rows._replace(tau=rows.tau + size * way), predicted + size * way)
         return [(a - b) / size for a, b in zip(more, without, strict=True)]
 
-    long = max(3, round(HELD / (signals.dt * float(np.median(np.diff(signals.rows, prepend=0))))))
+    long = max(3, round(HELD / rows.step))
     use = rows.used & rows.training[:, None]
     ways = np.stack([np.sign(rows.command), signals.command(noise)[signals.rows]])
     out = {}
@@ -61,11 +66,10 @@ def pushed(items: Sequence[Item], rows: Rows, predicted: np.ndarray) -> list[Ite
     ):
         deaf = (uniform_filter1d(held, long, axis=1) > DEAF) & use
         on = list(i.joints)
-        out[id(i)] = {
-            "push": (ways[:, :, on], np.stack([along, back])[..., on]),
-            "deaf": (deaf.sum(1) / np.maximum(use.sum(0), 1))[:, on],
-        }
-    return [replace(i, **out[id(i)]) if i.actuates else i for i in items]
+        push = ways[:, :, on], np.stack([along, back])[..., on]
+        share = deaf.sum(1) / np.maximum(use.sum(0), 1)
+        out[id(i)] = replace(i, push=push, deaf=share[:, on])
+    return [out.get(id(i), i) for i in items]
 
 
 class Library(NamedTuple):
@@ -88,7 +92,6 @@ def library(
         own: effects that the model has already.
         reference: another log, for which the model was made; then only changes since then compete.
     """
-    signals = rows.signals
     every = scales(rows)
     moving = [s.joint for s in every if s.speed > 0.0 and rows.used[:, s.joint].any()]
     predicted = rows.tau
@@ -97,16 +100,13 @@ def library(
         on = [0] if cls.whole else moving
         return [s for j in on for s in shapes_of(cls, every[j], own, reference is not None)]
 
-    classes = [CATALOGUE[name] for name in names]
-    links = links_of(signals.body)
+    links = links_of(rows.signals.body)
     # parts before the effects that contain them
-    classes = sorted(classes, key=lambda cls: len(cls.contains()))
+    classes = sorted((CATALOGUE[name] for name in names), key=lambda cls: len(cls.contains()))
     common: list[Item] = []
-    for cls in classes:
-        if cls.common:
-            common += [
-                plausible(i, links, ALIKE) for i in items_of(offered(cls), rows, predicted, common)
-            ]
+    for cls in filter(lambda cls: cls.common, classes):
+        fresh = items_of(offered(cls), rows, predicted, common)
+        common += [plausible(i, links, ALIKE) for i in fresh]
     rows = aligned(rows, common)
     spread = np.maximum(rms(rows.gap, rows.used & rows.training[:, None]), rows.floor)
     first = Score(rows.sure(), common, spread, np.ones(len(spread)))
@@ -120,27 +120,62 @@ def library(
     rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
     alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
     common = [plausible(i, links, alike) for i in common]
-    shared = (
-        tuple(again(i, rows, predicted) for i in reference.items) if reference is not None else ()
-    )
+    shared = tuple(again(i, rows, predicted) for i in (reference.items if reference else ()))
     items = [*common, *shared, *alignments(rows, predicted, alike)]
     projected = Projection(rows, items, noise)
     for cls in classes:
         if not cls.common:
             best = projected.best(items_of(offered(cls), rows, predicted, items), left, effective)
-            items += [
-                i if i.actuates else plausible(i, links, alike)
-                for i in pushed(best, rows, predicted)
-            ]
+            items += [plausible(i, links, alike) for i in pushed(best, rows, predicted)]
     basic = [i for i in items if i.common or i.always]
-    score = Score(
-        rows,
-        items,
-        noise,
-        effective,
-        reference and reference._replace(items=shared),
-    )
+    anchor = reference and reference._replace(items=shared)
+    score = Score(rows, items, noise, effective, anchor)
     return Library(rows, score, score.solve(basic), predicted)
+
+
+def scales(rows: Rows) -> list[Scale]:
+    """Return the magnitudes on each joint.
+
+    Positions are those of training rows: a table over others would not be fitted there.
+    """
+    signals, residual = rows.signals, rms(rows.gap, rows.used)
+    lows, highs = np.quantile(signals.q[signals.rows[rows.training]], (0.002, 0.998), axis=0)
+    inertia = np.median(np.diagonal(signals.tables.inertia, axis1=1, axis2=2), axis=0)
+    mobility = np.diagonal(np.linalg.pinv(signals.tables.inertia, hermitian=True), axis1=1, axis2=2)
+    free = 1.0 / np.maximum(mobility.max(axis=0), 1e-300)
+    speed = np.quantile(np.abs(signals.qd), 0.998, axis=0)
+    size, moving = np.abs(signals.tau), signals.moving.astype(float)
+    together = moving.T @ moving >= TOGETHER * moving.sum(0)[:, None]
+    torque, effort, typical = size.max(0), np.sqrt(np.mean(size**2, 0)), np.median(size, 0)
+    ranges, out = (tuple(lows.tolist()), tuple(highs.tolist())), list[Scale]()
+    for j in range(len(lows)):
+        first = (float(x[j]) for x in (torque, speed, lows, highs, inertia, residual))
+        place = signals.band, signals.interval, j, len(lows), *ranges
+        last = (float(x[j]) for x in (signals.rest_speed, effort, typical, free))
+        alone = tuple(np.flatnonzero(~together[j]).tolist())
+        out.append(Scale._make([*first, *place, *last, alone]))
+    return out
+
+
+def heavier(scales: Sequence[Scale], found: Solution, rows: Rows) -> list[Scale]:
+    """Return the magnitudes with the inertia that a set adds to single joints, such as rotors.
+
+    A torque per acceleration is an inertia: the columns are computed again with one more.
+    """
+    members = [
+        m
+        for m in found.members
+        if m.shape is not None and m.shape.cls.alter is not Effect.alter and len(m.joints) == 1
+    ]
+    faster = rows._replace(signals=rows.signals._replace(qdd=rows.signals.qdd + 1.0))
+    extra = np.zeros(len(scales))
+    for m, columns in zip(
+        members, columns_of([m.shape for m in members], faster, rows.tau), strict=True
+    ):
+        (j,) = m.joints
+        added = np.median(columns[:, :, j] - m.columns[:, :, 0], axis=1)
+        extra[j] += float(found.x[found.of(m)] @ added)
+    return [s._replace(inertia=s.inertia + max(extra[s.joint], 0.0)) for s in scales]
 
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
@@ -164,30 +199,18 @@ def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.nd
     effective, at = np.zeros(len(noise)), without_pauses(rows.signals)[rows.signals.rows]
     for j, here in enumerate(use.T):
         if here.any():
-            beside = [
-                rows.steady(i.columns[:, :, i.joints.index(j)], j) for i in items if j in i.joints
-            ]
-            columns = np.concatenate([np.zeros((0, len(left))), *beside])[:, here]
+            columns = rows.steady(columns_at(items, j, len(left)), j)[:, here]
             alike, repeated = copies(rows.returns, left[here, j], at[here])
             alike *= correlation_beside(left[here, j], columns, repeated)
             effective[j] = here.sum() / alike
     return noise, effective
 
 
-def residual(
-    rows: Rows,
-    found: Solution,
-    members: Sequence[Item] | None = None,
-    joints: Sequence[int] | None = None,
-) -> np.ndarray:
-    """Return the residual (N, K) [N or Nm] of a set, or of some members, on K of the joints."""
-    on_all = list(range(rows.gap.shape[1]) if joints is None else joints)
-    left = rows.gap[:, on_all]
+def residual(rows: Rows, found: Solution, members: Sequence[Item] | None = None) -> np.ndarray:
+    """Return the residual (N, J) [N or Nm] of a set, or of some of its members."""
+    left = rows.gap.copy()
     for m in found.members if members is None else members:
-        on = [k for k, j in enumerate(on_all) if j in m.joints]
-        if on:
-            own = [m.joints.index(on_all[k]) for k in on]
-            left[:, on] -= np.tensordot(found.x[found.of(m)], m.columns[:, :, own], 1)
+        left[:, list(m.joints)] -= np.tensordot(found.x[found.of(m)], m.columns, 1)
     return left
 
 
@@ -218,10 +241,7 @@ def rubbed(rows: Rows, found: Solution) -> Rows:
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
-    """Return a command (T, J) from its values (N, J) at the rows.
-
-    It is the logged one where a joint rests and near the ends of runs.
-    """
+    """Return a command (T, J) from the rows' (N, J); the logged one at rests and ends of runs."""
     out, at = rows.tau.copy(), rows.signals.rows
     value = np.where(rows.used, command, rows.command)
     for run in rows.signals.slices:

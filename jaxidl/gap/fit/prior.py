@@ -1,8 +1,10 @@
-"""The prior on the coefficients of changes of links: how large a change is plausible.
+"""Changes of links: how large a change is plausible, and what depends on those that were found.
 
 A load may be as heavy as the robot, but it is a compact body: about its own centre its inertia is
 about that of its mass at a tenth of the robot's reach. So a light load does not stand for the
-inertia of a rotor.
+inertia of a rotor. A base that is not level changes the direction of all weight, also of links and
+loads found: the torque is linear in the tilt and in the links' parameters, but not in both. So a
+tilt is fitted with the links as they were found, and again once they have changed.
 """
 
 from dataclasses import replace
@@ -12,20 +14,17 @@ import numpy as np
 from jaxidl.effects import Effect
 from jaxidl.effects.ten import moved
 from jaxidl.gap.evidence.gram import Item
-from jaxidl.gap.evidence.items import PARAMETER, freedom, items_of, rank
-from jaxidl.gap.evidence.links import Links, change_of, links_of
+from jaxidl.gap.evidence.items import PARAMETER, items_of, rank
+from jaxidl.gap.evidence.links import Links, alterations, change_of, links_of
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.fit.score import Score, Solution
+from jaxidl.systems.tables import leaning
 
 KNOWN = 2.0  # standard errors from which a log determines a value
 
 
 def plausible(i: Item, links: Links | None, alike: float) -> Item:
-    """Return an item with the prior on its coefficients.
-
-    Neighbouring samples are correlated, ``alike`` of them count as one, and the prior is weighted
-    like the data.
-    """
+    """Return an item with its coefficients' prior, in which ``alike`` samples count as one."""
     if links is None or not changes_links(i):
         return i
     change = changes(i, links)
@@ -66,6 +65,24 @@ def compact(m: Item, now: Solution, rows: Rows, score: Score, predicted: np.ndar
     error = float(np.sqrt(mass @ covariance @ mass))
     heavy = float(abs(mass @ x))
     if heavy > KNOWN * error:
-        implied = rank(fresh.columns) - freedom(shape, fresh.columns)
+        free = [np.full(np.size(shape.values[n]), n not in shape.cls.implied) for n in shape.free]
+        implied = rank(fresh.columns) - rank(fresh.columns[np.concatenate(free)])
         fresh = replace(fresh, odds=fresh.odds + PARAMETER * implied)
     return plausible(fresh, links.loaded(heavy + KNOWN * error), score.alike)
+
+
+def turned(m: Item, now: Solution, rows: Rows, predicted: np.ndarray) -> Item | None:
+    """Return a tilt of a set as it acts on the links of that set; None for any other effect."""
+    signals, links = rows.signals, links_of(rows.signals.body)
+    if links is None or not changes_links(m) or "tilt" not in dict(alterations(m.shape.effect())):
+        return None
+    change = sum(
+        np.tensordot(now.x[now.of(o)], changes(o, links), 1)
+        for o in now.members
+        if changes_links(o)
+    )
+    more = leaning(signals.body, signals.q, np.asarray(change))
+    tables = signals.tables._replace(by_tilt=signals.tables.by_tilt + more)
+    there = rows._replace(signals=signals._replace(tables=tables))
+    (fresh,) = items_of([m.shape], there, predicted)
+    return fresh

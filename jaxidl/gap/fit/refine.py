@@ -9,7 +9,7 @@ discontinuous is explained in :mod:`jaxidl.replay.trajectory`.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -107,40 +107,46 @@ def refine(
     """
     length = round(window / signals.dt)
     if length < MOMENTS:
-        raise ConfigurationError(
-            f"a window of {MOMENTS} samples or more", f"{window:g} s", "choose a longer one"
-        )
-    found = tuple(found)
-    free = tuple(
-        {} if _senses(effect) else dict(bounds) for effect, bounds in zip(found, free, strict=True)
-    )
+        wanted = f"a window of {MOMENTS} samples or more"
+        raise ConfigurationError(wanted, f"{window:g} s", "choose a longer one")
+    found, own = tuple(found), len(model.effects)
+    senses = lambda effect: type(inner(effect)).sense is not Effect.sense
+    free = [{} if senses(e) else dict(bounds) for e, bounds in zip(found, free, strict=True)]
     with jax.enable_x64(True):
-        vector = Free(
-            Plant(model.body, (*model.effects, *found)), (*(() for _ in model.effects), *free)
-        )
+        vector = Free(Plant(model.body, (*model.effects, *found)), (*[()] * own, *free))
         (lower, upper), start = vector.bounds(), np.asarray(vector.vector)
-        named = lambda theta: vector.named(theta)[len(model.effects) :]
+        named = lambda theta: vector.named(theta)[own:]
         seen, aside = signals.behind(found), instants_of(signals, ~kept_rows(signals, held_out))
         training, proving = (_starts(seen, rows, length) for rows in (~aside, aside))
         given, windows = named(start), (len(training), len(proving))
         nothing = Refinement(False, "", found, given, given, named(0.0 * start), window, windows)
         if not len(start):
             return nothing._replace(reason="there is no parameter to refine")
-        if min(nothing.windows) < FEWEST:
-            return nothing._replace(
-                reason=(
-                    f"there are fewer than {FEWEST} windows of {window:g} s to fit or to verify it"
-                )
-            )
+        if min(windows) < FEWEST:
+            few = f"there are fewer than {FEWEST} windows of {window:g} s to fit or to verify it"
+            return nothing._replace(reason=few)
         problem = WindowFit(vector, seen, training, length, _tied(vector, signals))
         if problem.hopeless:
             return nothing._replace(reason="the simulation diverges in every window")
         theta = problem.solve(lower, upper)
-        refined = vector.set(theta).effects[len(model.effects) :]
-        (was, before, _), (now, after, residual) = (
-            _prove(problem, x, proving, effects, model, signals, seen, aside, held_out)
-            for x, effects in ((problem.start, found), (theta, refined))
-        )
+        refined = vector.set(theta).effects[own:]
+
+        def proved(theta: np.ndarray, effects: tuple[Effect, ...]) -> tuple[Any, Proof, Any]:
+            """Return each held-out window's error (V,), a summary, and the residual (N, J)."""
+            errors, lost = problem.score(theta, proving)
+            rows, residual = balance(signals, model.effects, effects, held_out)
+            torque = rms(residual, rows.used & ~rows.training[:, None])
+            far = rollout_errors(Plant(model.body, (*model.effects, *effects)), seen, aside)
+            proof = Proof(
+                float(np.sqrt(np.mean(errors**2))),
+                int(lost.sum()),
+                torque.tolist(),
+                {h: e.tolist() for h, e in far.items()},
+            )
+            return errors, proof, residual
+
+        was, before, _ = proved(problem.start, found)
+        now, after, residual = proved(theta, refined)
         objection = _objection(was - now, before, after)
         return nothing._replace(
             accepted=not objection,
@@ -154,39 +160,8 @@ def refine(
         )
 
 
-def _prove(
-    problem: WindowFit,
-    theta: np.ndarray,
-    proving: np.ndarray,
-    effects: tuple[Effect, ...],
-    model: Plant,
-    signals: Signals,
-    seen: Signals,
-    aside: np.ndarray,
-    held_out: float,
-) -> tuple[np.ndarray, Proof, np.ndarray]:
-    """Return the error (V,) of each held-out window, and their summary.
-
-    Also return the torque balance's residual (N, J).
-    """
-    errors, lost = problem.score(theta, proving)
-    rows, residual = balance(signals, model.effects, effects, held_out)
-    torque = rms(residual, rows.used & ~rows.training[:, None])
-    far = rollout_errors(Plant(model.body, (*model.effects, *effects)), seen, aside)
-    proof = Proof(
-        float(np.sqrt(np.mean(errors**2))),
-        int(lost.sum()),
-        torque.tolist(),
-        {h: e.tolist() for h, e in far.items()},
-    )
-    return errors, proof, residual
-
-
 def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
-    """Return why the refined parameters are not to be used; empty if they are.
-
-    ``drop`` (V,) is how much each window's error fell.
-    """
+    """Return why refined parameters are not used, or nothing; errors fell by ``drop`` (V,)."""
     if after.lost > before.lost:
         return "the simulation diverges in more windows than before"
     if not after.score < (1.0 - LEAST_GAIN) * before.score:
@@ -197,10 +172,8 @@ def _objection(drop: np.ndarray, before: Proof, after: Proof) -> str:
         return f"the error of held-out torques grows by more than {DEARER:.0%}"
     horizon = max(before.rollout_rms, key=float)
     if _dearer(before.rollout_rms[horizon], after.rollout_rms[horizon]):
-        return (
-            f"the error after {horizon} s of held-out motion grows by more than {DEARER:.0%} on a"
-            " joint"
-        )
+        held_out = f"the error after {horizon} s of held-out motion"
+        return f"{held_out} grows by more than {DEARER:.0%} on a joint"
     return ""
 
 
@@ -212,10 +185,7 @@ def _dearer(before: list[float], after: list[float]) -> bool:
 
 
 def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
-    """Return first instants (W,) of at most ``MOST`` windows wholly in ``rows`` (T,), end to end.
-
-    See also ``window_starts``.
-    """
+    """Return first instants (W,) of at most ``MOST`` windows in ``rows`` (T,), end to end."""
     starts = []
     for run in signals.slices:
         first = run.start + round(SETTLE / signals.dt)
@@ -230,16 +200,8 @@ def _starts(signals: Signals, rows: np.ndarray, length: int) -> np.ndarray:
     return np.array(starts, int)[picked]
 
 
-def _senses(effect: Effect) -> bool:
-    """Return whether the effect lies between the joint and its encoder."""
-    return type(inner(effect)).sense is not Effect.sense
-
-
 def _tied(free: Free, signals: Signals) -> list[np.ndarray]:
-    """Return directions (P,) of an effect's parameters that add what a simpler effect does.
-
-    The simpler effect is on the same joint and keeps that part.
-    """
+    """Return directions (P,) of parameters that add what a simpler effect on the joint does."""
     found, at = [], 0
     where = {
         (inner(e).name, getattr(e, "joint", None)): n

@@ -8,8 +8,8 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
   command's variance that they let through. At samples where a little more command would deliver no
   more, any command explains the motion: there the command's own variance takes e's place.
 * N is the effective number of samples, which accounts for the autocorrelation of the envelope's
-  residual and of its columns (:mod:`jaxidl.gap.evidence.samples`), and for motions that are
-  repeated (:mod:`jaxidl.gap.evidence.recurrence`).
+  residual and of its columns, and for motions that are repeated
+  (:mod:`jaxidl.gap.evidence.samples`).
 * p is the effect's prior.
 * s is how large a coefficient x may plausibly be, if something is known about it: changes of links
   (:mod:`jaxidl.gap.fit.prior`).
@@ -21,14 +21,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jaxidl.gap.evidence.delivery import Delivery
 from jaxidl.gap.evidence.gram import Gram, Item
-from jaxidl.gap.fit.bounded import bounded
 
 RIDGE = 1e-9  # ridge relative to each column's own information
 DILUTED = 3  # steps against regression dilution
+MOST = 12  # changes of the active bounds
 
 
 class Solution(NamedTuple):
@@ -82,23 +82,20 @@ class Score(Gram):
         known = frozenset(map(id, members))
         if known not in self._solved:
             parts = [] if self.anchor is not None else unconnected(members)
-            self._solved[known] = (
-                self._together(members, parts) if len(parts) > 1 else self._solve(members)
-            )
+            alone = len(parts) < 2
+            found = self._solve(members) if alone else self._together(members, parts)
+            self._solved[known] = found
         return self._solved[known]
 
     def _together(self, members: tuple[Item, ...], parts: Sequence[tuple[Item, ...]]) -> Solution:
         """Return the solution of a set whose ``parts`` have no joint in common."""
-        bare = self.solve(())
-        width = sum(len(m.lower) for m in members)
-        x, folds = np.zeros(width), np.zeros((len(bare.folds), width))
+        bare, at = self.solve(()), self.indices(members)
+        x, folds = np.zeros(len(at)), np.zeros((len(bare.folds), len(at)))
         error, passed, value = bare.error.copy(), bare.passed.copy(), bare.value
-        at = np.cumsum([0, *(len(m.lower) for m in members)])
-        where = {id(m): np.arange(a, b) for m, a, b in zip(members, at, at[1:], strict=False)}
         for part in parts:
             own = self.solve(part)
             on = sorted({j for m in part for j in m.joints})
-            here = np.concatenate([where[id(m)] for m in own.members])
+            here = np.searchsorted(at, self.indices(own.members))  # members are in this order
             x[here], folds[:, here] = own.x, own.folds
             error[:, on], passed[on] = own.error[:, on], own.passed[on]
             value += own.value - bare.value
@@ -115,15 +112,12 @@ class Score(Gram):
             np.concatenate([wanted[None], wanted - w * right]),
         )
         more, acting = 0.0, self._acting(at)
-        joints = [self._normal_of(own, d.joint) for d in acting]
         for _ in range(DILUTED if acting else 0):
             first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
-            more = self._dilution(first, acting, joints)
+            more = self._dilution(first, acting, own)
         x = self._bounded(left[0], left[1] + more, at)
         error = np.maximum(self.errors(own, x[1:], slice(blocks)), 0.0)
-        passed, heard = self._passed(acting, x[0])
-        mean = (w * error).sum(0) / np.maximum(self.weights @ self.count[:blocks], 1.0)
-        value = self.value_of(mean / passed, heard, members) - self._implausible(at, x[0])
+        value, passed = self._value(members, at, acting, x[0], self.weights @ error)
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
@@ -144,56 +138,47 @@ class Score(Gram):
         added, coefficients instead make the error small relative to what arrives of the command.
         """
         at = self.indices(found.members)
-        own, acting = self._own(at, slice(len(self.weights))), self._acting(at)
-        joints = [self._normal_of(own, d.joint) for d in acting]
-        return self._dilution(found.x * self.scale[at], acting, joints) * self.scale[at]
+        own = self._own(at, slice(len(self.weights)))
+        return self._dilution(found.x * self.scale[at], self._acting(at), own) * self.scale[at]
 
     def _acting(self, at: np.ndarray) -> list[Delivery]:
         """Return what columns ``at`` (P,) let through, of each joint where some act."""
         return [d for each in self.deliveries if (d := each.among(at, self.total)) is not None]
 
-    def _normal_of(self, own: Sequence[Any], j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return a joint's normal equations on all blocks, and which coefficients they are of."""
-        here, g, h = own[j]
-        return here, np.tensordot(self.weights, g, 1), self.weights @ h
-
     def _dilution(
-        self, x: np.ndarray, acting: Sequence[Delivery], joints: Sequence[Any]
+        self, x: np.ndarray, acting: Sequence[Delivery], own: Sequence[Any]
     ) -> np.ndarray:
         """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
-        out, blocks = np.zeros(len(x)), len(self.weights)
-        for d, (here, gram, right) in zip(acting, joints, strict=True):
-            (share, slope), part = d.share(x), x[here]
-            left = self.weights @ self.square[:blocks, d.joint] + part @ (gram @ part - 2 * right)
-            out[d.places] += 0.5 * max(float(left), 0.0) * slope / share
+        out = np.zeros(len(x))
+        left = self.weights @ self.errors(own, x, slice(len(self.weights)))
+        for d in acting:
+            share, slope = d.share(x)
+            out[d.places] += 0.5 * max(float(left[d.joint]), 0.0) * slope / share
         return out
 
-    def _implausible(self, at: np.ndarray, x: np.ndarray) -> float:
-        """Return minus the log prior density of scaled coefficients ``x`` (P,), relative to zero.
+    def _value(
+        self,
+        members: Iterable[Item],
+        at: np.ndarray,
+        acting: Sequence[Delivery],
+        x: np.ndarray,
+        error: np.ndarray,
+    ) -> tuple[float, np.ndarray]:
+        """Return the score of a set, and how much of each joint's command (J,) it lets through.
 
-        The prior is weighted like the data: ``alike`` samples count as one.
-        """
-        return float(0.5 * self.prior[at] @ x**2 / self.alike)
-
-    def value_of(self, error: np.ndarray, heard: np.ndarray, members: Iterable[Item]) -> float:
-        """Return the score of a mean squared error (J,).
-
-        ``heard`` (J,) is the share of samples that contain information about the command.
-        """
-        said = heard * np.log(np.maximum(error, self.floor)) + (1.0 - heard) * np.log(
-            np.maximum(self.variance, self.floor)
-        )
-        return float(-0.5 * self.effective @ said + sum(m.odds for m in members))
-
-    def _passed(self, acting: Sequence[Delivery], x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how much of each joint's command (J,) actuators let through.
-
-        Also return the share of informative samples (J,).
+        Its columns are ``at`` (P,), its scaled coefficients ``x`` (P,), and its sums of squares on
+        the training blocks ``error`` (J,) [noise^2]. The prior is weighted like the data: ``alike``
+        samples count as one.
         """
         passed, heard = np.ones((2, len(self.which)))
         for d in acting:
             passed[d.joint], heard[d.joint] = d.share(x)[0], d.heard(x)
-        return passed, heard
+        count = np.maximum(self.weights @ self.count[: len(self.weights)], 1.0)
+        log = lambda square: np.log(np.maximum(square, self.floor))
+        said = heard * log(error / count / passed) + (1.0 - heard) * log(self.variance)
+        implausible = 0.5 * self.prior[at] @ x**2 / self.alike
+        value = -0.5 * self.effective @ said + sum(m.odds for m in members) - implausible
+        return float(value), passed
 
     def _bounded(self, gram: np.ndarray, right: np.ndarray, at: np.ndarray) -> np.ndarray:
         """Return solutions (F, P) of F normal equations of columns ``at`` (P,)."""
@@ -209,18 +194,13 @@ class Score(Gram):
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
-        at, blocks = self.indices(members), len(self.weights)
+        at, blocks = self.indices(members), slice(len(self.weights))
         scaled = x * self.scale[at]
-        error = self.errors(self._own(at, slice(blocks)), scaled, slice(blocks)).sum(0)
-        passed, heard = self._passed(self._acting(at), scaled)
-        mean = np.maximum(error, 0.0) / np.maximum(self.count[:blocks].sum(0), 1.0)
-        return self.value_of(mean / passed, heard, members) - self._implausible(at, scaled)
+        error = np.maximum(self.errors(self._own(at, blocks), scaled, blocks), 0.0)
+        return self._value(members, at, self._acting(at), scaled, self.weights @ error)[0]
 
     def covariance(self, found: Solution) -> np.ndarray:
-        """Return the covariance (P, P) of a set's coefficients.
-
-        What the log does not determine is as wide as the prior.
-        """
+        """Return the covariance (P, P) of coefficients; undetermined ones are as wide as priors."""
         at = self.indices(found.members)
         gram, _, own = self.normal_equations(at)
         known = self._known(at)
@@ -264,3 +244,47 @@ class Score(Gram):
         other.__dict__.update({**self.__dict__, **changes})
         other.__dict__.pop("whole", None)
         return other
+
+
+def bounded(
+    gram: Float[np.ndarray, "F P P"],
+    right: Float[np.ndarray, "F P"],
+    lower: Float[np.ndarray, " P"],
+    upper: Float[np.ndarray, " P"],
+    dead: Bool[np.ndarray, " P"],
+) -> Float[np.ndarray, "F P"]:
+    """Return solutions (F, P) of F normal equations within bounds.
+
+    The first one decides which bounds are active. What is ``dead`` stays at zero, or the nearest
+    bound.
+    """
+    x, free = np.zeros(right.shape), ~dead
+    held = np.clip(x[0], lower, upper)
+    for _ in range(MOST):
+        x[0] = held
+        if free.all():
+            x[0] = np.linalg.solve(gram[0], right[0])
+        elif free.any():
+            inner, side = gram[0][np.ix_(free, free)], gram[0][np.ix_(free, ~free)]
+            x[0, free] = np.linalg.solve(inner, right[0, free] - side @ held[~free])
+        wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
+        if not wrong.any():
+            if free.all():
+                break
+            push = right[0] - gram[0] @ x[0]
+            back = ~free & ~dead & (lower < upper)
+            back &= ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
+            if not back.any():
+                break
+            free |= back & (np.abs(push) == np.max(np.abs(push[back])))
+            continue
+        held = np.where(wrong, np.clip(x[0], lower, upper), held)
+        free &= ~wrong
+    x[1:] = held
+    if free.all():
+        x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
+    elif free.any():
+        rows = gram[1:, free]
+        push = right[1:, free] - rows[:, :, ~free] @ held[~free]
+        x[1:, free] = np.linalg.solve(rows[:, :, free], push[..., None])[..., 0]
+    return np.clip(x, lower, upper)

@@ -9,18 +9,24 @@ noise alone contributes does not count (:mod:`jaxidl.gap.evidence.noise`).
 An effect that jumps responds roughly to its parameters: with a little more backlash each contact
 comes later, or not at all. Such a fit follows the mean response to parameters around, first far
 apart and then closer, and large errors, such as of a contact at the wrong moment, count less.
+
+Effects of a motor act one behind the other, each on the command that those before it deliver. The
+catalogue has them in the order in which a command passes them. A part of an effect does not come
+before it: it takes its place, as a gear's elasticity does of its play.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
 
+from jaxidl.effects import place_of
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.evidence.items import columns_of, item, part
 from jaxidl.gap.evidence.noise import accelerates, read_again
-from jaxidl.gap.evidence.projection import basis
+from jaxidl.gap.evidence.projection import Projection
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import (
     Shape,
@@ -54,26 +60,14 @@ class Tangent(NamedTuple):
 
 def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: Score) -> Item:
     """Return a member with its shape fitted beside the other members of a set."""
-    noise = score.noise
-    use = [rows.used[:, j] & rows.training for j in range(len(noise))]
-    bases, left = {}, {}
-    for j in m.joints:
-        others = [
-            rows.steady(o.columns[:, :, o.joints.index(j)], j)[:, use[j]]
-            for o in found.members
-            if o is not m and j in o.joints and not taken_up(o, m)
-        ]
-        bases[j] = basis(np.concatenate([np.zeros((0, int(use[j].sum()))), *others]).T / noise[j])
-        left[j] = rows.steady(rows.gap[:, j], j)[use[j]] / noise[j]
+    others = [o for o in found.members if o is not m and not taken_up(o, m)]
+    beside = Projection(rows, others, score.noise, m.joints)
 
     def projected(x: np.ndarray) -> np.ndarray:
         """Return stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
-        parts = [rows.steady(x[:, :, j], j)[:, use[j]].T / noise[j] for j in m.joints]
-        return np.concatenate(
-            [p - bases[j] @ (bases[j].T @ p) for p, j in zip(parts, m.joints, strict=True)]
-        )
+        return np.concatenate([beside.left(x[:, :, j], j) for j in m.joints], 1).T
 
-    wanted = np.concatenate([left[j] - bases[j] @ (bases[j].T @ left[j]) for j in m.joints])
+    wanted = projected(rows.gap[None])[:, 0]
     shape, known = m.shape, {}
     steps = steps_of(shape)
     noise_alone = NoiseAlone(m, found, rows, predicted, score) if accelerates(shape) else None
@@ -124,7 +118,7 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
     if on_bound(shape, best):  # what the log does not determine stays near its start
         offset = 0.0 if noise_alone is None else noise_alone.most
         square = lambda theta: float(np.sum(missed(theta)[0] ** 2)) - offset
-        least = sum(use[j].sum() * score.floor[j] for j in m.joints)
+        least = sum(beside.use[:, j].sum() * score.floor[j] for j in m.joints)
         alike = max(score.effective[list(m.joints)].sum(), 1.0)
         good = max(square(best) * (1.0 + 2.0 * CLEAR / alike), least)
         free = np.arange(len(begin)) >= amplitudes(shape)
@@ -132,6 +126,22 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         pulled = (minimum(begin, pull * unit) for pull in PULLS)
         best = next((theta for theta in pulled if square(theta) <= good), best)
     return seen_from(m, at_parameters(shape, best), rows, predicted)
+
+
+def arriving(
+    at: Item, members: Sequence[Item], x: Sequence[np.ndarray], rows: Rows, predicted: np.ndarray
+) -> Rows:
+    """Return the rows with the command that ``members`` before a motor's effect deliver to it."""
+    tau = rows.tau
+    motors = [
+        (place_of(m.key[0]), effect_at(m.shape, vector(m.shape, own)))
+        for m, own in zip(members, x, strict=True)
+        if at.actuates and m.actuates and set(m.joints) & set(at.joints) and not part(m, at)
+    ]
+    for place, effect in sorted(motors, key=lambda motor: motor[0]):
+        if place < place_of(at.key[0]):
+            _, tau = additions([effect], rows.signals, tau, predicted)
+    return rows if tau is rows.tau else rows._replace(tau=tau)
 
 
 def seen_from(m: Item, shape: Shape, rows: Rows, predicted: np.ndarray) -> Item:
@@ -199,10 +209,7 @@ def tangent(
         ahead, behind = np.where(theta + size <= upper, ahead, behind), theta
     ends = [ahead, behind] if shape.cls.jumps else [ahead]
     around = [theta, *(one for end in ends for one in theta + np.diag(end - theta))]
-    every = [effect_at(shape, one) for one in around]
-    added, _ = additions(
-        every, rows.signals, rows.tau, predicted, friction=rows.unloaded, rubbing=rows.rubbing
-    )
+    added = rows.added([effect_at(shape, one) for one in around], predicted)
     here, there, back = added[:1], added[1 : len(theta) + 1], added[len(theta) + 1 :]
     value, back = (added.mean(0), back) if shape.cls.jumps else (here[0], here)
     return Tangent(value, (there - back) / (ahead - behind)[:, None, None])

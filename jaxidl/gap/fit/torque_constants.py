@@ -19,20 +19,16 @@ SHARE = 0.02 / np.sqrt(3.0)
 def swayed(score: Score, found: Solution, rows: Rows, left: np.ndarray) -> np.ndarray:
     """Return the covariance (P, P) of a set's coefficients due to unknown torque constants.
 
-    What motors do to the command is in the log's own torques, and does not move.
-
-    Args:
-        score: the score of ``rows``.
-        found: the set with its P coefficients.
-        rows: the rows of the score.
-        left: (N, J) the set's residual there [N or Nm].
+    What motors do to the command is in the log's own torques, and does not move. The ``rows`` are
+    those of the score; ``left`` (N, J) [N or Nm] is the set's residual there.
     """
     # what a bound holds, such as the alignment of torques, stays there
     at = score.indices(found.members)
     lower, upper = (bound[at] / score.scale[at] for bound in score.bounds)
     held = lambda bound: np.isclose(found.x, bound, rtol=1e-9, atol=0.0)
     free = ~(held(lower) | held(upper))
-    own = score.normal(found.members)[0].sum(0) + score.known(found.members)[0]
+    gram, _, known, _ = score.normal(found.members)
+    own = gram.sum(0) + known
     own = np.where(np.outer(free, free), own, np.diag(np.diagonal(own)))
     size = np.sqrt(np.maximum(np.diagonal(own), 1e-300))
     own = own / size[:, None] / size + RIDGE * np.eye(len(own))

@@ -14,7 +14,7 @@ on draws, each of which chooses its own set (:func:`resampled`).
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,13 +23,21 @@ from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.noise import accelerates
 from jaxidl.gap.evidence.rows import Rows
-from jaxidl.gap.evidence.shape import Shape, build, effect_at, limits, movable, on_bound, vector
+from jaxidl.gap.evidence.shape import (
+    Shape,
+    build,
+    effect_at,
+    limits,
+    movable,
+    on_bound,
+    present,
+    vector,
+)
 from jaxidl.gap.fit.consistent import physical_fits
 from jaxidl.gap.fit.held_out import covariance_of, jackknife, wald
 from jaxidl.gap.fit.library import residual
-from jaxidl.gap.fit.motors import arriving
 from jaxidl.gap.fit.score import Score, Solution
-from jaxidl.gap.fit.shapes import fitted, tangent
+from jaxidl.gap.fit.shapes import arriving, fitted, tangent
 from jaxidl.gap.fit.torque_constants import swayed
 
 
@@ -58,15 +66,10 @@ def resampled(
 ) -> Value:
     """Return an effect with standard errors that cover the choice of the set, too.
 
-    Those of fitted shapes, and what was found on less than two draws, stay as they are. Changes
-    since a reference log have no draws: on these, part of a load is taken for changes of links that
-    the search rejects.
-
-    Args:
-        value: the effect.
-        draws: by how much coefficients are off on resampled logs.
-        others: the probability of sets that explain the log as well, and by how much coefficients
-            are off in these.
+    Coefficients are off on ``draws``, which are resampled logs, and in ``others``, which are sets
+    that explain the log as well, each with its probability. Errors of fitted shapes, and of what
+    was found on less than two draws, stay as they are. Changes since a reference log have no draws:
+    on these, part of a load is taken for changes of links that the search rejects.
     """
     off = [
         np.concatenate([d[i.group] for i in value.items])
@@ -152,19 +155,15 @@ def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> li
 
 def spared(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Solution:
     """Return a set with the shapes fitted that the encoder's noise would bias."""
-    solve = lambda every: Score(rows, every, score.noise, score.effective, score.anchor).solve(
-        every
-    )
-    before = solve(now.members)
-    x = [before.x[before.of(m)] for m in now.members]
-    return solve(
-        [
-            fitted(m, before, arriving(m, now.members, x, rows, predicted), predicted, score)
-            if spares(m)
-            else m
-            for m in now.members
-        ]
-    )
+
+    def solve(every: Sequence[Item]) -> Solution:
+        return Score(rows, every, score.noise, score.effective, score.anchor).solve(every)
+
+    before, members = solve(now.members), now.members
+    x = [before.x[before.of(m)] for m in members]
+    there = lambda m: arriving(m, members, x, rows, predicted)
+    anew = lambda m: fitted(m, before, there(m), predicted, score) if spares(m) else m
+    return solve([anew(m) for m in members])
 
 
 def spares(m: Item) -> bool:
@@ -174,7 +173,7 @@ def spares(m: Item) -> bool:
 
 def _plain(m: Item) -> bool:
     """Return whether a member's coefficients are all of its parameters."""
-    return m.always or m.shape is None or not movable(m.shape)
+    return m.always or not movable(m.shape)
 
 
 class _Fit(NamedTuple):
@@ -206,12 +205,8 @@ def _value(
     shape: Shape = items[0].shape
 
     def at(x: np.ndarray) -> Effect:
-        total: dict[str, Any] = {}
-        for i, place in whole:
-            effect = effect_at(i.shape, x[place])
-            inner = getattr(effect, "effect", effect)
-            own = {n: np.asarray(getattr(inner, n), float) for n in shape.cls.parameters}
-            total = {n: own[n] if n not in total else total[n] + own[n] for n in own}
+        (sums,) = present([effect_at(i.shape, x[place]) for i, place in whole]).values()
+        total = dict(sums)
         for name, place in taken:
             amplitudes = dict(shape.parts)[name] * float(x[place][0])
             for n, part in shape.cut(shape.free, amplitudes).items():
@@ -219,11 +214,11 @@ def _value(
         return build(shape.cls, shape.joint, shape.joints, total, shape.options)
 
     read = lambda e, n: np.ravel(np.asarray(getattr(getattr(e, "effect", e), n), float))
-    effect, others, moved = (
-        at(fit.x),
-        [at(x) for x in fit.folds],
-        [at(x) for x in _moved(fit, [p for _, p in (*whole, *taken)])],
-    )
+    every = _places([place for _, place in (*whole, *taken)])
+    size, u = np.linalg.eigh(fit.covariance[np.ix_(every, every)])
+    apart = np.repeat(fit.x[None], len(every), 0)
+    apart[:, every] += (u * np.sqrt(np.maximum(size, 0.0))).T  # by a standard error in each way
+    effect, others, moved = at(fit.x), [at(x) for x in fit.folds], [at(x) for x in apart]
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
     hidden = shape.cls.internal  # converted into others, all of which are then shown,
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
@@ -246,8 +241,8 @@ def _value(
     bound = any(movable(i.shape) and on_bound(i.shape, fit.x[place]) for i, place in whole)
     own, together = _places([place for _, place in whole]), 0.0
     if len(own) > 1 and all(map(_plain, items)):
-        apart = covariance_of(fit.folds[:, own])
-        together = wald(fit.x[own], apart + fit.covariance[np.ix_(own, own)])
+        spread = covariance_of(fit.folds[:, own])
+        together = wald(fit.x[own], spread + fit.covariance[np.ix_(own, own)])
 
     def off(by: np.ndarray) -> dict[str, np.ndarray]:
         x = fit.x.copy()
@@ -256,18 +251,6 @@ def _value(
         return {n: read(there, n) for n in parameters}
 
     return Value(key, items, effect, parameters, bound, together, scatter=scatter, moved=off)
-
-
-def _moved(fit: _Fit, places: list[slice]) -> np.ndarray:
-    """Return the coefficients (A, P), moved by a standard error in A directions.
-
-    These are those of some of the coefficients.
-    """
-    own = _places(places)
-    size, u = np.linalg.eigh(fit.covariance[np.ix_(own, own)])
-    out = np.repeat(fit.x[None], len(own), 0)
-    out[:, own] += (u * np.sqrt(np.maximum(size, 0.0))).T
-    return out
 
 
 def _places(places: Sequence[slice]) -> np.ndarray:

@@ -1,9 +1,10 @@
 """A diagnosis as data, and what it says.
 
-In reading order: ``findings`` (effects with values and a probability, from ``calibration``,
-``bent`` and other signs), ``verdict`` (what is certain, in doubt or unexplained; ``network`` and
-``swings`` look for what is left), ``diagnosis`` (the record), ``refined`` (the same after a fit to
-trajectories), ``words``, ``notes`` and ``experiments`` (its sentences and advice).
+In reading order: ``findings`` (effects with values and a probability, from ``calibration``),
+``judged`` (the trust in them, both sides of the gap; ``network`` and ``notes`` look for what is
+left), ``verdict`` (what is certain, in doubt or unexplained, and what would settle it),
+``diagnosis`` (the record), ``refined`` (the same after a fit to trajectories) and ``words`` (its
+sentences).
 """
 
 __all__: list[str] = []  # what is public of it, jaxidl.gap lists

@@ -60,8 +60,8 @@ def signs(
             as well; 0 if there is none.
         company: share of the other joints on which the same was found.
         known: by how many standard errors the best known of its values differs from zero.
-        bent: share by which a rare effect on its joint follows another law than its own
-            (:mod:`jaxidl.gap.result.bent`); then what stands beside it is in doubt, too.
+        bent: share by which a rare effect on its joint follows another law than its own; then what
+            stands beside it is in doubt, too.
     """
     log = lambda x, low, high: float(np.log10(np.clip(x, low, high)))
     rare, explained = float(not common), log(share, 1e-3, 1.0)
@@ -84,17 +84,12 @@ def signs(
 
 
 def probability(found: Mapping[str, float]) -> float:
-    """Return the probability that a finding with these signs is right.
-
-    It is 1 if no weights have been fitted yet.
-    """
+    """Return the probability that a finding with these signs is right; 1 without weights."""
     weights = _weights()
     if not weights:
         return 1.0
-    return float(
-        1.0
-        / (1.0 + np.exp(-weights["constant"] - sum(weights[name] * found[name] for name in SIGNS)))
-    )
+    odds = weights["constant"] + sum(weights[name] * found[name] for name in SIGNS)
+    return float(1.0 / (1.0 + np.exp(-odds)))
 
 
 def margin_of(wanted: float, found: Mapping[str, float]) -> float:

@@ -89,10 +89,7 @@ class Row(NamedTuple):
 
 
 class Envelope(NamedTuple):
-    """The error that conventional identification reaches: all common effects fitted at once.
-
-    J joints.
-    """
+    """Errors (J,) that conventional identification reaches: all common effects fitted at once."""
 
     torque_rms: list[float]  # on held-out data [N or Nm]
     torque_relative: list[float]  # share of the command's root mean square
@@ -114,6 +111,11 @@ class Gap(NamedTuple):
     after: Side
     noise_floor: list[float]  # torque error due to encoder noise alone [N or Nm]
 
+    def relative(self, torque_rms: list[float]) -> list[float]:
+        """Return torque errors (J,) [N or Nm] over the root mean square of the command."""
+        known = np.maximum(self.before.torque_rms, 1e-300)
+        return (np.array(torque_rms) * self.before.torque_relative / known).tolist()
+
 
 class Traces(NamedTuple):
     """The data of the figures: N rows, J joints."""
@@ -133,7 +135,6 @@ class Diagnosis:
     """The result of :func:`jaxidl.gap.diagnose`."""
 
     verdict: str  # named, nothing_missing, ambiguous or unexplained
-    summary: str  # in plain language
     findings: tuple[Finding, ...]  # in the order added
     ambiguous: tuple[Ambiguity, ...]
     where: tuple[Place, ...]  # regimes of the residual before
@@ -155,6 +156,13 @@ class Diagnosis:
     doubt: str = ""
     signals: Signals | None = field(default=None, repr=False)  # the log as it was compared
     refinement: Refinement | None = field(default=None, repr=False)  # the result of :meth:`refined`
+
+    @property
+    def summary(self) -> str:
+        """The result in plain language."""
+        from jaxidl.gap.result.words import summarise
+
+        return summarise(self)
 
     @property
     def ordered(self) -> tuple[Finding, ...]:
@@ -185,10 +193,7 @@ class Diagnosis:
         return list(dict.fromkeys([*found, *(name for name, _ in (*doubts, *nearest))]))
 
     def frame(self, f: Finding) -> str | None:
-        """Return the name of the body in whose frame a finding's positions are given.
-
-        Only effects of the whole mechanism with a length have one.
-        """
+        """Return the body in whose frame positions of a finding are, if it has any."""
         units = [p.unit for p in CATALOGUE[f.name].parameters.values()]
         placed = f.joint is None and "length" in units
         return getattr(self.model.plant.body, "carrier", "") if placed else None
@@ -197,6 +202,10 @@ class Diagnosis:
         """Return the content of ``report.json``, without ``files``."""
         from jaxidl.gap.result.refined import record
 
+        measured = (
+            *("confidence", "evidence", "share", "held_out_before", "held_out_after"),
+            *("gain", "gain_stderr", "signs"),
+        )
         return plain(
             {
                 "verdict": self.verdict,
@@ -209,14 +218,7 @@ class Diagnosis:
                         "joint_name": None if f.joint is None else self.model.names[f.joint],
                         "frame": self.frame(f),
                         "parameters": {name: p._asdict() for name, p in f.parameters.items()},
-                        "confidence": f.confidence,
-                        "evidence": f.evidence,
-                        "share": f.share,
-                        "held_out_before": f.held_out_before,
-                        "held_out_after": f.held_out_after,
-                        "gain": f.gain,
-                        "gain_stderr": f.gain_stderr,
-                        "signs": f.signs,
+                        **{name: getattr(f, name) for name in measured},
                         "nearest": f.nearest and {"effect": f.nearest[0], "joint": f.nearest[1]},
                     }
                     for f in self.findings

@@ -1,6 +1,11 @@
-"""The findings of a diagnosis: effects with values, what each explains, and its probability."""
+"""The findings of a diagnosis: effects with values, what each explains, and its probability.
 
-from collections.abc import Sequence
+An effect may follow another law than its own: friction in proportion to the load imitates friction
+that grows with its square root. The residual shows it (:func:`bend`): the effect's own torque a,
+bent to a·|a|, still explains a part of it.
+"""
+
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.special import erf
@@ -8,18 +13,15 @@ from scipy.special import erf
 from jaxidl.effects import CATALOGUE
 from jaxidl.gap.choice import estimates
 from jaxidl.gap.choice.find import Found
-from jaxidl.gap.choice.rivals import Tie
-from jaxidl.gap.evidence.gram import Item, Key
+from jaxidl.gap.evidence.gram import Item, Key, columns_at
 from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import rms
-from jaxidl.gap.fit.held_out import aside, worse_by
+from jaxidl.gap.fit.held_out import aside, jackknife, worse_by
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.gap.fit.values import Value, resampled
-from jaxidl.gap.result.bent import bend, other_law
 from jaxidl.gap.result.calibration import probability, signs
 from jaxidl.gap.result.diagnosis import Estimate, Finding, plain_number
-from jaxidl.gap.result.trust import Trust
 from jaxidl.systems.free import unit_of
 from jaxidl.systems.mjcf import Model
 
@@ -28,29 +30,21 @@ MOST = 24  # rivals of an effect that are solved for
 
 def findings(
     found: Found,
-    fitted: Sequence[Value],
     known: Model,
-    network: Sequence[float],
-    ties: Sequence[Tie],
-    trust: Trust,
+    network: Sequence[tuple[float, float]],
+    trust: Callable[[Value, int], float],
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
-    Args:
-        found: the result of the search.
-        fitted: its effects with their values.
-        known: the model of J joints.
-        network: (J,) share of the residual that a network predicts.
-        ties: effects that explain the log as well as some of those found.
-        trust: what is left of the confidence of an effect on a joint, given how the log reads.
+    The ``network`` predicts a share of the residual of each of J joints, with a standard error.
+    What is left of the confidence of an effect on a joint, given how the log reads, is the
+    ``trust``.
     """
-    rows, out = found.library.rows, []
+    rows, fitted, out = found.library.rows, found.fitted, []
     draws = found.support.moves if found.score.anchor is None else []
     elsewhere = [(t.likely / (1.0 + t.likely), t.moves) for t in found.ties]
-    command, whole = (
-        rms(rows.command, rows.used),
-        rms(rows.gap, rows.used & ~rows.training[:, None]),
-    )
+    command = rms(rows.command, rows.used)
+    whole = rms(rows.gap, rows.used & ~rows.training[:, None])
     added = [rows.gap - residual(rows, found.solution, value.items) for value in fitted]
     shares = [rms(a, rows.used) / np.maximum(command, 1e-300) for a in added]
     aside_there = found.score.count[~found.score.training].sum(0) > 0
@@ -61,63 +55,63 @@ def findings(
     ]
     for value, added_shares, j in zip(fitted, shares, where, strict=True):
         name, joint = value.key
+        cls, shape = CATALOGUE[name], value.items[0].shape
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
-        bent = max(b for b, at in zip(bends, where, strict=True) if at == j)
         a, b = (aside(rows, s, j) for s in (found.solution, bare))
         support = min(found.support.share[m.group] for m in value.items)
-        evidence, share = found.solution.value - bare.value, float(added_shares[j])
+        share = float(added_shares[j])
         kind = known.kinds[joint if joint is not None else j]
-        cls = CATALOGUE[name]
         known_as = resampled(value, draws, elsewhere)
         parameters = {
             n: Estimate(plain_number(v), unit_of(cls.parameters[n].unit, kind), plain_number(e))
             for n, (v, e) in known_as.parameters.items()
         }
-        bounds = {n: value.items[0].shape.bounds(n) for n in value.parameters}
         gain, stderr = worse_by(rows, bare, found.solution, j)
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
-        own = [t for t in ties if value.key in {g[:2] for g in t.found}]
-        margin = min([found.solution.value - instead, *(t.falls for t in own)])
-        left = float(a) / max(rows.floor[j], 1e-300)
-        shape = value.items[0].shape
-        open_ = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0)) / max(float(whole[j]), 1e-300)
-        kind_of = shape.odds, cls.common, max([0.0, *(t.likely for t in own)])
-        alike = {joint for found_name, joint in (v.key for v in fitted) if found_name == name} - {
-            joint
-        }
-        company = (
-            len(alike) / (len(known.names) - 1)
-            if joint is not None and len(known.names) > 1
-            else 0.0
-        )
-        away = max(
-            float(np.max(np.abs(v) / np.maximum(e, 1e-300))) for v, e in value.parameters.values()
-        )
+        own = [t for t in found.ties if value.key in {g[:2] for g in t.found}]
+        left = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0))
+        company = [v for v in fitted if v.key[0] == name and v.key[1] != joint]
         speaks = signs(
-            margin, gain, share, left, float(open_), network[j], *kind_of, company, away, bent
+            margin=min([found.solution.value - instead, *(t.falls for t in own)]),
+            gain=gain,
+            share=share,
+            left=a / max(float(rows.floor[j]), 1e-300),
+            unexplained=float(left) / max(float(whole[j]), 1e-300),
+            systematic=network[j][0],
+            odds=shape.odds,
+            common=cls.common,
+            tied=max([0.0, *(t.likely for t in own)]),
+            company=0.0 if joint is None else len(company) / max(len(known.names) - 1, 1),
+            known=max(away(value)),
+            bent=max(b for b, at in zip(bends, where, strict=True) if at == j),
         )
-        out.append(
-            Finding(
-                name,
-                joint,
-                value.effect,
-                cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
-                parameters,
-                support * probability(speaks) * there(known_as) * trust(value, j),
-                float(evidence),
-                share,
-                j,
-                float(b),
-                float(a),
-                gain,
-                stderr,
-                bounds,
-                {"support": support, **speaks},
-                nearest,
-            )
+        one = Finding(
+            name,
+            joint,
+            value.effect,
+            cls.sentence + (f" ({known.names[joint]})" if joint is not None else ""),
+            parameters,
+            support * probability(speaks) * there(known_as) * trust(value, j),
+            float(found.solution.value - bare.value),
+            share,
+            j,
+            b,
+            a,
+            gain,
+            stderr,
+            {n: shape.bounds(n) for n in value.parameters},
+            {"support": support, **speaks},
+            nearest,
         )
+        out.append(one)
     return tuple(sorted(out, key=lambda f: -f.share))
+
+
+def away(value: Value) -> list[float]:
+    """Return by how many standard errors each parameter of an effect differs from zero, at most."""
+    each = value.parameters.values()
+    return [float(np.max(np.abs(v) / np.maximum(e, 1e-300))) for v, e in each]
 
 
 def there(value: Value) -> float:
@@ -125,8 +119,8 @@ def there(value: Value) -> float:
 
     That of the best known one, or of all together; standard errors cover the choice of the set.
     """
-    each = [np.max(np.abs(v) / np.maximum(e, 1e-300)) for v, e in value.parameters.values()]
-    return 1.0 if value.share > 0.0 else float(erf(max([value.together, *each]) / np.sqrt(2.0)))
+    known = max([value.together, *away(value)])
+    return 1.0 if value.share > 0.0 else float(erf(known / np.sqrt(2.0)))
 
 
 def best_instead(
@@ -134,18 +128,11 @@ def best_instead(
 ) -> tuple[float, Key | None]:
     """Return the highest score with another effect in place of one that was found, or with none.
 
-    Also return which effect that is.
-
-    An effect that has it as a part is no rival, since it imitates it on any log. Effects are solved
-    for in the order of what they promise, which mostly is too much, until none promises more than
-    the best has reached.
-
-    Args:
-        score: of all items.
-        own: the members that are the effect found.
-        others: all other members.
-        bare: their solution.
-        joint: where the effect is largest; rivals are on that joint, too.
+    Also return which effect that is. One that has the effect found as a part is no rival, since it
+    imitates it on any log. Effects are solved for in the order of what they promise, which mostly
+    is too much, until none promises more than the best has reached. ``own`` are the members that
+    are the effect found, ``others`` all other members, and ``bare`` is their solution. Rivals are
+    on the ``joint`` where the effect is largest.
     """
     best, nearest = bare.value, None
     promise = estimates.promise(score, others)
@@ -163,3 +150,38 @@ def best_instead(
         if (reached := score.solve([*others, i]).value) > best:
             best, nearest = reached, i.key
     return best, nearest
+
+
+def other_law(value: Value) -> bool:
+    """Return whether an effect may stand for one with another law.
+
+    Common effects are taken as what they are on any robot; a shape that was fitted bends itself.
+    """
+    cls = value.items[0].shape.cls
+    return cls.linear and not cls.common
+
+
+def bend(found: Found, added: np.ndarray, joint: int) -> float:
+    """Return the size of the bend of an effect, which ``added`` (N,) [N or Nm], relative to it.
+
+    It is fitted to the residual beside all members, and less by two standard errors.
+    """
+    rows = found.library.rows
+    use = rows.used[:, joint]
+    own, block = added[use], rows.block[use]
+    left = residual(rows, found.solution)[use, joint]
+    size = np.sqrt(np.mean(own**2)) if use.any() else 0.0
+    if not size > 0.0:
+        return 0.0
+    basis = np.stack([own, *columns_at(found.solution.members, joint, len(use))[:, use]])
+    basis = (basis / np.maximum(np.linalg.norm(basis, axis=1, keepdims=True), 1e-300)).T
+    more = own * np.abs(own) / size**2
+    more = more - basis @ np.linalg.lstsq(basis, more, rcond=1e-9)[0]
+    width = np.sqrt(np.mean(more**2))
+    if width < 1e-6:
+        return 0.0
+    parts = [block == b for b in np.unique(block)]
+    wanted, square = (np.array([more[p] @ x[p] for p in parts]) for x in (left, more))
+    without = (wanted.sum() - wanted) / np.maximum(square.sum() - square, 1e-300)
+    slope = max(abs(wanted.sum() / square.sum()) - 2.0 * float(jackknife(without)), 0.0)
+    return float(slope * width / size)

@@ -3,24 +3,35 @@
 What hardly anything speaks for is left out. If some joint's motion is simulated worse than by the
 model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
 simulation is better without.
+
+A confidence is halved in a log of a few seconds, on a joint that seems to be misread, and of what a
+factor common to all torques would replace: links, and effects that the model has already. If all
+links seem to be heavier by the same share, motor constants, gear ratios or the unit of the torques
+may be wrong by a common factor instead, and no number of the log tells which. So if what was found
+of the links needs the same share of the model's own torque on two joints or more, rotors aside,
+this is said.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
+from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.gram import Group
+from jaxidl.gap.evidence.items import spread
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
+from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
-from jaxidl.gap.result.network import Gain, check
-from jaxidl.gap.result.trust import trust_of
+from jaxidl.gap.result.network import check
+from jaxidl.gap.result.words import LEAST
 from jaxidl.logs.signals import Signals
 from jaxidl.replay.rollout import rollout_errors
 from jaxidl.systems import Plant
@@ -28,16 +39,20 @@ from jaxidl.systems.mjcf import Model
 
 HARDLY = 0.1  # confidence below which an effect is not even suspected
 UNLIKELY = "its confidence is below 10 %"
+DOUBTED = 0.5  # share of a finding's confidence that is left
+COUNTS = 0.04  # share of a joint's command that counts
+OTHERWISE = 0.01  # share of a torque, squared, that may be something else
 ASTRAY = "with it the simulation strays further from the measured motion"
 
 
 class Judged(NamedTuple):
     """What is said of a set; N rows of J joints."""
 
+    found: Found
     odd: list[str]  # sentences about how the log reads
     after: np.ndarray  # (N, J) residual with the set [N or Nm]
     gap: np.ndarray  # (N, J) that of the model [N or Nm]
-    network: tuple[Gain, ...]  # of each joint
+    network: tuple[tuple[float, float], ...]  # of each joint, as :func:`check` returns them
     named: tuple[Finding, ...]
     compared: Gap
 
@@ -49,35 +64,26 @@ def judged(
     common: Sequence[Effect],
     rollouts: bool,
     watch: Watch,
-) -> tuple[Found, Judged]:
-    """Return what is said of a set, and the set without what leads the simulation astray.
+) -> Judged:
+    """Return what is said of a set without what leads the simulation astray.
 
-    Args:
-        found: the result of the search.
-        signals: the log, T instants of J joints.
-        known: the model.
-        common: effects that this log and its reference have in common.
-        rollouts: whether to simulate.
-        watch: called with the current stage and the share of it that is done.
+    The effects in ``common`` are those that this log of T instants and its reference share. Without
+    ``rollouts`` nothing is simulated.
     """
-    compare = lambda found, gap, after: _gap(
-        found, signals, gap, after, known, common, rollouts, watch
-    )
     watch("checking the residual", 0.0)
-    first = _judged(found, known, compare)
+    first = _judged(found, signals, known, common, rollouts, watch)
     if hardly := _below(HARDLY, first):
         found = _without(found, hardly, UNLIKELY)
-        first = _judged(found, known, compare)
+        first = _judged(found, signals, known, common, rollouts, watch)
     far = _astray(first.compared)
     strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
     rare = {(f.name, f.joint) for f in first.named if not CATALOGUE[f.name].common}
     leading = {key for key in rare if key[1] in strays} | _below(LIKELY, first)
     if not strays or not leading:
-        return found, first
+        return first
     less = _without(found, leading, ASTRAY)
-    second = _judged(less, known, compare)
-    better = max(_astray(second.compared)) < max(far)
-    return (less, second) if better else (found, first)
+    second = _judged(less, signals, known, common, rollouts, watch)
+    return second if max(_astray(second.compared)) < max(far) else first
 
 
 def _below(confidence: float, said: Judged) -> set[Key]:
@@ -92,57 +98,49 @@ def _without(found: Found, keys: set[Key], why: str) -> Found:
     return replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
 
 
-def fitted_to_training(found: Found) -> list[Value]:
+def fitted_to_training(found: Found) -> list[Effect]:
     """Return what was found with parameters fitted to the training rows alone."""
-    return values(found.score, found.solution, found.library.rows, found.predicted)
+    fitted = values(found.score, found.solution, found.library.rows, found.predicted)
+    return [v.effect for v in fitted]
 
 
-def _judged(found: Found, known: Model, compare: Callable[..., Gap]) -> Judged:
-    rows = found.library.rows
+def _judged(
+    found: Found,
+    signals: Signals,
+    known: Model,
+    common: Sequence[Effect],
+    rollouts: bool,
+    watch: Watch,
+) -> Judged:
+    """Return what is said of a set, with both sides of the gap in the same held-out rows.
+
+    The simulated parameters were fitted without these rows.
+    """
+    rows, members = found.library.rows, fitted_to_training(found)
     after = residual(rows, found.solution)
     # where nothing is found, the model is judged with the log's torques as well aligned
     aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
     gap = rows.gap if found.named else residual(rows, found.solution, aligning)
     network = check(rows, after)
     odd, trust = trust_of(found, known.names)
-    named = findings(found, found.fitted, known, [n.value for n in network], found.ties, trust)
-    return Judged(odd, after, gap, network, named, compare(found, gap, after))
-
-
-def _gap(
-    found: Found,
-    signals: Signals,
-    gap: np.ndarray,
-    after: np.ndarray,
-    known: Model,
-    common: Sequence[Effect],
-    rollouts: bool,
-    watch: Watch,
-) -> Gap:
-    """Return both sides on the held-out rows, and in the same windows of them.
-
-    The parameters were fitted without these rows.
-    """
-    rows = found.library.rows
-    members = [v.effect for v in fitted_to_training(found)]
-    behind = signals.behind(members)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)
     kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
 
-    def side(left: np.ndarray, plant: Plant, motion: Any) -> Side:
+    def side(left: np.ndarray, plant: Plant, motion: Signals) -> Side:
         watch("replaying the log", 0.5)
         size = rms(left, there)
         errors = rollout_errors(plant, motion, kept_aside) if rollouts else {}
         relative = np.where(command > 0.0, size / np.maximum(command, 1e-300), np.nan)
         return Side(size.tolist(), relative.tolist(), {h: e.tolist() for h, e in errors.items()})
 
+    behind = signals.behind(members)
     model = Plant(known.plant.body, (*known.plant.effects, *common))
-    before = side(gap, model, signals._replace(late=behind.late))
-    later = (
-        side(after, Plant(model.body, (*model.effects, *members)), behind) if members else before
-    )
-    return Gap(list(known.units), before, later, signals.noise_floor.tolist())
+    before = later = side(gap, model, signals._replace(late=behind.late))
+    if members:
+        later = side(after, Plant(model.body, (*model.effects, *members)), behind)
+    compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())
+    return Judged(found, odd, after, gap, network, findings(found, known, network, trust), compared)
 
 
 def _astray(compared: Gap) -> list[float]:
@@ -153,3 +151,53 @@ def _astray(compared: Gap) -> list[float]:
     diverges = np.where(np.isnan(before), 0.0, np.inf)
     ratio = np.where(np.isnan(after), diverges, after / np.maximum(before, 1e-300))
     return np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(0, initial=0.0).tolist()
+
+
+def trust_of(found: Found, names: Sequence[str]) -> tuple[list[str], Callable[[Value, int], float]]:
+    """Return sentences about how a log of joints called ``names`` reads, and the trust in it.
+
+    That is the share of an effect's confidence on a joint that is left.
+    """
+    rows = found.library.rows
+    said, misread = conventions(rows, names)
+    scaled, links = proportion(found)
+    brief, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
+
+    def trust(value: Value, joint: int) -> float:
+        factor = value.key in own or any(m.group in links for m in value.items)
+        return DOUBTED if brief or misread[joint] or factor else 1.0
+
+    return [*said, *scaled], trust
+
+
+def proportion(found: Found) -> tuple[list[str], set[Group]]:
+    """Return a sentence if all links lack one share of the torque, and which effects that are."""
+    rows, solution = found.library.rows, found.solution
+    signals, links, lacking = rows.signals, set[Group](), np.zeros_like(rows.gap)
+    qdd = signals.qdd[signals.rows]
+
+    def without_rotor(torque: np.ndarray) -> np.ndarray:
+        """Return the part of a torque (N, J) that no rotor inertia needs."""
+        square = np.sum(qdd**2 * rows.used, 0)
+        rotor = np.sum(qdd * torque * rows.used, 0) / np.maximum(square, 1e-300)
+        return (torque - rotor * qdd) * rows.used
+
+    for m in found.named:
+        if m.shape.cls.alter is not Effect.alter:
+            whole = np.tensordot(solution.x[solution.of(m)], spread(m, rows), 1)
+            lacking += (part := without_rotor(whole))
+            if np.sum(part**2) > OTHERWISE * np.sum((whole * rows.used) ** 2):
+                links.add(m.group)
+    own = without_rotor(signals.tables.torque[signals.rows])
+    weight = np.where(rows.spread > 0.0, rows.spread, np.inf) ** -2.0
+    share = float(np.sum(weight * own * lacking) / max(float(np.sum(weight * own**2)), 1e-300))
+    size, rest = rms(lacking, rows.used), rms(lacking - share * own, rows.used)
+    counts = size > COUNTS * rows.spread
+    if counts.sum() < 2 or np.any(rest[counts] ** 2 > OTHERWISE * size[counts] ** 2):
+        return [], set()
+    return [
+        f"all links seem to be about {abs(share):.0%} too {'light' if share > 0.0 else 'heavy'} in"
+        " the model; then the torques' common factor may be wrong instead (motor constants, gear"
+        f" ratios, a unit): multiplied by {1.0 / (1.0 + share):.2g}, they would fit the model's"
+        " links, and friction and rotors would change as much; weigh a link or a known load"
+    ], links

@@ -8,10 +8,9 @@ import numpy as np
 
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.evidence.localise import localise
-from jaxidl.gap.fit.balance import balance
+from jaxidl.gap.evidence.rows import rows_of
 from jaxidl.gap.fit.refine import WINDOW, Refinement, refine
 from jaxidl.gap.result.diagnosis import Diagnosis, Estimate, Finding, Side, plain_number
-from jaxidl.gap.result.words import summarise
 from jaxidl.replay.trajectory import MOMENTS
 from jaxidl.systems.free import Bounds
 from jaxidl.systems.plant import Plant
@@ -21,15 +20,15 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     """Return the refined diagnosis; see :meth:`jaxidl.gap.result.diagnosis.Diagnosis.refined`."""
     signals = d.signals
     if signals is None:
-        raise ConfigurationError(
-            "a diagnosis with the log's signals", "one without", "make it with gap.diagnose"
-        )
+        wanted = "a diagnosis with the log's signals"
+        raise ConfigurationError(wanted, "one without", "make it with gap.diagnose")
     if window is None:
         window = max(WINDOW, MOMENTS * signals.dt)
     # findings are in the order of what they explain; a command passes them in that of the catalogue
     passed = d.ordered
+    lacking = Plant(d.model.plant.body, (*d.model.plant.effects, *d.common))
     r = refine(
-        Plant(d.model.plant.body, (*d.model.plant.effects, *d.common)),
+        lacking,
         [f.effect for f in passed],
         signals,
         [_bounds(f) for f in passed],
@@ -37,23 +36,16 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         window=window,
     )
     at = {id(f): k for k, f in enumerate(passed)}
-    back = [at[id(f)] for f in d.findings]
-    r = r._replace(
-        **{
-            n: tuple(getattr(r, n)[k] for k in back)
-            for n in ("effects", "given", "refined", "stderr")
-        }
-    )
-    if not r.accepted or r.after is None or r.residual is None:
-        return replace(d, refinement=r)
+    for n in ("effects", "given", "refined", "stderr"):
+        r = r._replace(**{n: tuple(getattr(r, n)[at[id(f)]] for f in d.findings)})
     d = replace(d, refinement=r)
+    if not r.accepted or r.after is None or r.residual is None:
+        return d
     findings = tuple(_finding(d, r, k) for k in range(len(d.findings)))
-    command = np.array(d.gap.before.torque_rms) / np.maximum(d.gap.before.torque_relative, 1e-300)
-    relative = np.array(r.after.torque_rms) / np.maximum(command, 1e-300)
-    gap = d.gap._replace(after=Side(r.after.torque_rms, relative.tolist(), r.after.rollout_rms))
+    relative = d.gap.relative(r.after.torque_rms)
+    gap = d.gap._replace(after=Side(r.after.torque_rms, relative, r.after.rollout_rms))
     with jax.enable_x64(True):
-        own = (*d.model.plant.effects, *d.common)
-        rows, _ = balance(signals, own, (), d.options["held_out"])
+        rows = rows_of(signals, lacking.effects, d.options["held_out"])
     remaining = tuple(localise(rows, r.residual, d.model.names))
     return replace(
         d,
@@ -61,16 +53,6 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         gap=gap,
         remaining=remaining,
         traces=d.traces._replace(after=r.residual),
-        summary=summarise(
-            d.verdict,
-            findings,
-            d.ambiguous,
-            gap,
-            d.unexplained,
-            d.model,
-            bool(d.options.get("reference")),
-            d.doubt,
-        ),
     )
 
 
@@ -125,31 +107,19 @@ def reported_stderr(d: Diagnosis, k: int, name: str) -> np.ndarray:
     """
     r = d.refinement
     assert r is not None
-    within = np.full_like(
-        r.stderr[k][name],
-        d.signals.dt / np.sqrt(12.0)
-        if d.signals and d.findings[k].parameters[name].unit == "s"
-        else 0.0,
-    )
-    return np.sqrt(
-        r.stderr[k][name] ** 2 + (r.refined[k][name] - r.given[k][name]) ** 2 + within**2
-    )
+    interval = 0.0 if d.signals is None else d.signals.dt
+    least = interval / np.sqrt(12.0) if d.findings[k].parameters[name].unit == "s" else 0.0
+    change = r.refined[k][name] - r.given[k][name]
+    return np.sqrt(r.stderr[k][name] ** 2 + change**2 + least**2)
 
 
 def _finding(d: Diagnosis, r: Refinement, k: int) -> Finding:
-    """Return a finding with its refined effect and parameters.
-
-    Parameters without influence on motion keep their standard errors.
-    """
+    """Return a refined finding; parameters without influence on motion keep their errors."""
     f = d.findings[k]
     parameters = dict(f.parameters)
     for name, value in r.refined[k].items():
-        stderr = np.where(
-            r.stderr[k][name] > 0.0,
-            reported_stderr(d, k, name),
-            np.ravel(f.parameters[name].stderr),
-        )
-        parameters[name] = Estimate(
-            plain_number(value), f.parameters[name].unit, plain_number(stderr)
-        )
+        old = f.parameters[name]
+        felt, new = r.stderr[k][name] > 0.0, reported_stderr(d, k, name)
+        stderr = plain_number(np.where(felt, new, np.ravel(old.stderr)))
+        parameters[name] = Estimate(plain_number(value), old.unit, stderr)
     return replace(f, effect=r.effects[k], parameters=parameters)

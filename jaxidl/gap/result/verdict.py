@@ -1,18 +1,26 @@
-"""The verdict on a log: what is certain, what is in doubt, and what stays unexplained."""
+"""The verdict on a log: what is certain, what is in doubt, and what stays unexplained.
 
-from collections.abc import Sequence
+What one log cannot tell apart comes with the experiment that separates it.
+"""
+
+import shlex
+import sys
+from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
+from jaxidl.effects import CATALOGUE
 from jaxidl.gap.choice import estimates
 from jaxidl.gap.choice.find import Found
 from jaxidl.gap.choice.rivals import Tie
+from jaxidl.gap.evidence.gram import Key
 from jaxidl.gap.result.diagnosis import LIKELY, MUCH, Ambiguity, Finding, Row
-from jaxidl.gap.result.experiments import experiment
 
 HALF = 0.5  # share of the command's spread that no model may leave
 MORE = 1.5  # times what a reference log leaves: less may come from another motion
 SHOWN = 12  # most rivals reported
+MOST = 2  # most pieces of advice
 
 
 def verdict_of(
@@ -95,3 +103,29 @@ def rivals_of(found: Found) -> tuple[Row, ...]:
             seen.add(i.key)
             dropped.append(Row(i.key[0], i.key[1], promise[id(i)], "it does not raise the score"))
     return tuple(dropped)
+
+
+def experiment(candidates: Sequence[Key]) -> str:
+    """Return the motion or load that would separate the candidates, as the rarest advises."""
+    names = list(dict.fromkeys(name for name, _ in candidates))
+    if len(names) == 1:
+        return "move all joints at once, at different speeds, and each of them alone"
+    ordered = sorted((CATALOGUE[name] for name in names), key=lambda cls: cls.prior)
+    return "; or ".join(list(dict.fromkeys(cls.advice for cls in ordered))[:MOST])
+
+
+def designed(model: Path, folder: Path, names: Iterable[str]) -> str:
+    """Return the command that designs the motion to settle the diagnosis in ``folder``.
+
+    ``names`` are those of the effects in question.
+    """
+    where = shlex.join(["--model", str(model), "--for", str(folder)])
+    return f"jaxidl excite {where}{plugins(names)} --out motion.csv"
+
+
+def plugins(names: Iterable[str]) -> str:
+    """Return the option that loads the user's own effects among those of the given names."""
+    modules = dict.fromkeys(CATALOGUE[name].__module__ for name in names)
+    own = [name for name in modules if not name.startswith("jaxidl.")]
+    files = [str(getattr(sys.modules.get(name), "__file__", None) or name) for name in own]
+    return f" --plugin {shlex.join(files)}" if files else ""
