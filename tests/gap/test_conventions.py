@@ -183,6 +183,7 @@ def test_an_inertia_error_of_the_model_raises_no_doubt(model, motion):
     assert read(model, q, tau + 1.5 * of_elbow) == []
 
 
+@pytest.mark.slow
 def test_the_doubt_is_the_first_that_is_said_and_its_joint_has_no_sure_effect(model, motion):
     q, tau, *_ = motion
     right = diagnose(from_arrays(T, q, tau), model, effects=["viscous_friction"], rollouts=False)
@@ -241,6 +242,7 @@ def test_a_common_factor_of_all_torques_is_said_beside_heavier_links(model, moti
         assert any(f.sure for f in link)
 
 
+@pytest.mark.slow
 def test_friction_that_a_common_factor_explains_is_not_sure(model, motion, tmp_path):
     """The model has all of it, in another unit."""
     path = tmp_path / "model.xml"

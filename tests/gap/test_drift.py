@@ -70,6 +70,7 @@ def test_a_shorter_time_has_fewer_slow_components():
     np.testing.assert_allclose(slower(weights, 0.0), weights[:1])
 
 
+@pytest.mark.slow
 def test_friction_is_found_beside_drift(model):
     drifting = log(model, lambda t: 1.5 * np.cos(np.pi * t / SECONDS + 0.3))
     found = diagnose(drifting, model, rollouts=False)

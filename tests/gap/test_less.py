@@ -116,6 +116,7 @@ def test_what_is_on_a_bound_goes_before_what_was_judged_beside_it(tmp_path, monk
     assert [f.name for f in found.findings] == ["coulomb_friction"]
 
 
+@pytest.mark.slow
 def test_of_several_that_the_whole_log_does_not_confirm_the_weakest_goes_first(
     tmp_path, monkeypatch
 ):

@@ -63,6 +63,7 @@ def diagnosed(model, hidden, names=NAMES, noise=0.05):
     return {(f.name, f.joint): f for f in found.findings if f.sure}
 
 
+@pytest.mark.slow
 def test_a_load_is_no_error_of_two_links(model):
     """Its mass is felt by the shoulder, as an error of the upper arm's mass would be."""
     found = diagnosed(model, Payload(jnp.array(0.4), jnp.array([0.28, 0.0, 0.0])))
@@ -74,6 +75,7 @@ def test_a_load_is_no_error_of_two_links(model):
         assert abs(value - true) < 2.0 * stderr
 
 
+@pytest.mark.slow
 def test_a_centre_of_mass_is_no_load_without_mass(model):
     found = diagnosed(model, OnJoint(ComError(jnp.array([[0.06, 0.0, 0.0]])), 2, 3))
     assert ("payload", None) not in found

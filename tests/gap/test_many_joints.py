@@ -133,6 +133,7 @@ def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     np.testing.assert_allclose(load["com"].value, COM, atol=0.005)
 
 
+@pytest.mark.slow
 def test_the_inertia_of_a_rotor_is_not_given_to_a_light_load(tmp_path):
     """In a plane that turns with the base, no motion tells the two apart."""
     axes = (UPRIGHT, ACROSS, ACROSS, ACROSS)
@@ -148,6 +149,7 @@ def test_the_inertia_of_a_rotor_is_not_given_to_a_light_load(tmp_path):
     assert np.abs(load["inertia"].value).max() < 0.01
 
 
+@pytest.mark.slow
 def test_all_runs_of_a_log_count_and_no_filter_crosses_their_ends(files, tmp_path):
     """Two runs of different motion: time begins again and positions jump."""
     halves = [moved(chain(LOAD), 1.0, seed) for seed in (0, 5)]

@@ -86,6 +86,7 @@ def test_repetitions_count_as_far_as_they_differ(noise, alike):
     assert (found, repeated) == pytest.approx((alike, 6.0), abs=0.2)
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_repeated_is_hardly_more_evidence(model):
     def effective(seconds, waves):
         rows = rows_of(prepare(log(model, seconds, waves), model.plant.body))
