@@ -4,8 +4,8 @@ What a suspected effect does to a controlled joint (it lags behind, overshoots, 
 torque) is in no inverse dynamics. So each explanation's plant follows the motion under controllers
 as robots have them: the model's torque ahead, and proportional-derivative feedback of several
 natural frequencies, cut at the torque limit. Half of the margins of positions, speeds and
-accelerations must be left. A loop that leaves them even along a tiny
-motion is no witness: with it the robot could not have made its log.
+accelerations must be left. A loop that leaves them even along a tiny motion is no witness: with it
+the robot could not have made its log.
 """
 
 from collections.abc import Sequence
