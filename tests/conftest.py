@@ -84,6 +84,8 @@ SLOW = (  # variants of tests of which another variant stays with the quick ones
     "test_the_learner_removes_what_is_known_to_be_missing[mass error-indirect]",
     "test_the_learner_removes_what_is_known_to_be_missing[mass error-direct]",
     "test_learning_works_for_any_number_of_joints[3]",
+    "test_inertia_and_motor_constant_of_a_slider_are_reported_to_be_ambiguous[motor]",
+    "test_torques_logged_a_part_of_a_sample_late_are_no_gap[0.125]",
     "test_scan_vmap_and_a_python_loop_give_the_same_execution[doomed]",
     "test_derivatives_of_an_execution_and_its_data[law",
     "test_derivatives_of_an_execution_and_its_data[policy",

@@ -48,6 +48,7 @@ def test_its_derivative_at_rest_is_that_of_a_spring():
         assert d(one(0.0))[0] == pytest.approx(-LEVEL / DISTANCE * 1e-3 / 2.0)
 
 
+@pytest.mark.slow
 def test_it_is_found_in_a_log_of_another_engine_beside_dry_friction(tmp_path):
     hidden = {
         "presliding_friction": {"level": 0.35, "distance": 0.12},

@@ -75,6 +75,7 @@ def test_an_elastic_drive_is_found_as_it_is_despite_noise(elastic):
     assert motor.value < 3.0 * true["motor_inertia"]
 
 
+@pytest.mark.slow
 def test_play_is_fitted_though_each_contact_is_rough(tmp_path):
     """Its error jumps up and down with each parameter: of least squares that follow its slopes, a
     third of the gap would be left.

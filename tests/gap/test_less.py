@@ -161,6 +161,7 @@ def test_nothing_takes_the_place_of_what_the_whole_log_does_not_confirm(tmp_path
     assert len(named()) > 1
 
 
+@pytest.mark.slow
 def test_what_only_seems_wrong_since_another_has_gone_is_judged_again(tmp_path, monkeypatch):
     """Without what went, the others explain it as well as they can, and look wrong."""
     (tmp_path / "model.xml").write_text(TOO_MUCH)
