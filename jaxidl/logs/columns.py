@@ -82,7 +82,7 @@ class PartOfRobotError(LogError):
 def _part(name: str, titles: Sequence[Title | None], chosen: Chosen, wanted: Wanted) -> None:
     """Raise PartOfRobotError if the joints that the titles name are a part of those wanted.
 
-    If they are fewer and only numbered, raise LogError.
+    If they are fewer and only numbered, or a joint has a torque alone, raise LogError.
     """
     drive = CURRENT if wanted.current else "tau"
     count = len(wanted.taken)
@@ -115,6 +115,13 @@ def _part(name: str, titles: Sequence[Title | None], chosen: Chosen, wanted: Wan
                     "correct the titles, or choose the joints that the log has: --joints "
                     + " ".join(names),
                 )
+        if half := sorted({*wanted.taken} & (named[1] - named[0])):
+            raise LogError(
+                f"a position beside the torque of {wanted.names[half[0]]} in {name}",
+                "none with that joint's name",
+                "correct its title, or choose the joints that the log has: --joints "
+                + " ".join(names),
+            )
         raise PartOfRobotError(
             f"position and torque of {', '.join(wanted.names[j] for j in wanted.taken[:8])}"
             f"{' ...' * (count > 8)} in {name}",

@@ -76,6 +76,15 @@ def test_a_joint_whose_titles_are_misspelt_is_not_locked(tmp_path):
     same(log, joints=(0, 2))
 
 
+def test_a_joint_with_a_torque_and_no_position_is_not_locked(tmp_path):
+    titles = {k: f"{ARM[int(k[-1])]}.{k[:-1]}" for k in THREE if k != "time"} | {"q1": "bow"}
+    path = write(tmp_path / "a.csv", {titles.get(k, k): v for k, v in THREE.items()})
+    with pytest.raises(LogError, match=r"beside the torque of elbow_joint.*--joints shoulder_pan"):
+        read_inputs([path], robot(tmp_path))
+    log, _ = read_inputs([path], robot(tmp_path), joints=["shoulder_pan", "wrist_1"])
+    same(log, joints=(0, 2))
+
+
 @pytest.mark.parametrize(
     ("words", "name", "almost"),
     [
