@@ -21,7 +21,7 @@ CONTEST = Contest(
 
 @pytest.mark.parametrize(
     "criterion",
-    ["d", "t", *(pytest.param(c, marks=pytest.mark.slow) for c in ("a", "condition"))],
+    ["t", *(pytest.param(c, marks=pytest.mark.slow) for c in ("a", "d", "condition"))],
 )
 def test_derivatives_forward_reverse_and_numeric_agree(made, criterion):
     plan = replace(made.plan, criterion=criterion, contest=CONTEST)

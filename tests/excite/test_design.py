@@ -51,7 +51,7 @@ def test_the_same_seed_gives_the_same_motion(made, found):
     assert_allclose(again.q, found.q, rtol=0, atol=0)
 
 
-@pytest.mark.parametrize("most", [1.5, 0.2])
+@pytest.mark.parametrize("most", [pytest.param(1.5, marks=pytest.mark.slow), 0.2])
 def test_a_tight_torque_limit_is_kept_and_no_random_motion_tells_more(made, most):
     limits = replace(made.plan.limits, torque=np.array([most]))
     plan = replace(made.plan, limits=limits)

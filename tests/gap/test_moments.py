@@ -95,6 +95,7 @@ def test_a_hit_does_not_hide_behind_an_effect_that_seems_to_explain_it(rows, res
     assert not found_in(rows, residual - hit[:, None] * [0.5, 0.0], [item]).any()
 
 
+@pytest.mark.slow
 def test_a_collision_does_not_change_what_is_found(tmp_path):
     """Friction is found as without it, and no motor is blamed."""
     path = tmp_path / "model.xml"

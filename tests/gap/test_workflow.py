@@ -87,7 +87,7 @@ def test_friction_under_load_reads_the_torque_behind_a_late_motor(tmp_path):
     assert load.parameters["coefficient"].value == pytest.approx(0.22, rel=0.02)
 
 
-@pytest.mark.parametrize("late", [0.125, -0.3])
+@pytest.mark.parametrize("late", [0.125, pytest.param(-0.3, marks=pytest.mark.slow)])
 def test_torques_logged_a_part_of_a_sample_late_are_no_gap(tmp_path, late):
     """A coarse log of fast motion: nothing but exact interpolation leaves the torques' noise."""
     dt = 0.008
@@ -114,7 +114,7 @@ def test_torques_logged_a_part_of_a_sample_late_are_no_gap(tmp_path, late):
 @pytest.mark.parametrize(
     "effect",
     [
-        ("inertia_error", 0, {"extra": 0.6, "kind": "rotor"}),
+        pytest.param(("inertia_error", 0, {"extra": 0.6, "kind": "rotor"}), marks=pytest.mark.slow),
         ("torque_scale", 0, {"scale": 1.2}),
     ],
     ids=["inertia", "motor"],
@@ -138,6 +138,7 @@ def test_no_other_explanation_feeds_the_motion(tmp_path):
     assert not found.ambiguous
 
 
+@pytest.mark.slow
 def test_a_wrong_zero_a_tilted_base_and_a_moved_centre_are_one_on_a_pendulum(tmp_path):
     found = gap.diagnose(
         *hidden(tmp_path, "pendulum", ("position_bias", 0, {"bias": -0.06})), rollouts=False
@@ -219,7 +220,7 @@ def test_patched_model_loads_back_and_lacks_nothing(tmp_path):
 
 
 ENCODERS = [
-    ("position_bias", {"bias": 0.1}, False),
+    pytest.param("position_bias", {"bias": 0.1}, False, marks=pytest.mark.slow),
     ("sensor_delay", {"delay": 0.015}, False),
     ("sensor_delay", {"delay": 0.015}, True),
 ]
@@ -279,6 +280,7 @@ def test_wrong_options_are_explained(tmp_path, options, words):
         gap.diagnose(tmp_path / "log.csv", tmp_path / "model.xml", **options)
 
 
+@pytest.mark.slow
 def test_measured_drive_has_viscous_and_dry_friction_that_differ_by_direction(emps, tmp_path):
     (tmp_path / "slider.xml").write_text(SLIDER.format(mass=95.1089))
     found = gap.diagnose(emps, tmp_path / "slider.xml", rollouts=False)

@@ -165,7 +165,12 @@ PLACES = {
 
 
 @pytest.mark.parametrize(
-    ("law", "stiction"), [("pid", "signed"), ("doomed", "signed, blurred"), ("pid", "unsigned")]
+    ("law", "stiction"),
+    [
+        ("pid", "signed"),
+        pytest.param("doomed", "signed, blurred", marks=pytest.mark.slow),
+        ("pid", "unsigned"),
+    ],
 )
 def test_no_derivative_is_nan_where_effects_have_kinks(law, stiction):
     """Many effects of a joint at once, from places where several of them switch, without noise."""
@@ -410,6 +415,7 @@ def test_asking_for_derivatives_changes_no_value():
     np.testing.assert_allclose(reverse, plain, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_sharp_activations_have_the_derivative_between_two_jumps():
     """At PReLU's kinks the trained weights jump. Between two jumps the derivative is right."""
     x = np.array(list(NAMES.values()))

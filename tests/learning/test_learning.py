@@ -244,8 +244,17 @@ def test_weighted_data_keep_the_feedforward_and_correct_it_without_delay():
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("source", SOURCES)
-@pytest.mark.parametrize("name", PROBES)
+QUICK = {("viscous friction", s) for s in SOURCES} | {(name, "joint") for name in PROBES}
+
+
+@pytest.mark.parametrize(
+    ("name", "source"),
+    [
+        pytest.param(name, s, marks=() if (name, s) in QUICK else pytest.mark.slow)
+        for name in PROBES
+        for s in SOURCES
+    ],
+)
 def test_the_learner_removes_what_is_known_to_be_missing(name, source):
     plant, model = PROBES[name]
     error_model = ErrorModel(

@@ -29,6 +29,7 @@ def quick():
     return shown(Grid.quick())
 
 
+@pytest.mark.slow
 def test_every_figure_is_written_as_png_and_pdf(quick, tmp_path):
     paths = draw_all(quick, tmp_path)
     assert {p.name for p in paths} == {

@@ -381,7 +381,9 @@ def rollout_in_c(path, start, torque, hard):
     return out
 
 
-@pytest.mark.parametrize("mechanism", ["pendulum", "two_link"])
+@pytest.mark.parametrize(
+    "mechanism", [pytest.param("pendulum", marks=pytest.mark.slow), "two_link"]
+)
 def test_plain_mujoco_moves_the_exported_model_as_our_plant_moves(mechanism, tmp_path):
     """One second at 0.1 ms. Both schemes are of first order, hence 3e-3 rad on 1 rad of motion.
 
