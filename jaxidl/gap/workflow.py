@@ -87,7 +87,8 @@ def diagnose(
         found, signals = _search(
             measured, known, common, names, held_out, min_gain, watch, before=before
         )
-        said = judged(found, signals, known, common, rollouts, watch)
+        usual = None if before is None else _left_by(before)
+        said = judged(found, signals, known, common, rollouts, watch, usual)
         found, named, gap, after = said.found, said.named, said.gap, said.after
         rows = found.library.rows
     doubts = doubts_of(found.ties, named)
@@ -100,7 +101,7 @@ def diagnose(
         common_left,
         rows.spread.tolist(),
         rows.floor.tolist(),
-        None if before is None else _left_by(before),
+        None if usual is None else usual.tolist(),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -226,7 +227,7 @@ def _reference(before: Found) -> Anchor:
     return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
 
 
-def _left_by(found: Found) -> list[float]:
+def _left_by(found: Found) -> np.ndarray:
     """Return the residual (J,) that was left by what was found [N or Nm]."""
     rows = found.library.rows
-    return rms(residual(rows, found.solution), rows.used).tolist()
+    return rms(residual(rows, found.solution), rows.used)

@@ -214,3 +214,22 @@ def test_what_changed_between_two_logs_is_the_load_alone(files, tmp_path, sign):
     np.testing.assert_allclose(load.parameters["com"].value, COM, atol=0.01)
     assert len(found.common) >= 2 * JOINTS
     assert found.options["reference"]
+
+
+@pytest.mark.slow
+def test_an_encoder_that_was_zeroed_anew_is_what_changed(files, tmp_path):
+    """What neither log explains, 7 % of the torque, does not speak against it.
+
+    The load, which the model lacks, turns with the joint.
+    """
+    before, after = (moved(chain(LOAD), 1.0, seed) for seed in (4, 5))
+    for log in (before, after):
+        log["tau"] += 0.1 * np.std(log["tau"], 0) * np.sin(40.0 * log["q"])
+    after["q"][:, 1] += 0.04
+    old, new = (saved(tmp_path, f"{k}.npz", log) for k, log in enumerate((before, after)))
+    found = diagnose(
+        new, files[1], reference=old, effects=(*EFFECTS, "position_bias"), rollouts=False
+    )
+    (bias,) = weighty(found).values()
+    assert (bias.name, bias.joint, bias.sure) == ("position_bias", 1, True)
+    assert bias.parameters["bias"].value == pytest.approx(0.04, rel=0.05)

@@ -18,10 +18,10 @@ from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import Shape, acts_on_predicted, movable, reads_load
 from jaxidl.gap.fit.library import (
     Library,
+    behind_encoders,
     load_of,
     pushed,
     residual,
-    rubbed,
     upsampled,
     with_friction,
 )
@@ -71,7 +71,7 @@ def find(
     while True:
         watch("fitting shapes", number / ROUNDS)
         score, now, predicted = settled(score, now, library, predicted, contests)
-        rows = rubbed(rows, now)
+        rows = behind_encoders(rows, now)
         fit, number = set(now.members), number + 1
         back = [i for i in library.score.items if i.group in banned and not movable(i.shape)]
         score = score.having([*score.items, *back]) if back else score
@@ -120,7 +120,7 @@ def settled(
 ) -> tuple[Score, Solution, np.ndarray]:
     """Return the set with its shapes fitted, its score, and the command (T, J) that it predicts."""
     for _ in range(ROUNDS):
-        library = library._replace(rows=rubbed(library.rows, now))
+        library = library._replace(rows=behind_encoders(library.rows, now))
         rows = library.rows
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted, acts_on_predicted)

@@ -182,7 +182,8 @@ def shapes_of(
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
             if n in there and np.ndim(there[n]) <= 1:
                 within[n] = low - (1.0 - ROUNDING) * max(float(np.min(there[n])), 0.0), high
-        if changed:  # it may also be less, such as a load that is gone
+        # it may also be less, such as a load that is gone; friction that was not there may not
+        if changed and not cls.friction:
             within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
         prior = (
             cls.changes if changed else cls.prior if variant.prior is None else variant.prior

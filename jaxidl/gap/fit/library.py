@@ -226,18 +226,18 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
 
 def with_friction(rows: Rows, found: Solution) -> Rows:
     """Return the rows with the friction of a set that needs no load; it reduces the load."""
-    rows = rubbed(rows, found)
-    return rows._replace(unloaded=friction_along(rows.rubbing, rows.signals, rows.tau))
+    rows = behind_encoders(rows, found)
+    return rows._replace(unloaded=friction_along(rows.beside, rows.signals, rows.tau))
 
 
-def rubbed(rows: Rows, found: Solution) -> Rows:
-    """Return the rows with the friction that acts behind an encoder: the model's and a set's."""
+def behind_encoders(rows: Rows, found: Solution) -> Rows:
+    """Return the rows with what acts behind an encoder, links and friction of model and set."""
     own = [
         effect_at(m.shape, vector(m.shape, found.x[found.of(m)]))
         for m in found.members
-        if m.shape is not None and m.shape.cls.friction
+        if m.shape is not None and (m.shape.cls.friction or m.shape.cls.alter is not Effect.alter)
     ]
-    return rows._replace(rubbing=(*rows.effects, *own))
+    return rows._replace(beside=(*rows.effects, *own))
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:

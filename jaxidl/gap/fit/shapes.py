@@ -37,7 +37,7 @@ from jaxidl.gap.evidence.shape import (
     on_bound,
     vector,
 )
-from jaxidl.gap.fit.library import pushed
+from jaxidl.gap.fit.library import pushed, residual
 from jaxidl.gap.fit.score import Score, Solution
 
 EVALUATIONS = 20
@@ -59,30 +59,35 @@ class Tangent(NamedTuple):
 
 
 def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: Score) -> Item:
-    """Return a member with its shape fitted beside the other members of a set."""
-    others = [o for o in found.members if o is not m and not taken_up(o, m)]
-    beside = Projection(rows, others, score.noise, m.joints)
+    """Return a member with its shape fitted beside the other members of a set.
+
+    What a reference log knows stays what it is: free, it would imitate what has changed.
+    """
+    known = () if score.anchor is None else score.anchor.items
+    free = [o for o in found.members if o not in known and o is not m and not taken_up(o, m)]
+    beside = Projection(rows, free, score.noise, m.joints)
+    gap = residual(rows, found, [o for o in found.members if o in known])
 
     def projected(x: np.ndarray) -> np.ndarray:
         """Return stacked rows of (P, N, J) that the others cannot imitate (sum of N, P)."""
         return np.concatenate([beside.left(x[:, :, j], j) for j in m.joints], 1).T
 
-    wanted = projected(rows.gap[None])[:, 0]
-    shape, known = m.shape, {}
+    wanted = projected(gap[None])[:, 0]
+    shape, tried = m.shape, {}
     steps = steps_of(shape)
     noise_alone = NoiseAlone(m, found, rows, predicted, score) if accelerates(shape) else None
 
     def missed(theta: np.ndarray, step: float = steps[-1]) -> tuple[np.ndarray, np.ndarray]:
         """Return what is left (M,) at theta (P,), in units of the noise, and derivatives (M, P)."""
         key = theta.tobytes(), step
-        if key not in known:
+        if key not in tried:
             t = tangent(shape, theta, rows, predicted, step)
             left, slopes = wanted - projected(t.value[None])[:, 0], -projected(t.columns)
             if noise_alone is not None:
                 spared, slope = noise_alone.spared(theta, t)
                 left, slopes = np.append(left, spared), np.append(slopes, slope[None], axis=0)
-            known[key] = left, slopes
-        return known[key]
+            tried[key] = left, slopes
+        return tried[key]
 
     lower, upper = limits(shape)
     start = np.clip(vector(shape, found.x[found.of(m)]), lower, upper)

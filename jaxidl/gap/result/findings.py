@@ -33,14 +33,17 @@ def findings(
     known: Model,
     network: Sequence[tuple[float, float]],
     trust: Callable[[Value, int], float],
+    usual: np.ndarray | None = None,
 ) -> tuple[Finding, ...]:
     """Return the findings, ordered by the share of the command that they explain.
 
     The ``network`` predicts a share of the residual of each of J joints, with a standard error.
     What is left of the confidence of an effect on a joint, given how the log reads, is the
-    ``trust``.
+    ``trust``. What a reference left unexplained, the ``usual`` residual (J,) [N or Nm], does not
+    speak against a change.
     """
     rows, fitted, out = found.library.rows, found.fitted, []
+    floor = rows.floor if usual is None else np.maximum(rows.floor, usual)
     draws = found.support.moves if found.score.anchor is None else []
     elsewhere = [(t.likely / (1.0 + t.likely), t.moves) for t in found.ties]
     command = rms(rows.command, rows.used)
@@ -70,13 +73,13 @@ def findings(
         gain, stderr = worse_by(rows, bare, found.solution, j)
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
         own = [t for t in found.ties if value.key in {g[:2] for g in t.found}]
-        left = np.sqrt(np.maximum(a**2 - rows.floor[j] ** 2, 0.0))
+        left = np.sqrt(np.maximum(a**2 - floor[j] ** 2, 0.0))
         company = [v for v in fitted if v.key[0] == name and v.key[1] != joint]
         speaks = signs(
             margin=min([found.solution.value - instead, *(t.falls for t in own)]),
             gain=gain,
             share=share,
-            left=a / max(float(rows.floor[j]), 1e-300),
+            left=a / max(float(floor[j]), 1e-300),
             unexplained=float(left) / max(float(whole[j]), 1e-300),
             systematic=network[j][0],
             odds=shape.odds,

@@ -64,17 +64,19 @@ def judged(
     common: Sequence[Effect],
     rollouts: bool,
     watch: Watch,
+    usual: np.ndarray | None = None,
 ) -> Judged:
     """Return what is said of a set without what leads the simulation astray.
 
-    The effects in ``common`` are those that this log of T instants and its reference share. Without
-    ``rollouts`` nothing is simulated.
+    The effects in ``common`` are those that this log of T instants and its reference share, and
+    ``usual`` (J,) is what the reference leaves unexplained [N or Nm]. Without ``rollouts`` nothing
+    is simulated.
     """
     watch("checking the residual", 0.0)
-    first = _judged(found, signals, known, common, rollouts, watch)
+    first = _judged(found, signals, known, common, rollouts, watch, usual)
     if hardly := _below(HARDLY, first):
         found = _without(found, hardly, UNLIKELY)
-        first = _judged(found, signals, known, common, rollouts, watch)
+        first = _judged(found, signals, known, common, rollouts, watch, usual)
     far = _astray(first.compared)
     strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
     rare = {(f.name, f.joint) for f in first.named if not CATALOGUE[f.name].common}
@@ -82,7 +84,7 @@ def judged(
     if not strays or not leading:
         return first
     less = _without(found, leading, ASTRAY)
-    second = _judged(less, signals, known, common, rollouts, watch)
+    second = _judged(less, signals, known, common, rollouts, watch, usual)
     return second if max(_astray(second.compared)) < max(far) else first
 
 
@@ -111,6 +113,7 @@ def _judged(
     common: Sequence[Effect],
     rollouts: bool,
     watch: Watch,
+    usual: np.ndarray | None,
 ) -> Judged:
     """Return what is said of a set, with both sides of the gap in the same held-out rows.
 
@@ -140,7 +143,8 @@ def _judged(
     if members:
         later = side(after, Plant(model.body, (*model.effects, *members)), behind)
     compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())
-    return Judged(found, odd, after, gap, network, findings(found, known, network, trust), compared)
+    named = findings(found, known, network, trust, usual)
+    return Judged(found, odd, after, gap, network, named, compared)
 
 
 def _astray(compared: Gap) -> list[float]:
