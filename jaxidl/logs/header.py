@@ -49,10 +49,11 @@ class Title(NamedTuple):
     def rank(self) -> int:
         """Return how uncertain the reading is.
 
-        0 is the quantity's own word, 1 has filler words, 2 has target words or other words.
+        0 is the quantity's own word, 1 has filler words or only a unit, 2 has target words or other
+        words.
         """
         left = [word for word in self.words if KIND_OF.get(word) != self.kind]
-        return 0 if not left else 1 if SMALL_TALK.issuperset(left) else 2
+        return 0 if self.words and not left else 1 if SMALL_TALK.issuperset(left) else 2
 
 
 def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -> Title | None:
@@ -68,14 +69,14 @@ def read_title(title: str, robot: Sequence[str] = (), kind: str | None = None) -
     text, unit = _unit(title)
     if unit is None:
         text, unit = _spelled(text, tuple(robot), kind)
-    joint, words = _joint(tokens(text), tuple(robot))
+    joint, words = _joint(tokens(text), tuple(robot), unit)
     numbers = [word for word in words if word.isdecimal()]
     rest = [word for word in words if not word.isdecimal()]
     if unit is None and len(rest) > 1 and words[-1] in LETTERS and "_" in text:
         plain = kind or _kind(rest[:-1])
         if plain and rest[-1] in UNITS[plain]:
             unit, rest = rest[-1], rest[:-1]
-    found = kind or _kind(rest)
+    found = kind or _kind(rest) or (_measured(rest, unit) if joint is not None else None)
     if found is None or (len(numbers) > 1 - (joint is not None) and kind is None):
         return None
     number = int(numbers[-1][:6]) if numbers and joint is None else None
@@ -154,7 +155,15 @@ def _kind(words: Sequence[str]) -> str | None:
     return kinds.pop() if len(kinds) == 1 else None
 
 
-def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[str]]:
+def _measured(words: Sequence[str], unit: str | None) -> str | None:
+    """Return the quantity of a joint that only a unit names, as in ``elbow actual [deg]``."""
+    known = (k for k in (*KINDS, CURRENT) if unit and unit.lower() in UNITS[k])
+    return next(known, None) if SMALL_TALK.issuperset(words) else None
+
+
+def _joint(
+    words: list[str], robot: tuple[str, ...], unit: str | None = None
+) -> tuple[int | None, list[str]]:
     """Return the joint whose name occurs in the words, and the other words.
 
     It is the longest name if there are several.
@@ -166,8 +175,9 @@ def _joint(words: list[str], robot: tuple[str, ...]) -> tuple[int | None, list[s
         for at in range(len(words) - length + 1):
             left = words[:at] + words[at + length :]
             # an axis called X is also a position, and A1 an acceleration
-            told = not _quantity(spelled) or _kind([w for w in left if not w.isdecimal()])
-            if words[at : at + length] == list(spelled) and left and told:
+            rest = [w for w in left if not w.isdecimal()]
+            told = not _quantity(spelled) or _kind(rest) or _measured(rest, unit)
+            if words[at : at + length] == list(spelled) and (left or unit) and told:
                 if best is not None and best[1] != joint:
                     return None, words  # two joints: undecided
                 best = length, joint, at

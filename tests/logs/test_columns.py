@@ -239,6 +239,9 @@ def test_a_unit_is_understood_wherever_it_stands(title, kind, number, unit):
         ("rev_mount_torque", 3, "tau"),
         ("x", None, "q"),
         ("a1", None, "qdd"),
+        ("X actual [deg]", 0, "q"),
+        ("A1 [rpm]", 2, "qd"),
+        ("rev_mount measured (Nm)", 3, "tau"),
     ],
 )
 def test_names_of_joints_that_could_be_quantities_are_found_beside_one(title, joint, kind):
