@@ -11,8 +11,7 @@ from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.choice.find import Found, Watch, find
 from jaxidl.gap.choice.objections import possible
-from jaxidl.gap.evidence.conventions import late_torques
-from jaxidl.gap.evidence.gram import Anchor, Item
+from jaxidl.gap.evidence.gram import Anchor
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
 from jaxidl.gap.evidence.rows import rms, rows_of
@@ -105,10 +104,9 @@ def diagnose(
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
-    odd = [*said.odd, *late_torques(rows, _explaining(found), known.names)]
-    doubt = doubt_of(odd, measured.stray, rows.signals.duration)
+    doubt = doubt_of(said.odd, measured.stray, rows.signals.duration)
     notes = (
-        *odd,
+        *said.odd,
         *moments(rows, after, known.names, known.units),
         *differing(found, known.names),
         *swings(rows, left, known.names),
@@ -195,17 +193,10 @@ def _search(
         watch("computing what each effect would add", 0.0)
         found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
         score = found.library.score
-        out = strange(found.library.rows, _explaining(found), score.noise, score.alike)
+        out = strange(found.library.rows, found.explaining, score.noise, score.alike)
         if np.array_equal(out, rows.strange):
             return found, signals
         rows = rows.without(out)
-
-
-def _explaining(found: Found) -> list[Item]:
-    """Return what was found, all other common effects and what every set has."""
-    named = {m.group for m in found.named}
-    usual = [i for i in found.library.score.items if i.common or i.always]
-    return [*(i for i in usual if i.group not in named), *found.named]
 
 
 def _reference(before: Found) -> Anchor:

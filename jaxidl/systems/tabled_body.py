@@ -22,11 +22,11 @@ class TabledBody(struct.PyTreeNode):
     extra: Float[Any, "*T J"]  # torque that the alterations add [N or Nm]
 
     def add_inertia(self, extra: Joints) -> "TabledBody":
-        return self.replace(extra=self.extra + extra * self.qdd)
+        return self._plus("...i,i->...i", self.qdd, extra)
 
     def add_mass(self, extra: Joints | Scalar) -> "TabledBody":
-        share = self.table.by_mass * (extra + jnp.zeros(self.qdd.shape[-1]))
-        return self.replace(extra=self.extra + share.sum(-1))
+        each = extra + jnp.zeros(self.qdd.shape[-1])
+        return self._plus("...ij,j->...i", self.table.by_mass, each)
 
     def add_moment(self, extra: Float[Array, "J 3"]) -> "TabledBody":
         return self._plus("...ija,ja->...i", self.table.by_moment, extra)

@@ -10,8 +10,10 @@ import pytest
 
 from jaxidl.effects import (
     ActuatorDelay,
+    InertiaError,
     LoadDependentFriction,
     OnJoint,
+    Payload,
     PositionBias,
     SensorDelay,
     ViscousFriction,
@@ -33,9 +35,12 @@ def on_joint(effect, joint=1):
 
 
 ENCODERS = (on_joint(PositionBias(jnp.array([BIAS]))), on_joint(SensorDelay(jnp.array([DELAY]))))
-FRICTION = {
-    "there": on_joint(ViscousFriction(jnp.array([0.3])), 1),
-    "elsewhere": on_joint(ViscousFriction(jnp.array([0.3])), 0),
+BESIDE = {
+    "friction": on_joint(ViscousFriction(jnp.array([0.3])), 1),
+    "friction elsewhere": on_joint(ViscousFriction(jnp.array([0.3])), 0),
+    "rotor": on_joint(InertiaError(jnp.array([0.2])), 1),
+    "link": on_joint(InertiaError(jnp.array([0.0]), jnp.array([0.4])), 1),
+    "load": Payload(jnp.array(0.5), jnp.array([0.1, 0.0, -0.2])),
 }
 
 
@@ -65,18 +70,17 @@ def log():
     )
 
 
-@pytest.mark.parametrize("where", FRICTION)
+@pytest.mark.parametrize("beside", BESIDE.values(), ids=BESIDE)
 @pytest.mark.parametrize("encoder", ENCODERS, ids=["bias", "delay"])
-def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder, where):
-    """Friction of the joint acts at its true speed, whichever of both was known."""
-    friction = FRICTION[where]
-    own, _ = balance(prepare(log, body, (encoder,)), (encoder, friction))
+def test_an_effect_counts_once_be_it_the_models_own_or_found(log, body, encoder, beside):
+    """Friction and links are where the joint truly is, whichever of both was known."""
+    own, _ = balance(prepare(log, body, (encoder,)), (encoder, beside))
     found, mixed, neither = (
         balance(prepare(log, body), own, others)[0]
         for own, others in (
-            ((), (encoder, friction)),
-            ((friction,), (encoder,)),
-            ((), (friction,)),
+            ((), (encoder, beside)),
+            ((beside,), (encoder,)),
+            ((), (beside,)),
         )
     )
     np.testing.assert_array_equal(own.signals.rows, found.signals.rows)

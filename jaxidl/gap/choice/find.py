@@ -54,6 +54,13 @@ class Found:
         """The effects found."""
         return tuple(m for m in self.solution.members if not m.always)
 
+    @property
+    def explaining(self) -> list[Item]:
+        """The effects found, all other common effects and what every set has."""
+        named = {m.group for m in self.named}
+        usual = [i for i in self.library.score.items if i.common or i.always]
+        return [*(i for i in usual if i.group not in named), *self.named]
+
 
 def find(
     library: Library,

@@ -184,11 +184,14 @@ def _left(
     return out
 
 
-def late_torques(rows: Rows, items: Sequence[Item], names: Sequence[str]) -> list[str]:
-    """Return a sentence if torques of most joints were logged late; otherwise nothing.
+def late_torques(
+    rows: Rows, items: Sequence[Item], names: Sequence[str]
+) -> tuple[list[str], np.ndarray]:
+    """Return a sentence if torques of most joints were logged late, and which joints' (J,).
 
     They are compared beside ``items``: all that is common, and what was found.
     """
+    which = np.zeros(len(names), bool)
     moving = np.flatnonzero(rows.used.any(0) & (rows.spread > 0.0))
     once = list({i.group: i for i in items}.values())
     projected, dt = Projection(rows, once), rows.signals.interval
@@ -203,16 +206,17 @@ def late_torques(rows: Rows, items: Sequence[Item], names: Sequence[str]) -> lis
     while 2.0 * late < LONGEST and (more := total(2.0 * late)) < last:
         last, late = more, 2.0 * late
     if late == usual:
-        return []
+        return [], which
     bounds = late / 2.0, 2.0 * late
     found: Any = minimize_scalar(total, bounds=bounds, options={"xatol": 0.1 * dt})
     best = float(found.x)
     before, after = error(0.0), error(best)
     able, better = before > ABOVE * rows.floor[moving], after < LESS * before
     if 2 * np.count_nonzero(better) <= np.count_nonzero(able):
-        return []
+        return [], which
+    which[moving[better]] = True
     return [
         f"the torques of {', '.join(np.array(names)[moving[better]])} fit the motion if they were"
         f" logged {1e3 * best:.2g} ms late, later than they act: check the clocks of positions and"
         " torques, and filters of the torques"
-    ]
+    ], which

@@ -20,7 +20,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
-from jaxidl.gap.evidence.conventions import conventions
+from jaxidl.gap.evidence.conventions import conventions, late_torques
 from jaxidl.gap.evidence.gram import Group
 from jaxidl.gap.evidence.items import spread
 from jaxidl.gap.evidence.projection import ALIGNMENT
@@ -73,18 +73,19 @@ def judged(
     is simulated.
     """
     watch("checking the residual", 0.0)
-    first = _judged(found, signals, known, common, rollouts, watch, usual)
+    reading = read_as(found, known.names)
+    judge = lambda found: _judged(found, signals, known, common, rollouts, watch, usual, reading)
+    first = judge(found)
     if hardly := _below(HARDLY, first):
         found = _without(found, hardly, UNLIKELY)
-        first = _judged(found, signals, known, common, rollouts, watch, usual)
+        first = judge(found)
     far = _astray(first.compared)
     strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
     rare = {(f.name, f.joint) for f in first.named if not CATALOGUE[f.name].common}
     leading = {key for key in rare if key[1] in strays} | _below(LIKELY, first)
     if not strays or not leading:
         return first
-    less = _without(found, leading, ASTRAY)
-    second = _judged(less, signals, known, common, rollouts, watch, usual)
+    second = judge(_without(found, leading, ASTRAY))
     return second if max(_astray(second.compared)) < max(far) else first
 
 
@@ -114,6 +115,7 @@ def _judged(
     rollouts: bool,
     watch: Watch,
     usual: np.ndarray | None,
+    reading: tuple[list[str], np.ndarray],
 ) -> Judged:
     """Return what is said of a set, with both sides of the gap in the same held-out rows.
 
@@ -125,7 +127,7 @@ def _judged(
     aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
     gap = rows.gap if found.named else residual(rows, found.solution, aligning)
     network = check(rows, after)
-    odd, trust = trust_of(found, known.names)
+    odd, trust = trust_of(found, *reading)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)
     kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
@@ -157,13 +159,26 @@ def _astray(compared: Gap) -> list[float]:
     return np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(0, initial=0.0).tolist()
 
 
-def trust_of(found: Found, names: Sequence[str]) -> tuple[list[str], Callable[[Value, int], float]]:
-    """Return sentences about how a log of joints called ``names`` reads, and the trust in it.
+def read_as(found: Found, names: Sequence[str]) -> tuple[list[str], np.ndarray]:
+    """Return sentences about how a log of J joints called ``names`` reads, and which seem misread.
 
-    That is the share of an effect's confidence on a joint that is left.
+    The latter are (J,).
     """
     rows = found.library.rows
     said, misread = conventions(rows, names)
+    late, which = late_torques(rows, found.explaining, names)
+    return [*said, *late], misread | which
+
+
+def trust_of(
+    found: Found, said: Sequence[str], misread: np.ndarray
+) -> tuple[list[str], Callable[[Value, int], float]]:
+    """Return all that is ``said`` about how a log reads, and the trust in it.
+
+    That is the share of an effect's confidence on a joint that is left; some joints (J,) seem to be
+    ``misread``.
+    """
+    rows = found.library.rows
     scaled, links = proportion(found)
     brief, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
 
