@@ -108,6 +108,7 @@ def find(
         anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
         anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
         ties = tied(anew, now, rows, predicted)
+    library = library._replace(rows=behind_encoders(rows, now))
     return Found(library, narrow, now, whole, predicted, said, ties, gone)
 
 

@@ -27,7 +27,6 @@ from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.gap.fit.values import Value, values
 
 BOUND = "its value is on a bound"
-LATE = "it is hardly more than a sampling interval"
 UNSURE = "the whole log does not confirm what a part of it suggests"
 UNPHYSICAL = "it would require a link that cannot be built, or friction that feeds motion"
 STRONG = 10.0  # contribution to the score: without such an effect the set is a different one
@@ -129,7 +128,7 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
     parts = absorbed(now.members)
     judged = [m for m in now.members if m.key not in parts]
     found = [(m, why) for m in judged if (why := objection(score, now, m, min_gain, rows))]
-    found = [(m if why in (BOUND, LATE) else blamed(score, now, m), why) for m, why in found]
+    found = [(m if why == BOUND else blamed(score, now, m), why) for m, why in found]
     return [(now.value - score.solve(without(now, m)).value, m, why) for m, why in found]
 
 
@@ -187,9 +186,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
     other = score.solve([*without(now, m), *plain(score, now, m)])
-    pick, interval = list(m.joints), rows.signals.interval
-    if late(now, m, x) - EXCLUDED * interval / np.sqrt(12.0) <= interval:
-        return LATE
+    pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
     left = (residual(rows, s)[:, pick] for s in (now, other))
@@ -231,12 +228,18 @@ def beyond(m: Item, x: np.ndarray) -> bool:
     return any(np.any((v < p.lower) | (v > p.upper)) for v, p in each)
 
 
-def late(now: Solution, m: Item, x: np.ndarray) -> float:
-    """Return the longest time [s] among the parameters of an effect that only delays.
+def brief(now: Solution, m: Item, interval: float) -> bool:
+    """Return whether an effect only delays, by hardly more than a sampling ``interval`` [s].
 
-    It is infinite for other effects. What the alignment of the joint's torque cancels does not
-    count.
+    When within it a torque acts is the logger's convention. What the alignment of the joint's
+    torque cancels does not count.
     """
+    return late(now, m) - EXCLUDED * interval / np.sqrt(12.0) <= interval
+
+
+def late(now: Solution, m: Item) -> float:
+    """Return the longest time [s] of an effect that only delays; infinite for other effects."""
+    x = now.x[now.of(m)]
     if m.shape.free:
         return np.inf
     names = [n for n in movable(m.shape) for _ in range(np.size(m.shape.values[n]))]

@@ -4,12 +4,12 @@ What hardly anything speaks for is left out. If some joint's motion is simulated
 model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
 simulation is better without.
 
-A confidence is halved in a log of a few seconds, on a joint that seems to be misread, and of what a
-factor common to all torques would replace: links, and effects that the model has already. If all
-links seem to be heavier by the same share, motor constants, gear ratios or the unit of the torques
-may be wrong by a common factor instead, and no number of the log tells which. So if what was found
-of the links needs the same share of the model's own torque on two joints or more, rotors aside,
-this is said.
+A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
+hardly more than a sampling interval, and of what a factor common to all torques would replace:
+links, and effects that the model has already. If all links seem to be heavier by the same share,
+motor constants, gear ratios or the unit of the torques may be wrong by a common factor instead, and
+no number of the log tells which. So if what was found of the links needs the same share of the
+model's own torque on two joints or more, rotors aside, this is said.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,6 +20,7 @@ import numpy as np
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
+from jaxidl.gap.choice.objections import brief
 from jaxidl.gap.evidence.conventions import conventions, late_torques
 from jaxidl.gap.evidence.gram import Group
 from jaxidl.gap.evidence.items import spread
@@ -180,11 +181,12 @@ def trust_of(
     """
     rows = found.library.rows
     scaled, links = proportion(found)
-    brief, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
+    few, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
 
     def trust(value: Value, joint: int) -> float:
         factor = value.key in own or any(m.group in links for m in value.items)
-        return DOUBTED if brief or misread[joint] or factor else 1.0
+        short = any(brief(found.solution, m, rows.signals.interval) for m in value.items)
+        return DOUBTED if few or misread[joint] or factor or short else 1.0
 
     return [*said, *scaled], trust
 
