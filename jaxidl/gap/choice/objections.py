@@ -234,7 +234,7 @@ def brief(now: Solution, m: Item, interval: float) -> bool:
     When within it a torque acts is the logger's convention. What the alignment of the joint's
     torque cancels does not count.
     """
-    return late(now, m) - EXCLUDED * interval / np.sqrt(12.0) <= interval
+    return bool(late(now, m) - EXCLUDED * interval / np.sqrt(12.0) <= interval)
 
 
 def late(now: Solution, m: Item) -> float:
