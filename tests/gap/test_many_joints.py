@@ -113,6 +113,7 @@ def weighty(found: Diagnosis) -> dict[tuple[str, int | None], Finding]:
     return {(f.name, f.joint): f for f in found.findings if f.share > 0.02}
 
 
+@pytest.mark.slow
 def test_friction_of_every_joint_and_the_load_are_named_and_nothing_else(files):
     found = diagnose(*files, effects=EFFECTS, rollouts=False)
     named = weighty(found)

@@ -405,6 +405,7 @@ def test_derivatives_through_learning(controller, source):
         assert (forward[:, :2] == 0).all()
 
 
+@pytest.mark.slow
 def test_asking_for_derivatives_changes_no_value():
     x, run = np.array(list(NAMES.values())), partial(learned, controller="doomed", source="joint")
     sharp = replace(SMALL, error_model=replace(SMALL.error_model, activation_width=0.0))

@@ -30,6 +30,7 @@ def test_dry_friction_beside_it_takes_its_level_and_no_more():
     assert moved(0.4, 30, dry) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_in_short_steps_both_are_the_same_motion():
     short = 1e-6
     explicit, implicit = (moved(2.0, 400, implicit=x, dt=short) for x in (False, True))

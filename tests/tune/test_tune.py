@@ -63,6 +63,7 @@ def test_the_numbers_of_a_law_have_names_bounds_and_a_way_back():
         point_mass_problem("lqr")
 
 
+@pytest.mark.slow
 def test_a_learning_run_of_the_point_mass_is_judged_by_its_metrics():
     p = point_mass_problem("doomed", executions=2, epochs=1)
     out = quick(p.run)(jnp.asarray(p.start), jnp.array(3, jnp.uint32))
