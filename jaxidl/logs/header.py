@@ -176,8 +176,8 @@ def _joint(
             left = words[:at] + words[at + length :]
             # an axis called X is also a position, and A1 an acceleration
             rest = [w for w in left if not w.isdecimal()]
-            told = not _quantity(spelled) or _kind(rest) or _measured(rest, unit)
-            if words[at : at + length] == list(spelled) and (left or unit) and told:
+            clear = not _quantity(spelled) or _kind(rest) or _measured(rest, unit)
+            if words[at : at + length] == list(spelled) and (left or unit) and clear:
                 if best is not None and best[1] != joint:
                     return None, words  # two joints: undecided
                 best = length, joint, at
