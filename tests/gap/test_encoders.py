@@ -93,7 +93,7 @@ def test_friction_under_load_turns_with_the_joint_and_keeps_its_load(log, body):
     signals, t = prepare(log, body), DT * np.arange(STEPS)
     load = 2.0 + np.sin(0.7 * t)[:, None] * [1.0, 1.0]
     friction = on_joint(LoadDependentFriction(jnp.array([0.3])))
-    late = lambda *beside: additions([ENCODERS[1]], signals, log.tau, load, beside=beside)[0][0]
+    late = lambda *behind: additions([ENCODERS[1]], signals, log.tau, load, behind=behind)[0][0]
     true = derivative(motion(t), DT)
     turned = 0.3 * load * (np.sign(true) - np.sign(signals.qd))
     wanted = signals.smooth(turned * [0.0, 1.0])[signals.rows]

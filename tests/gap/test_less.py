@@ -1,23 +1,37 @@
 """Friction that is less than the model's, or less than it was."""
 
 import json
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxidl import gap, report
-from jaxidl.effects import CoulombFriction, OnJoint, QuadraticDrag, ViscousFriction, added_to
+from jaxidl.effects import (
+    CoulombFriction,
+    OnJoint,
+    Payload,
+    QuadraticDrag,
+    SensorDelay,
+    ViscousFriction,
+    added_to,
+)
 from jaxidl.errors import EffectError
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import run
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS
 from jaxidl.gap.choice import objections
-from jaxidl.gap.choice.objections import BOUND, UNSURE
+from jaxidl.gap.choice.objections import BOUND, UNSURE, brief
+from jaxidl.gap.evidence.gram import Item
+from jaxidl.gap.evidence.projection import ALIGNMENT
+from jaxidl.gap.evidence.shape import present, shapes_of
 from jaxidl.gap.fit import values
 from jaxidl.gap.fit.held_out import wald
+from jaxidl.gap.fit.score import Solution
 from jaxidl.systems.export import patched, write_patched
 from jaxidl.systems.mjcf import read_model
+from tests.gap.test_physical import SCALE
 
 PENDULUM = MECHANISMS["pendulum"]
 TOO_MUCH = PENDULUM.replace("<joint ", '<joint damping="0.5" frictionloss="0.6" ')
@@ -203,3 +217,27 @@ def test_what_is_on_a_bound_in_the_whole_log_is_not_named(tmp_path, monkeypatch)
     found = gap.diagnose(log, tmp_path / "model.xml", **options)
     assert [f.name for f in found.findings] == ["viscous_friction"]  # has no shape
     assert ("torque_ripple", 0, BOUND) in [(r.name, r.joint, r.reason) for r in found.rivals]
+
+
+def test_friction_that_was_not_there_cannot_have_become_less():
+    """A load can: the old log's may be called otherwise."""
+    had = present((on_joint(CoulombFriction(jnp.array([0.5]))),))
+    lower = lambda cls, own: shapes_of(cls, SCALE, own, changed=True)[0].limits()[0]
+    assert (lower(CoulombFriction, present(())) == 0.0).all()
+    np.testing.assert_allclose(lower(CoulombFriction, had), -0.5)
+    assert np.isneginf(lower(Payload, present(()))).any()
+
+
+@pytest.mark.parametrize(
+    ("samples", "back", "short"), [(1.2, 0.0, True), (3, 1.5, True), (3, 0, False)]
+)
+def test_a_delay_counts_from_a_sampling_interval_on(samples, back, short):
+    """Less the part that torques which seem to be logged early cancel."""
+    (shape, *_) = shapes_of(SensorDelay, SCALE)
+    shape = shape._replace(values={"delay": np.array(samples * SCALE.dt)})
+    one, column = np.ones(1), np.ones((1, 8, 1))
+    late = Item(("sensor_delay", 0, ""), shape, (0,), column, -one, 2.0 * one, 0.0, 0.0 * one)
+    early = replace(late, group=(ALIGNMENT, 0, ""), shape=None, always=True)
+    x = np.array([1.0, -back * SCALE.dt])
+    found = Solution((late, early), x, np.stack([x, x]), np.ones((2, 1)), one, 0.0)
+    assert brief(found, late, SCALE.dt) is short

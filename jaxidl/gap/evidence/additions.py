@@ -60,7 +60,7 @@ def additions(
     predicted: np.ndarray,
     undone: bool = False,
     friction: np.ndarray | float = 0.0,
-    beside: Sequence[Effect] = (),
+    behind: Sequence[Effect] = (),
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
 
@@ -76,7 +76,7 @@ def additions(
             that they are not counted again.
         friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
             is the load that their ``dry`` reads.
-        beside: effects of links and friction, which act where the joints truly are. Where these
+        behind: effects of links and friction, which act where the joints truly are. Where these
             effects change the encoders, their change counts, too.
     """
     joints = signals.q.shape[1]
@@ -102,7 +102,7 @@ def additions(
         terms = many(jax.tree.structure(part[0]), leaves, where, drive, starts, *times)
         terms = Terms(*(np.asarray(x)[: len(part)] for x in terms))
         with np.errstate(over="ignore", invalid="ignore"):
-            added = _rows(terms, signals, columns, drive, undone, beside)
+            added = _rows(terms, signals, columns, drive, undone, behind)
         # a diverging simulation adds nothing
         wild = ~(np.abs(added) < WILD * (np.abs(tau).max() or 1.0))
         out[first : first + together][:, :, columns] = np.where(wild, 0.0, added)
@@ -195,7 +195,7 @@ def _rows(
     columns: Columns,
     drive: Drive,
     undone: bool,
-    beside: Sequence[Effect],
+    behind: Sequence[Effect],
 ) -> np.ndarray:
     """Return the additional command (G, N, J) that is needed, filtered and thinned out."""
     rows = signals.rows
@@ -216,17 +216,17 @@ def _rows(
     net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
     for k in [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
         shift = terms.q[k] - drive.q
-        net[k] += _moved(shift, signals, beside, drive.load)[:, columns]
+        net[k] += _moved(shift, signals, behind, drive.load)[:, columns]
     return net
 
 
 def _moved(
-    shift: np.ndarray, signals: Signals, beside: Sequence[Effect], load: np.ndarray
+    shift: np.ndarray, signals: Signals, behind: Sequence[Effect], load: np.ndarray
 ) -> np.ndarray:
     """Return the change (N, J) of the inverse dynamics and friction due to a position error.
 
     True positions differ from the measured ones by ``shift`` (T, J); ``load`` (T, J) is the same.
-    The links are those with the effects ``beside``.
+    The links are those with the effects ``behind`` the encoders.
     """
     off, at = np.flatnonzero(np.any(shift, axis=0)), signals.rows
     speed, acceleration = np.zeros_like(shift), np.zeros_like(shift)
@@ -234,12 +234,12 @@ def _moved(
     acceleration[:, off] = signals.differentiate(speed[:, off])
     there = (signals.q + shift, signals.qd + speed, signals.qdd + acceleration)
     moved = inverse_dynamics(signals.body, *(x[at] for x in there)) - signals.tables.torque[at]
-    if heavier := [e for e in beside if type(inner(e)).alter is not Effect.alter]:
+    if heavier := [e for e in behind if type(inner(e)).alter is not Effect.alter]:
         now = tables(signals.body, *(x[at] for x in there), stride=len(at))
         before = Tables(*(x[at] for x in signals.tables))
         moved += _altered(heavier, now, there[2][at]) - _altered(heavier, before, signals.qdd[at])
     # friction of joints on which no effect feels it is the same
-    reached = [(e, np.arange(shift.shape[1])[narrowed([e])[0]]) for e in beside]
+    reached = [(e, np.arange(shift.shape[1])[narrowed([e])[0]]) for e in behind]
     if turned := [(e, on) for e, on in reached if np.isin(off, on).any()]:
         felt = np.unique(np.concatenate([on for _, on in turned]))
         truly = signals._replace(q=there[0], qd=there[1])

@@ -52,7 +52,7 @@ class Rows(NamedTuple):
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
     slow: np.ndarray | None = None
     # effects of the model and of what was found that act where the joints truly are
-    beside: tuple[Effect, ...] = ()
+    behind: tuple[Effect, ...] = ()
     # (N,) moments that are left out: see :mod:`jaxidl.gap.evidence.moments`
     strange: np.ndarray = np.zeros(0, bool)
 
@@ -68,7 +68,7 @@ class Rows(NamedTuple):
             self.tau,
             predicted,
             friction=self.unloaded,
-            beside=self.beside,
+            behind=self.behind,
         )
         return added
 
@@ -234,7 +234,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         signals,
         tuple(effects),
         returns=returns(signals),
-        beside=tuple(effects),
+        behind=tuple(effects),
         strange=np.zeros(len(rows), bool),
     )
 

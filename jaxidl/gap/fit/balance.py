@@ -35,12 +35,12 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    unloaded, beside = friction_along([*own, *more], signals, tau), (*own, *more)
+    unloaded, behind = friction_along([*own, *more], signals, tau), (*own, *more)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
             load = predicted + tau - rows.tau
-            added, tau = additions([effect], signals, tau, load, friction=unloaded, beside=beside)
+            added, tau = additions([effect], signals, tau, load, friction=unloaded, behind=behind)
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)

@@ -227,7 +227,7 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
 def with_friction(rows: Rows, found: Solution) -> Rows:
     """Return the rows with the friction of a set that needs no load; it reduces the load."""
     rows = behind_encoders(rows, found)
-    return rows._replace(unloaded=friction_along(rows.beside, rows.signals, rows.tau))
+    return rows._replace(unloaded=friction_along(rows.behind, rows.signals, rows.tau))
 
 
 def behind_encoders(rows: Rows, found: Solution) -> Rows:
@@ -237,7 +237,7 @@ def behind_encoders(rows: Rows, found: Solution) -> Rows:
         for m in found.members
         if m.shape is not None and (m.shape.cls.friction or m.shape.cls.alter is not Effect.alter)
     ]
-    return rows._replace(beside=(*rows.effects, *own))
+    return rows._replace(behind=(*rows.effects, *own))
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
