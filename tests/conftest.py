@@ -1,5 +1,5 @@
-"""Hostile settings for the whole suite: warnings are errors, silent rank promotion raises,
-signatures are checked.
+"""Hostile settings for the whole suite: warnings are errors, silent rank promotion raises. With
+``JAXIDL_SIGNATURES=1``, as for the slow tests of ``.ci/run``, signatures are checked, too.
 """
 
 import os
@@ -44,12 +44,13 @@ jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_numpy_rank_promotion", "raise")
 jax.config.update("jax_enable_x64", True)  # physics is tested in float64, as the programs run it
 
-# Signatures are checked for as long as the suite runs, but for the benchmark's engine, a plain
-# Python loop of 10⁵ small steps
+# Signatures are not checked in the benchmark's engine, a plain Python loop of 10⁵ small steps. The
+# quick tests do without: checks are a fifth of their time
 CHECKED = [f"jaxidl.{path.stem}" for path in (ROOT / "jaxidl").glob("[a-z]*") if path.stem != "gap"]
 GAP = (ROOT / "jaxidl" / "gap").glob("[a-z]*")
 CHECKED += [f"jaxidl.gap.{path.stem}" for path in GAP if path.stem != "benchmark"]
-install_import_hook(CHECKED, "beartype.beartype")
+if os.environ.get("JAXIDL_SIGNATURES"):
+    install_import_hook(CHECKED, "beartype.beartype")
 
 from jaxidl.backend import CPU_OPTIONS, compiler_options
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS

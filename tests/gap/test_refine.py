@@ -171,6 +171,7 @@ def test_what_two_effects_share_stays_with_the_simpler_one(pendulum, signals, pr
     np.testing.assert_allclose(tied.slopes(tied.start)[-1] * 0.01 @ np.ones(3), step[1])
 
 
+@pytest.mark.slow
 def test_forward_reverse_and_numeric_derivatives_agree(problem):
     theta, options = problem.start, problem.options
     of = lambda x: window_errors(x, problem.plant, problem.windows, problem.span, **options)[0]

@@ -697,6 +697,7 @@ def test_curves_break_at_gaps_and_bins_do_not_reach_across_zero():
     assert np.max(spread[centre > 0.0]) == 0.0
 
 
+@pytest.mark.slow
 def test_a_measured_log_from_end_to_end(tmp_path):
     model = chain(tmp_path, ("slide",))
     dt, steps = 1e-3, 8000
