@@ -59,6 +59,8 @@ COMMANDS = {
 # runs side by side, which a GPU is for; the others run many small programs, one after the other:
 # gap takes three times as long on a GPU, and any would reserve most of its memory
 SIDE_BY_SIDE = ("sweep", "reproduce", "ablate", "tune", "arm", "bench")
+# commands that go on where they were interrupted
+RESUMED = ("sweep", "reproduce", "ablate", "tune", "arm", "gap-benchmark")
 GARBAGE = 100_000  # objects between two collections
 # All matrices are small: threads that share one wait for each other longer than they compute
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -71,10 +73,11 @@ def main(arguments: list[str] | None = None) -> int:
     # a file name that the terminal cannot show is no reason to fail
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
+    words = sys.argv[1:] if arguments is None else arguments
+    leave = functools.partial(_leave, resumed=bool(words) and words[0] in RESUMED)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, _stop)
+        signal.signal(number, functools.partial(_stop, leave))
     try:
-        words = sys.argv[1:] if arguments is None else arguments
         run = _parse(words)
         if run is not None:
             if words[0] not in SIDE_BY_SIDE:
@@ -100,26 +103,23 @@ def main(arguments: list[str] | None = None) -> int:
     except BaseException:
         if not STOP.is_set():
             raise
-        _leave()
+        leave()
     return 0
 
 
-def _stop(*_: object) -> None:
+def _stop(leave: Callable[[], NoReturn], *_: object) -> None:
     """Signal handler: the first signal ends the command at the next safe place, the second one at
     once.
     """
     if STOP.is_set():
-        _leave()
+        leave()
     STOP.set()
     raise KeyboardInterrupt
 
 
-def _leave() -> NoReturn:
-    print(
-        "jaxidl: interrupted; no file is half-written, and the same command computes only what is"
-        " left of a sweep or benchmark",
-        file=sys.stderr,
-    )
+def _leave(resumed: bool) -> NoReturn:
+    go_on = ", and the same command computes only what is left" if resumed else ""
+    print(f"jaxidl: interrupted; no file is half-written{go_on}", file=sys.stderr)
     sys.stderr.flush()
     sys.stdout.flush()
     os._exit(130)  # without waiting for the chunk in flight

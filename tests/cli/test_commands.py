@@ -285,7 +285,9 @@ def test_a_signal_ends_a_sweep_soon_with_one_line_and_what_is_finished_kept(tmp_
     finally:
         process.kill()
     assert process.returncode == 130
-    assert said.strip().splitlines()[-1].startswith("jaxidl: interrupted")
+    last = said.strip().splitlines()[-1]
+    assert last.startswith("jaxidl: interrupted")
+    assert last.endswith("only what is left")
     assert list(parts.glob("*.npz"))
     assert not (tmp_path / "r.nc").exists()
 

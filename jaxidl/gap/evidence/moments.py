@@ -97,6 +97,6 @@ def moments(rows: Rows, left: np.ndarray, names: Sequence[str], units: Sequence[
         at, run = rows.when([a, b - 1])
         found.append(f"at {at:.1f} s{run} ({names[j]}, up to {peak[j]:.2g} {units[j]})")
     return [
-        f"{', '.join(found)} the torque has an error that no effect explains, as in a collision or"
-        " a push: these moments are left out"
+        f"{', '.join(found)} the torque has an error that no effect explains, as in a collision,"
+        " a push or at an end stop: these moments are left out"
     ]

@@ -3,6 +3,10 @@
 An effect may follow another law than its own: friction in proportion to the load imitates friction
 that grows with its square root. The residual shows it (:func:`bend`): the effect's own torque a,
 bent to a·|a|, still explains a part of it.
+
+Two large effects that cancel may stand for a small one: an offset and the weight of a link for
+some dependence on position. So the share that speaks for an effect is that of both together, if it
+is less.
 """
 
 from collections.abc import Callable, Sequence
@@ -56,7 +60,7 @@ def findings(
         bend(found, a[:, j], j) if other_law(value) else 0.0
         for value, a, j in zip(fitted, added, where, strict=True)
     ]
-    for value, added_shares, j in zip(fitted, shares, where, strict=True):
+    for value, mine, added_shares, j in zip(fitted, added, shares, where, strict=True):
         name, joint = value.key
         cls, shape = CATALOGUE[name], value.items[0].shape
         others = [m for m in found.solution.members if m not in value.items]
@@ -74,18 +78,21 @@ def findings(
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
         own = [t for t in found.ties if value.key in {g[:2] for g in t.found}]
         left = np.sqrt(np.maximum(a**2 - floor[j] ** 2, 0.0))
-        company = [v for v in fitted if v.key[0] == name and v.key[1] != joint]
+        same = [v for v in fitted if v.key[0] == name and v.key[1] != joint]
+        company = 0.0 if joint is None else len(same) / max(len(known.names) - 1, 1)
+        if found.score.anchor is not None:  # a change of one joint has none
+            company = 1.0
         speaks = signs(
             margin=min([found.solution.value - instead, *(t.falls for t in own)]),
             gain=gain,
-            share=share,
+            share=uncancelled(mine, added, rows.used)[j] / max(float(command[j]), 1e-300),
             left=a / max(float(floor[j]), 1e-300),
             unexplained=float(left) / max(float(whole[j]), 1e-300),
             systematic=network[j][0],
             odds=shape.odds,
             common=cls.common,
             tied=max([0.0, *(t.likely for t in own)]),
-            company=0.0 if joint is None else len(company) / max(len(known.names) - 1, 1),
+            company=company,
             known=max(away(value)),
             bent=max(b for b, at in zip(bends, where, strict=True) if at == j),
         )
@@ -153,6 +160,15 @@ def best_instead(
         if (reached := score.solve([*others, i]).value) > best:
             best, nearest = reached, i.key
     return best, nearest
+
+
+def uncancelled(mine: np.ndarray, added: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
+    """Return the root mean square (J,) of an effect's torque or, if less, with another's added.
+
+    All torques (N, J) are those of what was found; ``mine`` is one of them.
+    """
+    pairs = [rms(mine + o, used) for o in added if o is not mine]
+    return np.min([rms(mine, used), *pairs], 0)
 
 
 def other_law(value: Value) -> bool:

@@ -156,6 +156,6 @@ def differing(found: Found, names: Sequence[str]) -> list[str]:
     return [
         f"the log differs before and after about {since:.0f} s{run}: fitted to either part alone,"
         f" what was found leaves {left[j]:.0%} of {names[j]}'s torque instead of {usual[j]:.0%}, as"
-        " if a load had been picked up or someone had guided the robot; diagnose the parts one by"
-        " one, or one with the other as --reference"
+        " if a load had been picked up, friction had changed or someone had guided the robot;"
+        " diagnose the parts one by one, or one with the other as --reference"
     ]
