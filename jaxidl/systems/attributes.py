@@ -14,7 +14,7 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.spec import Motor
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.flange import flange_of
-from jaxidl.systems.mujoco_body import level, links, per_mass, per_moment
+from jaxidl.systems.inertial import level, links, per_mass, per_moment
 
 
 class Numbers:

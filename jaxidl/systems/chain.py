@@ -17,7 +17,8 @@ import numpy as np
 from jaxtyping import Float
 
 from jaxidl.effects.ten import moved
-from jaxidl.systems.mujoco_body import MujocoBody, links
+from jaxidl.systems.inertial import links
+from jaxidl.systems.mujoco_body import MujocoBody
 
 
 class Chain(NamedTuple):

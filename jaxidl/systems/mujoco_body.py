@@ -21,9 +21,10 @@ import numpy as np
 from flax import struct
 from jaxtyping import Array, Float
 
-from jaxidl.effects.ten import COLUMNS, ROWS, moved
+from jaxidl.effects.ten import moved
 from jaxidl.systems.flange import flange_of, name_flange, named_flange
 from jaxidl.systems.following import Following, following_of
+from jaxidl.systems.inertial import level, per_mass, per_moment
 from jaxidl.systems.kinematics import place
 from jaxidl.types import Joints, Scalar
 
@@ -200,60 +201,6 @@ def mujoco_body(model: mujoco.MjModel, whole: mujoco.MjModel | None = None) -> M
         body_names=tuple(model.body(b).name or f"body{b}" for b in range(model.nbody)),
         following=None if found is None else replace(found, source=skeleton(found.source)),
     )
-
-
-def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
-    """Return the inertial parameters of all bodies of a model, in their frames."""
-    turns = np.zeros((source.nbody, 9))
-    for turn, quaternion in zip(turns, source.body_iquat, strict=True):
-        mujoco.mju_quat2Mat(turn, quaternion)
-    turns, m, c = turns.reshape(-1, 3, 3), source.body_mass[:, None, None], source.body_ipos
-    about = m * ((c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :])
-    tensor = turns @ (source.body_inertia[:, :, None] * turns.transpose(0, 2, 1)) + about
-    return np.concatenate([source.body_mass[:, None], m[:, 0] * c, tensor[:, ROWS, COLUMNS]], 1)
-
-
-def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
-    """Return the inertial parameters of all bodies per unit of mass.
-
-    For massless bodies they are those of a point at their centre.
-    """
-    c, massless = source.body_ipos, source.body_mass[:, None] <= 0.0
-    tensor = (c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
-    points = np.concatenate([np.ones((source.nbody, 1)), c, tensor[:, ROWS, COLUMNS]], 1)
-    return np.where(
-        massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None])
-    )
-
-
-def per_moment(source: mujoco.MjModel) -> Float[np.ndarray, "B 3 10"]:
-    """Return the inertial parameters of all bodies per unit of first moment.
-
-    The centre of mass is moved, and the inertia about it stays, to first order: about the frame's
-    origin it changes with the moment times the centre.
-    """
-    eye, c = np.eye(3), source.body_ipos[:, None, :]
-    cross = eye[:, :, None] * c[:, :, None, :]
-    tensor = 2.0 * np.swapaxes(c, 1, 2)[..., None] * eye - cross - np.swapaxes(cross, 2, 3)
-    moments = np.broadcast_to(eye, (source.nbody, 3, 3))
-    return np.concatenate(
-        [np.zeros((source.nbody, 3, 1)), moments, tensor[..., ROWS, COLUMNS]], axis=2
-    )
-
-
-def level(source: mujoco.MjModel) -> Float[np.ndarray, "3 2"]:
-    """Return the change of gravity in the base's frame per radian that the base is turned.
-
-    It is turned about two horizontal axes: x and y where gravity points along −z; else the
-    horizontal direction nearest to x, or to y, and the one perpendicular to it.
-    """
-    gravity = source.opt.gravity
-    size = np.linalg.norm(gravity)
-    up = -gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
-    first = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
-    first = first - (first @ up) * up
-    first /= np.linalg.norm(first)
-    return -np.cross([first, np.cross(up, first)], gravity).T
 
 
 def joint_names(model: mujoco.MjModel) -> tuple[str, ...]:

@@ -15,8 +15,9 @@ import numpy as np
 
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.flange import flange_of
+from jaxidl.systems.inertial import level, per_mass, per_moment
 from jaxidl.systems.kinematics import matrices
-from jaxidl.systems.mujoco_body import MujocoBody, level, per_mass, per_moment
+from jaxidl.systems.mujoco_body import MujocoBody
 from jaxidl.systems.tables import Tables
 from jaxidl.types import Joints
 

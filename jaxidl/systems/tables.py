@@ -15,7 +15,7 @@ from scipy.interpolate import interp1d
 
 from jaxidl.effects.ten import PLACES
 from jaxidl.systems.flange import flange_of
-from jaxidl.systems.mujoco_body import level, per_mass, per_moment
+from jaxidl.systems.inertial import level, per_mass, per_moment
 from jaxidl.systems.point import PointMass
 
 Rows = Float[np.ndarray, "T J"]

@@ -11,8 +11,8 @@ import pytest
 import jaxidl.effects as fx
 from jaxidl.effects import OnJoint, placed
 from jaxidl.effects.ten import about, elements, matrix, moved, ten
+from jaxidl.systems.inertial import level, links, per_moment
 from jaxidl.systems.mjcf import read_model
-from jaxidl.systems.mujoco_body import level, links, per_moment
 from jaxidl.systems.point import PointMass
 from jaxidl.systems.tabled_body import TabledBody
 from jaxidl.systems.tables import leaning, tables

@@ -16,7 +16,8 @@ from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.ten import PLACES
 from jaxidl.logs.encoders import on_encoders
 from jaxidl.systems.flange import flange_of
-from jaxidl.systems.mujoco_body import MujocoBody, per_mass, per_moment
+from jaxidl.systems.inertial import per_mass, per_moment
+from jaxidl.systems.mujoco_body import MujocoBody
 
 # standard deviation of a model's errors, relative to a link's mass, and to that times its length
 # once and twice
