@@ -24,6 +24,7 @@ from jaxidl.gap.result.diagnosis import Diagnosis, Envelope, Traces
 from jaxidl.gap.result.judged import fitted_to_training, judged
 from jaxidl.gap.result.notes import differing, notes_of, swings
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
+from jaxidl.gap.result.weight import balanced
 from jaxidl.gap.result.words import doubt_of
 from jaxidl.logs.log import Log, read
 from jaxidl.logs.signals import Signals, prepare
@@ -109,6 +110,7 @@ def diagnose(
         *said.odd,
         *moments(rows, after, known.names, known.units),
         *differing(found, known.names),
+        *balanced(found, known.names),
         *swings(rows, left, known.names),
         *measured.notes,
         *known.notes,

@@ -6,10 +6,7 @@ simulation is better without.
 
 A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
 hardly more than a sampling interval, and of what a factor common to all torques would replace:
-links, and effects that the model has already. If all links seem to be heavier by the same share,
-motor constants, gear ratios or the unit of the torques may be wrong by a common factor instead, and
-no number of the log tells which. So if what was found of the links needs the same share of the
-model's own torque on two joints or more, rotors aside, this is said.
+links, and effects that the model has already (:mod:`jaxidl.gap.result.weight`).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,8 +19,6 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
 from jaxidl.gap.choice.objections import brief
 from jaxidl.gap.evidence.conventions import conventions, late_torques
-from jaxidl.gap.evidence.gram import Group
-from jaxidl.gap.evidence.items import spread
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
 from jaxidl.gap.evidence.shape import present
@@ -32,6 +27,7 @@ from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
+from jaxidl.gap.result.weight import proportion, weight_of
 from jaxidl.gap.result.words import LEAST
 from jaxidl.logs.signals import Signals
 from jaxidl.replay.rollout import rollout_errors
@@ -41,8 +37,6 @@ from jaxidl.systems.mjcf import Model
 HARDLY = 0.1  # confidence below which an effect is not even suspected
 UNLIKELY = "its confidence is below 10 %"
 DOUBTED = 0.5  # share of a finding's confidence that is left
-COUNTS = 0.04  # share of a joint's command that counts
-OTHERWISE = 0.01  # share of a torque, squared, that may be something else
 ASTRAY = "with it the simulation strays further from the measured motion"
 
 
@@ -180,7 +174,7 @@ def trust_of(
     ``misread``.
     """
     rows = found.library.rows
-    scaled, links = proportion(found)
+    scaled, links = proportion(found, weight_of(found))
     few, own = rows.signals.duration < LEAST, present(rows.effects) if links else {}
 
     def trust(value: Value, joint: int) -> float:
@@ -189,36 +183,3 @@ def trust_of(
         return DOUBTED if few or misread[joint] or factor or short else 1.0
 
     return [*said, *scaled], trust
-
-
-def proportion(found: Found) -> tuple[list[str], set[Group]]:
-    """Return a sentence if all links lack one share of the torque, and which effects that are."""
-    rows, solution = found.library.rows, found.solution
-    signals, links, lacking = rows.signals, set[Group](), np.zeros_like(rows.gap)
-    qdd = signals.qdd[signals.rows]
-
-    def without_rotor(torque: np.ndarray) -> np.ndarray:
-        """Return the part of a torque (N, J) that no rotor inertia needs."""
-        square = np.sum(qdd**2 * rows.used, 0)
-        rotor = np.sum(qdd * torque * rows.used, 0) / np.maximum(square, 1e-300)
-        return (torque - rotor * qdd) * rows.used
-
-    for m in found.named:
-        if m.shape.cls.alter is not Effect.alter:
-            whole = np.tensordot(solution.x[solution.of(m)], spread(m, rows), 1)
-            lacking += (part := without_rotor(whole))
-            if np.sum(part**2) > OTHERWISE * np.sum((whole * rows.used) ** 2):
-                links.add(m.group)
-    own = without_rotor(signals.tables.torque[signals.rows])
-    weight = np.where(rows.spread > 0.0, rows.spread, np.inf) ** -2.0
-    share = float(np.sum(weight * own * lacking) / max(float(np.sum(weight * own**2)), 1e-300))
-    size, rest = rms(lacking, rows.used), rms(lacking - share * own, rows.used)
-    counts = size > COUNTS * rows.spread
-    if counts.sum() < 2 or np.any(rest[counts] ** 2 > OTHERWISE * size[counts] ** 2):
-        return [], set()
-    return [
-        f"all links seem to be about {abs(share):.0%} too {'light' if share > 0.0 else 'heavy'} in"
-        " the model; then the torques' common factor may be wrong instead (motor constants, gear"
-        f" ratios, a unit): multiplied by {1.0 / (1.0 + share):.2g}, they would fit the model's"
-        " links, and friction and rotors would change as much; weigh a link or a known load"
-    ], links
