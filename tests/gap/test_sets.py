@@ -37,7 +37,7 @@ from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled
-from jaxidl.gap.result.findings import best_instead, there, uncancelled
+from jaxidl.gap.result.findings import best_instead, cancelling, there
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -1008,16 +1008,13 @@ def test_the_nearest_other_effect_is_solved_for_and_one_that_contains_it_is_no_r
     assert best_instead(score, [truth], [], bare, 1) == (bare.value, None)  # nothing else is there
 
 
-def test_two_effects_that_cancel_explain_what_both_do_together():
+def test_of_two_effects_that_cancel_each_is_the_others_counterpart():
     rng = np.random.default_rng(6)
-    offset = np.ones((N, JOINTS))
+    offset, used = np.ones((N, JOINTS)), np.ones(N, bool)
     weight = -0.9 * offset + 0.1 * rng.normal(size=(N, JOINTS))
     friction = rng.normal(size=(N, JOINTS))
-    used = np.ones((N, JOINTS), bool)
-    added = [offset, weight, friction]
-    together = np.sqrt(np.mean((offset + weight) ** 2, 0))
-    np.testing.assert_allclose(uncancelled(offset, added, used), together)
-    np.testing.assert_allclose(uncancelled(weight, added, used), together)
-    alone = np.sqrt(np.mean(friction**2, 0))
-    np.testing.assert_allclose(uncancelled(friction, added, used), alone)
-    np.testing.assert_allclose(uncancelled(friction, [friction], used), alone)
+    friction -= friction.mean(0)
+    added = [friction, offset, weight]
+    assert [cancelling(one, added, used, 0) for one in added] == [None, 2, 1]
+    used[:] = False  # nothing of it counts
+    assert cancelling(offset, added, used, 0) is None

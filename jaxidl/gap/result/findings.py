@@ -5,8 +5,7 @@ that grows with its square root. The residual shows it (:func:`bend`): the effec
 bent to a·|a|, still explains a part of it.
 
 Two large effects that cancel may stand for a small one: an offset and the weight of a link for
-some dependence on position. So the share that speaks for an effect is that of both together, if it
-is less.
+some dependence on position. So what speaks for an effect is what both do together, if that is less.
 """
 
 from collections.abc import Callable, Sequence
@@ -82,10 +81,17 @@ def findings(
         company = 0.0 if joint is None else len(same) / max(len(known.names) - 1, 1)
         if found.score.anchor is not None:  # a change of one joint has none
             company = 1.0
+        falls, lost, size = found.solution.value - instead, gain, share
+        if (other := cancelling(mine, added, rows.used[:, j], j)) is not None:
+            size = float(rms(mine + added[other], rows.used)[j] / max(command[j], 1e-300))
+            both = [m for m in others if m not in fitted[other].items]
+            neither = found.score.solve(both)
+            falls = min(falls, found.solution.value - neither.value)
+            lost = min(gain, worse_by(rows, neither, found.solution, j)[0])
         speaks = signs(
-            margin=min([found.solution.value - instead, *(t.falls for t in own)]),
-            gain=gain,
-            share=uncancelled(mine, added, rows.used)[j] / max(float(command[j]), 1e-300),
+            margin=min([falls, *(t.falls for t in own)]),
+            gain=lost,
+            share=size,
             left=a / max(float(floor[j]), 1e-300),
             unexplained=float(left) / max(float(whole[j]), 1e-300),
             systematic=network[j][0],
@@ -162,13 +168,18 @@ def best_instead(
     return best, nearest
 
 
-def uncancelled(mine: np.ndarray, added: Sequence[np.ndarray], used: np.ndarray) -> np.ndarray:
-    """Return the root mean square (J,) of an effect's torque or, if less, with another's added.
+def cancelling(
+    mine: np.ndarray, added: Sequence[np.ndarray], used: np.ndarray, joint: int
+) -> int | None:
+    """Return which torque of ``added`` (N, J) leaves least of an effect's own; None if no one does.
 
-    All torques (N, J) are those of what was found; ``mine`` is one of them.
+    Of N instants those ``used`` (N,) count, on one ``joint``; the effect's own torque, ``mine``, is
+    one of those added.
     """
-    pairs = [rms(mine + o, used) for o in added if o is not mine]
-    return np.min([rms(mine, used), *pairs], 0)
+    size = lambda torque: float(np.linalg.norm(torque[used, joint]))
+    left = [size(mine) if o is mine else size(mine + o) for o in added]
+    best = int(np.argmin(left))
+    return best if left[best] < size(mine) else None
 
 
 def other_law(value: Value) -> bool:
