@@ -105,6 +105,23 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     return out
 
 
+def heavier(
+    body: Any, q: Rows, qd: Rows, qdd: Rows, change: np.ndarray, angles: np.ndarray
+) -> Rows:
+    """Return inverse dynamics (T, J) [N or Nm] of ``body`` with changed links on a turned base.
+
+    ``change`` (J + 1, 10) has the additional inertial parameters of the joints' bodies and of the
+    last body that moves; the base is turned by small ``angles`` (2,) [rad], with the links as they
+    were.
+    """
+    motion, source = _motion(body, q, qd, qdd)
+    torque = motion.torque
+    for b, numbers in zip((*body.bodies, flange_of(body.source)), change, strict=True):
+        if numbers.any():
+            torque = torque + _by_body(motion, b, source) @ numbers
+    return torque + _by_gravity(motion, source) @ (level(body.source) @ angles)
+
+
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
     """Return inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):

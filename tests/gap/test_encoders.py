@@ -19,6 +19,7 @@ from jaxidl.effects import (
     ViscousFriction,
 )
 from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.behind import Behind
 from jaxidl.gap.evidence.friction import mean_sign
 from jaxidl.gap.fit.balance import balance
 from jaxidl.gap.fit.refine import _starts
@@ -93,7 +94,9 @@ def test_friction_under_load_turns_with_the_joint_and_keeps_its_load(log, body):
     signals, t = prepare(log, body), DT * np.arange(STEPS)
     load = 2.0 + np.sin(0.7 * t)[:, None] * [1.0, 1.0]
     friction = on_joint(LoadDependentFriction(jnp.array([0.3])))
-    late = lambda *behind: additions([ENCODERS[1]], signals, log.tau, load, behind=behind)[0][0]
+    late = lambda *behind: additions(
+        [ENCODERS[1]], signals, log.tau, load, behind=Behind(behind, body)
+    )[0][0]
     true = derivative(motion(t), DT)
     turned = 0.3 * load * (np.sign(true) - np.sign(signals.qd))
     wanted = signals.smooth(turned * [0.0, 1.0])[signals.rows]

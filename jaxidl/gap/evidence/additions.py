@@ -16,13 +16,14 @@ from jaxtyping import Float
 
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
-from jaxidl.gap.evidence.friction import friction_along, mean_sign
+from jaxidl.gap.evidence.behind import NOTHING, Behind
+from jaxidl.gap.evidence.friction import mean_sign
 from jaxidl.gap.evidence.links import Columns, narrowed
 from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 from jaxidl.systems.tabled_body import TabledBody
-from jaxidl.systems.tables import Tables, inverse_dynamics, tables
+from jaxidl.systems.tables import Tables
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
 SIDE_BY_SIDE = 4  # effects of one class per program; one that remembers takes steps: faster alone
@@ -60,7 +61,7 @@ def additions(
     predicted: np.ndarray,
     undone: bool = False,
     friction: np.ndarray | float = 0.0,
-    behind: Sequence[Effect] = (),
+    behind: Behind = NOTHING,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
 
@@ -76,8 +77,8 @@ def additions(
             that they are not counted again.
         friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
             is the load that their ``dry`` reads.
-        behind: effects of links and friction, which act where the joints truly are. Where these
-            effects change the encoders, their change counts, too.
+        behind: links and friction, which act where the joints truly are. Where these effects change
+            the encoders, their change counts, too.
     """
     joints = signals.q.shape[1]
     columns, alone, places = narrowed(effects)
@@ -195,7 +196,7 @@ def _rows(
     columns: Columns,
     drive: Drive,
     undone: bool,
-    behind: Sequence[Effect],
+    behind: Behind,
 ) -> np.ndarray:
     """Return the additional command (G, N, J) that is needed, filtered and thinned out."""
     rows = signals.rows
@@ -216,44 +217,5 @@ def _rows(
     net = moving + alone - kept(terms.change, signals.command) + kept(terms.inertia) + held
     for k in [] if undone else np.flatnonzero(np.any(terms.q != drive.q, axis=(1, 2))):
         shift = terms.q[k] - drive.q
-        net[k] += _moved(shift, signals, behind, drive.load)[:, columns]
+        net[k] += behind.moved(shift, signals, drive.load)[:, columns]
     return net
-
-
-def _moved(
-    shift: np.ndarray, signals: Signals, behind: Sequence[Effect], load: np.ndarray
-) -> np.ndarray:
-    """Return the change (N, J) of the inverse dynamics and friction due to a position error.
-
-    True positions differ from the measured ones by ``shift`` (T, J); ``load`` (T, J) is the same.
-    The links are those with the effects ``behind`` the encoders.
-    """
-    off, at = np.flatnonzero(np.any(shift, axis=0)), signals.rows
-    speed, acceleration = np.zeros_like(shift), np.zeros_like(shift)
-    speed[:, off] = signals.differentiate(shift[:, off])
-    acceleration[:, off] = signals.differentiate(speed[:, off])
-    there = (signals.q + shift, signals.qd + speed, signals.qdd + acceleration)
-    moved = inverse_dynamics(signals.body, *(x[at] for x in there)) - signals.tables.torque[at]
-    if heavier := [e for e in behind if type(inner(e)).alter is not Effect.alter]:
-        now = tables(signals.body, *(x[at] for x in there), stride=len(at))
-        before = Tables(*(x[at] for x in signals.tables))
-        moved += _altered(heavier, now, there[2][at]) - _altered(heavier, before, signals.qdd[at])
-    # friction of joints on which no effect feels it is the same
-    reached = [(e, np.arange(shift.shape[1])[narrowed([e])[0]]) for e in behind]
-    if turned := [(e, on) for e, on in reached if np.isin(off, on).any()]:
-        felt = np.unique(np.concatenate([on for _, on in turned]))
-        truly = signals._replace(q=there[0], qd=there[1])
-        before, after = (
-            friction_along([e for e, _ in turned], s, signals.tau, load) for s in (signals, truly)
-        )
-        change = np.where(signals.resting, 0.0, before - after)[:, felt]
-        moved[:, felt] += signals.smooth(change)[at] * ~signals.resting[at][:, felt]
-    return moved
-
-
-def _altered(effects: Sequence[Effect], table: Tables, qdd: np.ndarray) -> np.ndarray:
-    """Return the torque (N, J) that changes of the body need at accelerations ``qdd`` (N, J)."""
-    body = TabledBody(table, qdd, np.zeros_like(qdd))
-    for effect in effects:
-        body = effect.alter(body)
-    return np.asarray(body.extra)

@@ -11,6 +11,7 @@ from jaxtyping import Bool, Float
 
 from jaxidl.effects import Effect
 from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.behind import NOTHING, Behind
 from jaxidl.gap.evidence.drift import slower, weighted, weights_of
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.samples import returns
@@ -51,8 +52,7 @@ class Rows(NamedTuple):
     returns: tuple[int, ...] = ()
     # (J, K) weights of slow components of each joint's torque: see :mod:`jaxidl.gap.evidence.drift`
     slow: np.ndarray | None = None
-    # effects of the model and of what was found that act where the joints truly are
-    behind: tuple[Effect, ...] = ()
+    behind: Behind = NOTHING  # links and friction of the model and of what was found
     # (N,) moments that are left out: see :mod:`jaxidl.gap.evidence.moments`
     strange: np.ndarray = np.zeros(0, bool)
 
@@ -234,7 +234,7 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
         signals,
         tuple(effects),
         returns=returns(signals),
-        behind=tuple(effects),
+        behind=Behind(effects, signals.body),
         strange=np.zeros(len(rows), bool),
     )
 

@@ -11,6 +11,7 @@ from jaxtyping import Float
 
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.evidence.additions import additions
+from jaxidl.gap.evidence.behind import Behind
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.items import imitation
 from jaxidl.gap.evidence.rows import Rows, rows_of
@@ -35,7 +36,8 @@ def balance(
     """
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
-    unloaded, behind = friction_along([*own, *more], signals, tau), (*own, *more)
+    every = (*own, *more)
+    unloaded, behind = friction_along(every, signals, tau), Behind(every, signals.body)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect, Scale
+from jaxidl.gap.evidence.behind import Behind
 from jaxidl.gap.evidence.friction import friction_along
 from jaxidl.gap.evidence.gram import Anchor, Item, columns_at
 from jaxidl.gap.evidence.items import columns_of, items_of
@@ -227,7 +228,7 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
 def with_friction(rows: Rows, found: Solution) -> Rows:
     """Return the rows with the friction of a set that needs no load; it reduces the load."""
     rows = behind_encoders(rows, found)
-    return rows._replace(unloaded=friction_along(rows.behind, rows.signals, rows.tau))
+    return rows._replace(unloaded=friction_along(rows.behind.effects, rows.signals, rows.tau))
 
 
 def behind_encoders(rows: Rows, found: Solution) -> Rows:
@@ -237,7 +238,7 @@ def behind_encoders(rows: Rows, found: Solution) -> Rows:
         for m in found.members
         if m.shape is not None and (m.shape.cls.friction or m.shape.cls.alter is not Effect.alter)
     ]
-    return rows._replace(behind=(*rows.effects, *own))
+    return rows._replace(behind=Behind((*rows.effects, *own), rows.signals.body))
 
 
 def upsampled(rows: Rows, command: np.ndarray) -> np.ndarray:
