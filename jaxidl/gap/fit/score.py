@@ -232,17 +232,18 @@ class Score(Gram):
         return Score(self.rows, items, self.noise, self.effective, self.anchor, self)
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
-        """Return the score of some of the items only."""
-        return self._with(items=list(items), _solved=self._solved, promised={})
+        """Return the score of some of the items only; what is known of sets and items is shared."""
+        return self._with(items=list(items), whole=self.whole)
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score with training blocks that count ``weights`` (B,) times."""
-        return self._with(weights=weights, _solved={}, promised={})
+        other = self._with(weights=weights, _solved={}, promised={})
+        other.__dict__.pop("whole", None)
+        return other
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
         other.__dict__.update({**self.__dict__, **changes})
-        other.__dict__.pop("whole", None)
         return other
 
 
