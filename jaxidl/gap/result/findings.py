@@ -79,7 +79,7 @@ def findings(
         left = np.sqrt(np.maximum(a**2 - floor[j] ** 2, 0.0))
         same = [v for v in fitted if v.key[0] == name and v.key[1] != joint]
         company = 0.0 if joint is None else len(same) / max(len(known.names) - 1, 1)
-        if found.score.anchor is not None:  # a change of one joint has none
+        if joint is not None and found.score.anchor is not None:  # one joint may change alone
             company = 1.0
         falls, lost, size = found.solution.value - instead, gain, share
         if (other := cancelling(mine, added, rows.used[:, j], j)) is not None:
