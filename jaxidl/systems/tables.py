@@ -94,14 +94,13 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     ``change`` (J + 1, 10) has the additional inertial parameters of the joints' bodies and of the
     last body that moves: the turn changes the direction of their weight, too.
     """
-    out, last = np.zeros((*q.shape, 2)), flange_of(body.source)
+    out = np.zeros((*q.shape, 2))
     motion, source = _motion(body, q, np.zeros_like(q), np.zeros_like(q))
-    changed = [x for x in zip((*body.bodies, last), change, strict=True) if x[1].any()]
     for a, gravity in enumerate(level(source).T):
         falling = np.zeros_like(motion.acceleration)
         falling[..., 3:] = -gravity
         still = motion._replace(speed=0.0 * motion.speed, acceleration=falling)
-        out[..., a] = sum(_by_body(still, b, source) @ numbers for b, numbers in changed)
+        out[..., a] = _of_links(still, body, source, change)
     return out
 
 
@@ -115,11 +114,15 @@ def heavier(
     were.
     """
     motion, source = _motion(body, q, qd, qdd)
-    torque = motion.torque
-    for b, numbers in zip((*body.bodies, flange_of(body.source)), change, strict=True):
-        if numbers.any():
-            torque = torque + _by_body(motion, b, source) @ numbers
+    torque = motion.torque + _of_links(motion, body, source, change)
     return torque + _by_gravity(motion, source) @ (level(body.source) @ angles)
+
+
+def _of_links(motion: "_Motion", body: Any, source: mujoco.MjModel, change: np.ndarray) -> Rows:
+    """Return the torque (T, J) that changed links (J + 1, 10) need."""
+    bodies = zip((*body.bodies, flange_of(body.source)), change, strict=True)
+    parts = (_by_body(motion, b, source) @ numbers for b, numbers in bodies if numbers.any())
+    return sum(parts, np.zeros(motion.torque.shape))
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
