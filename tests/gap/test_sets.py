@@ -37,7 +37,7 @@ from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled
-from jaxidl.gap.result.findings import best_instead, cancelling, there
+from jaxidl.gap.result.findings import best_instead, cancelling, company_of, there
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
 FAR = np.inf
@@ -1018,3 +1018,13 @@ def test_of_two_effects_that_cancel_each_is_the_others_counterpart():
     assert [cancelling(one, added, used, 0) for one in added] == [None, 2, 1]
     used[:] = False  # nothing of it counts
     assert cancelling(offset, added, used, 0) is None
+
+
+def test_one_joint_may_change_alone_but_lacks_friction_seldom_alone():
+    found = [
+        SimpleNamespace(key=(name, joint))
+        for name, joint in (("spring", 1), ("drag", 0), ("drag", 2), ("load", None))
+    ]
+    of = lambda key, changed: company_of(key, found, 5, changed)
+    assert [of(f.key, False) for f in found] == [0.0, 0.25, 0.25, 0.0]
+    assert [of(f.key, True) for f in found] == [1.0, 1.0, 1.0, 0.0]

@@ -20,7 +20,7 @@ from jaxidl.systems.tables import heavier, inverse_dynamics
 
 
 class Behind:
-    """Effects of links and friction behind the encoders of ``body``."""
+    """Effects of links and friction behind the encoders of ``body``; of a point mass, friction."""
 
     def __init__(self, effects: Sequence[Effect] = (), body: Any = None):
         self.effects, self.body = tuple(effects), body
