@@ -36,7 +36,7 @@ from jaxidl.gap.fit.held_out import aside, gain, worse_by
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
-from jaxidl.gap.fit.values import Value, resampled
+from jaxidl.gap.fit.values import Value, resampled, somewhere
 from jaxidl.gap.result.findings import best_instead, cancelling, company_of, there
 
 N, JOINTS, BLOCKS, DT = 1200, 2, 8, 1e-3
@@ -147,6 +147,25 @@ def stacked(rows, members, fitted):
 
 
 # the score
+
+
+def test_when_a_torque_acts_is_known_no_worse_than_its_bounds_say():
+    """In slow logs a shift of the torque looks like viscous friction of a joint with weight."""
+    rng = np.random.default_rng(5)
+    friction, other = rng.normal(size=(2, 1, N, 1))
+    drag = item("friction", friction)
+    shift = replace(
+        item("shift", friction + 1e-3 * other, low=-1.5, high=0.5, always=True),
+        group=(ALIGNMENT, 0, ""),
+    )
+    rows = rows_with(2.0 * friction[0] @ [[1.0, 0.0]] + 0.3 * rng.normal(size=(N, JOINTS)))
+    errors = []
+    for one in (shift, somewhere(shift, score_of(rows, [drag, shift]))):
+        score = score_of(rows, [drag, one])
+        found = score.solve([drag, one])
+        errors.append(np.sqrt(np.diagonal(score.covariance(found))))
+    assert np.all(errors[0] > 5.0)
+    np.testing.assert_allclose(errors[1], 2.0 / np.sqrt(12.0), rtol=0.05)
 
 
 def test_error_on_blocks_left_out_is_that_of_refits_by_brute_force(planted):

@@ -22,6 +22,7 @@ from jaxidl.effects import Effect, place_of
 from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.noise import accelerates
+from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import (
     Shape,
@@ -104,7 +105,7 @@ def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> li
     tangents, gap, command = [], rows.gap.copy(), rows.command.copy()
     for m, theta in zip(clean.members, starts, strict=True):
         if _plain(m):
-            tangents.append(m)
+            tangents.append(somewhere(m, score) if m.key[0] == ALIGNMENT else m)
             continue
         there = arriving(m, clean.members, x, rows, predicted)
         t = tangent(m.shape, theta, there, predicted)
@@ -151,6 +152,16 @@ def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> li
         share = [float(clean.x[a][0] - 2.0 * jackknife(clean.folds[:, a])[0]) for a in at]
         out.append(value._replace(share=max([0.0, *share])))
     return out
+
+
+def somewhere(m: Item, score: Score) -> Item:
+    """Return an alignment of torques with the prior that it is anywhere within its bounds.
+
+    When a logged torque acts is known no worse than that. The search has a wider one, so that only
+    the log tells it from a delay.
+    """
+    known = 12.0 / (m.upper - m.lower) ** 2  # inverse variance of a uniform distribution
+    return replace(m, precision=np.maximum(m.precision, score.alike * known))
 
 
 def spared(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> Solution:
