@@ -119,10 +119,10 @@ class Effect(struct.PyTreeNode):
         """Return the level (J,) >= 0 [N or Nm] of dry friction.
 
         It is the largest torque with which the effect opposes motion or prevents it. ``tau`` (J,)
-        is the torque that passes the gear: what friction that needs no load leaves of the delivered
-        one (:func:`jaxidl.effects.load.load`). ``direction`` (J,) is the velocity that the joint
-        would have without dry friction [m/s or rad/s]; where ``qd`` is zero its sign is that of the
-        impending motion.
+        is the torque that passes the gear: what the rotor and friction that needs no load leave of
+        the delivered one (:mod:`jaxidl.effects.load`). ``direction`` (J,) is the velocity that the
+        joint would have without dry friction [m/s or rad/s]; where ``qd`` is zero its sign is that
+        of the impending motion.
         """
         return jnp.zeros_like(qd)
 

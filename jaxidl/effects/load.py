@@ -1,7 +1,8 @@
 """The load: the torque that passes a gear, which is what friction under load depends on.
 
-It is what the joint's other friction leaves of the motor's torque. On measured robots such a load
-predicts better than the motor's torque itself: most friction of a geared drive is on its fast side.
+It is what the joint's other friction, and the acceleration of the rotor on the motor's side, leave
+of the motor's torque. On measured robots such a load predicts better than the motor's torque
+itself: most friction of a geared drive is on its fast side.
 """
 
 from collections.abc import Sequence
@@ -17,6 +18,8 @@ def load(
     effects: Sequence[Effect], q: Joints, qd: Joints, tau: Joints, direction: Joints
 ) -> Joints:
     """Return the torque (J,) [N or Nm] that all friction which needs no load leaves of ``tau``.
+
+    The load is that without what accelerates the rotors.
 
     Args:
         effects: all effects of the plant.
@@ -41,4 +44,20 @@ def unloaded(
 
 def dissipates(effect: Effect) -> bool:
     """Return whether an effect is friction."""
-    return type(effect.effect if isinstance(effect, OnJoint) else effect).friction
+    return _kind(effect).friction
+
+
+def loaded(effect: Effect, joints: int) -> bool:
+    """Return whether an effect is dry friction that depends on the load."""
+    kind = _kind(effect)
+    if kind not in _READS:
+        _READS[kind] = effect.grips() and effect.reads_torque(joints)
+    return _READS[kind]
+
+
+def _kind(effect: Effect) -> type[Effect]:
+    return type(effect.effect if isinstance(effect, OnJoint) else effect)
+
+
+# asked for in every step of a plant, so an effect is traced once
+_READS: dict[type[Effect], bool] = {}

@@ -115,16 +115,19 @@ def driven(
 
     The torque is that of the ``body`` and of the model's ``own`` effects, friction included, whose
     sign changes within about ``rest`` (J,) [m/s or rad/s]; the load is that torque without
-    friction.
+    friction, and without what accelerates the rotors.
     """
     tables = jax.vmap(lambda *x: table(body, *x))(q, qd, qdd)
     torque = tables.torque
     drive = Drive(q, qd, qdd, torque, torque, torque, tables)
-    load = torque
+    load = torque - body.armature[None] * qdd
     for f in own:
         more = added(f, drive, body, rest, dt).sum(0)
         torque = torque + more
-        load = load + (0.0 if isinstance(f, Family) and f.friction else more)
+        if isinstance(f, Rigid):
+            load = load + more - f.inertia.sum(0)[None] * qdd
+        elif not f.friction:
+            load = load + more
     return drive._replace(tau=torque, predicted=torque, load=load)
 
 

@@ -9,12 +9,13 @@ from jaxtyping import Array, Float
 
 from jaxidl.backend import rounds_at_once
 from jaxidl.effects import Effect
-from jaxidl.effects.load import dissipates, load
+from jaxidl.effects.load import dissipates, load, loaded
 from jaxidl.effects.smooth import Share, choose, either
 from jaxidl.types import Joints, Scalar, State
 
 # an arm of two links needs up to 12 to rest without creeping; six coupled joints need more
 GAUSS_SEIDEL_ROUNDS = 40
+LOAD_ROUNDS = 4  # until friction under load and the rotor's acceleration agree
 
 
 @runtime_checkable
@@ -23,6 +24,11 @@ class RigidBody(Protocol):
 
     See :class:`jaxidl.systems.PointMass`.
     """
+
+    @property
+    def armature(self) -> Joints:
+        """The inertia (J,) [kg or kg m^2] of rotors on the motors' side of gears."""
+        ...
 
     def forward_dynamics(self, q: Joints, qd: Joints, tau: Joints) -> Joints: ...
 
@@ -85,7 +91,12 @@ class Plant(struct.PyTreeNode):
         if not dry:
             return qdd
         free = qd + dt * qdd
-        grip = self.grip(q, qd, load(self.effects, q, qd, tau, free), free)
+        given = passed = load(self.effects, q, qd, tau, free)
+        rounds = LOAD_ROUNDS if any(loaded(e, len(q)) for e in self.effects) else 0
+        for _ in range(rounds):  # exact where joints slide, and where they are about to
+            slowed = mobility @ (self.grip(q, qd, passed, free) * jnp.sign(free))
+            passed = given - body.armature * (qdd - slowed)
+        grip = self.grip(q, qd, passed, free)
         return qdd - mobility @ friction_torque(free / dt, mobility, grip)
 
     def damping(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
@@ -121,7 +132,8 @@ class Plant(struct.PyTreeNode):
             added = effect.torque(q, qd, needed)
             torque, rubbed = torque + added, rubbed + (added if dissipates(effect) else 0.0)
         direction = jnp.where(jnp.abs(qd) > 0.0, qd, qdd)
-        grip = self.grip(q, qd, needed - torque + rubbed, direction)
+        passed = needed - torque + rubbed - body.armature * qdd
+        grip = self.grip(q, qd, passed, direction)
         return needed - torque + grip * jnp.sign(direction)
 
     def step(

@@ -27,6 +27,11 @@ class PointMass(struct.PyTreeNode):
         """Return the inverse of the inertia matrix (J, J) [1/kg]."""
         return jnp.diag(1.0 / self.mass)
 
+    @property
+    def armature(self) -> Joints:
+        """The inertia (J,) [kg] of rotors: a point mass has no gear."""
+        return jnp.zeros_like(self.mass)
+
     def add_inertia(self, extra: Joints) -> "PointMass":
         """Return the body with ``extra`` (J,) [kg] on its axes."""
         return PointMass(self.mass + extra)

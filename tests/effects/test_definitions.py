@@ -12,6 +12,7 @@ import jaxidl.effects as fx
 from jaxidl.effects import OnJoint
 from jaxidl.effects.varying import table_value
 from jaxidl.systems import Plant, point_mass
+from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.plant import friction_torque
 from jaxidl.types import State
 from tests.helpers.effects import DT, acceleration, one, run
@@ -110,6 +111,25 @@ def test_friction_under_load_reads_what_other_friction_leaves(tau, load):
     without = 2.0 * qdd + 2.0
     (needed,) = plant.inverse_dynamics(*state, one(qdd))
     assert needed == pytest.approx(without + 3.0 + 2.0 + 0.2 * abs(without))
+
+
+HINGE = """<mujoco><worldbody><body><joint name="hinge" type="hinge" axis="0 0 1" armature="1.5"/>
+<inertial pos="0 0 0" mass="1" diaginertia="0.5 0.5 0.5"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("torque", [8.0, -8.0])
+def test_what_accelerates_the_rotor_passes_no_gear(tmp_path, torque):
+    """A rotor of 1.5 and 0.5 more, a link of 0.5 kg m^2, friction of 0.3 of the load."""
+    (tmp_path / "hinge.xml").write_text(HINGE)
+    body, share = read_model(tmp_path / "hinge.xml").plant.body, 0.3
+    plant = Plant(body, (fx.InertiaError(one(0.5)), fx.LoadDependentFriction(one(share))))
+    state = State(one(0.3), one(1.0))
+    qdd = plant.acceleration(state, one(torque), DT).item()
+    load = torque - 2.0 * qdd
+    assert 2.5 * qdd == pytest.approx(torque - share * abs(load), rel=2e-3)
+    assert plant.acceleration(State(one(0.3), one(0.0)), one(0.0), DT) == 0.0
+    needed = plant.inverse_dynamics(*state, one(qdd)).item()
+    assert needed == pytest.approx(2.5 * qdd + share * abs(0.5 * qdd))
 
 
 @pytest.mark.parametrize(

@@ -172,8 +172,8 @@ class _Plant:
     def _rub(self, q: Floats, qd: Floats, load: Floats, force: Floats) -> None:
         """Add dry friction to ``force``; levels of several effects on one joint are added.
 
-        ``load`` is what smooth friction leaves of the motors' torques; other dry friction reduces
-        the load before friction under load reads it.
+        ``load`` is what smooth friction leaves of the motors' torques; other dry friction and the
+        rotors reduce the load before friction under load reads it.
         """
         levels: dict[int, Level] = {}
 
@@ -188,7 +188,9 @@ class _Plant:
                 load[j] += more
         for j, (forward, backward, _) in levels.items():
             load[j] -= forward if qd[j] > 0 else -backward
+        rotors, acceleration = self.model.dof_armature, self.data.qacc  # of the step before
         for j, dry in self.loaded:
+            load[j] -= float(rotors[j] * acceleration[j])
             add(j, dry(q[j], qd[j], load[j]))
         net = [f - b for f, b in zip(force, self.data.qfrc_bias.tolist(), strict=True)]
         m = self.data.M.tolist()  # lower triangle, row after row

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jaxidl.gap.choice.confidence import DRAWS, Support, support
-from jaxidl.gap.choice.objections import UNSURE, confirmed, nameable
+from jaxidl.gap.choice.objections import UNSURE, confirmed, held, nameable
 from jaxidl.gap.choice.rivals import Contests, Tie, contested, tied
 from jaxidl.gap.choice.search import search
 from jaxidl.gap.evidence.gram import Group, Item
@@ -133,6 +133,7 @@ def settled(
         predicted = upsampled(rows, rows.command - residual(rows, now))
         score = seen_anew(score, now, rows, predicted, acts_on_predicted)
         score, members = exchanged(score, now, refitted(score, now, library, predicted))
+        score = outgrown(score, members)
         now, before = search(score, members), now
         same = {m.group for m in now.members} == {m.group for m in before.members}
         if same and (better := contested(score, now, rows, predicted, contests)) is not None:
@@ -188,6 +189,23 @@ def exchanged(score: Score, now: Solution, fresh: list[Item]) -> tuple[Score, li
         *(i for i in fresh if i not in score.items or id(i) in old),
     ]
     return score.having(items), [*stay, *fresh]
+
+
+def outgrown(score: Score, members: list[Item]) -> Score:
+    """Return the score without starting shapes that fitted ones replace.
+
+    In the fitted one's place such a shape would be scaled as far as it may. Held there it may seem
+    better by chance, and nothing on a bound is named.
+    """
+    gone = set[Item]()
+    for m in members:
+        if m.shape is not None and movable(m.shape) and not m.shape.free:
+            rest = [o for o in members if o is not m]
+            for i in (i for i in score.items if i.group == m.group and i is not m):
+                at = score.solve([*rest, i])
+                if held(i, at.x[at.of(i)]):
+                    gone.add(i)
+    return score.narrowed([i for i in score.items if i not in gone]) if gone else score
 
 
 def refitted(score: Score, now: Solution, library: Library, predicted: np.ndarray) -> list[Item]:

@@ -60,7 +60,7 @@ def additions(
     tau: np.ndarray,
     predicted: np.ndarray,
     undone: bool = False,
-    friction: np.ndarray | float = 0.0,
+    unloaded: np.ndarray | float = 0.0,
     behind: Behind = NOTHING,
 ) -> tuple[Float[np.ndarray, "G N J"], np.ndarray]:
     """Return the torque that each of G effects adds to the predicted command [N or Nm].
@@ -75,14 +75,14 @@ def additions(
         predicted: commands (T, J) that their ``torque`` reads [N or Nm].
         undone: true if the effects' changes of the encoders are already undone in the signals, so
             that they are not counted again.
-        friction: torques (T, J) of :func:`friction_along` without a load. With them, ``predicted``
-            is the load that their ``dry`` reads.
+        unloaded: torques (T, J) of :func:`before_gears`. With them, ``predicted`` is the load that
+            their ``dry`` reads.
         behind: links and friction, which act where the joints truly are. Where these effects change
             the encoders, their change counts, too.
     """
     joints = signals.q.shape[1]
     columns, alone, places = narrowed(effects)
-    each = (signals.q, signals.qd, signals.qdd, tau, predicted, predicted + friction)
+    each = (signals.q, signals.qd, signals.qdd, tau, predicted, predicted + unloaded)
     tables = signals.tables.part(columns)  # as if the other joints did not move
     drive = Drive._make([*(x[:, columns] for x in each), tables])
     starts = np.zeros(len(tau), bool)

@@ -11,7 +11,7 @@ import numpy as np
 from jaxidl.backend import jit_quickly
 from jaxidl.effects import Effect, OnJoint
 from jaxidl.effects.load import dissipates
-from jaxidl.gap.evidence.links import narrowed
+from jaxidl.gap.evidence.links import alterations, narrowed
 from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 
@@ -46,6 +46,16 @@ def friction_along(
         level[:, columns] += np.asarray(dry)
     way = np.where(signals.resting, impending, by_run(signals.qd, signals.slices, mean_sign))
     return smooth - np.maximum(level, 0.0) * way
+
+
+def before_gears(effects: Sequence[Effect], signals: Signals, tau: np.ndarray) -> np.ndarray:
+    """Return the torque (T, J) [N or Nm] that does not reach the gears; below zero what they lack.
+
+    It is that of all friction that needs no load, and what accelerates the rotors.
+    """
+    more = [x for e in effects for way, x in alterations(e) if way == "add_inertia"]
+    rotors = np.asarray(signals.body.armature) + sum(more)
+    return friction_along(effects, signals, tau) - rotors * signals.qdd
 
 
 def mean_sign(x: np.ndarray) -> np.ndarray:

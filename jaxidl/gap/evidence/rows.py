@@ -13,7 +13,7 @@ from jaxidl.effects import Effect
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.behind import NOTHING, Behind
 from jaxidl.gap.evidence.drift import slower, weighted, weights_of
-from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.friction import before_gears
 from jaxidl.gap.evidence.samples import returns
 from jaxidl.logs.low_pass import at_instants, band_limited
 from jaxidl.logs.signals import Signals
@@ -43,7 +43,7 @@ class Rows(NamedTuple):
     spread: Float[np.ndarray, " J"]  # spread of the command [N or Nm]
     tau: Float[np.ndarray, "T J"]  # the command after the model's own actuators [N or Nm]
     friction: Float[np.ndarray, "N J"]  # torque that the model's own friction needs [N or Nm]
-    unloaded: Float[np.ndarray, "T J"]  # torque of friction that needs no load [N or Nm]
+    unloaded: Float[np.ndarray, "T J"]  # torque that passes no gear [N or Nm]
     signals: Signals
     effects: tuple[Effect, ...] = ()  # the model's own
     # (J,) by how much later torques are assumed to be logged [s]
@@ -67,7 +67,7 @@ class Rows(NamedTuple):
             self.signals,
             self.tau,
             predicted,
-            friction=self.unloaded,
+            unloaded=self.unloaded,
             behind=self.behind,
         )
         return added
@@ -210,9 +210,9 @@ def rows_of(signals: Signals, effects: Sequence[Effect] = (), held_out: float = 
     for j, peaks in enumerate(signals.peaks):
         at = np.searchsorted(rows, peaks[:, 0])
         gap[at, j], used[at, j] = peaks[:, 1], True
-    friction, unloaded = np.zeros_like(gap), friction_along(effects, signals, tau)
+    friction, unloaded = np.zeros_like(gap), before_gears(effects, signals, tau)
     for effect in effects:
-        added, tau = additions([effect], signals, tau, tau, undone=True, friction=unloaded)
+        added, tau = additions([effect], signals, tau, tau, undone=True, unloaded=unloaded)
         gap = gap - added[0]
         friction += added[0] if inner(effect).friction else 0.0
     command = signals.command(tau)[rows]

@@ -12,7 +12,7 @@ from jaxtyping import Float
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.behind import Behind
-from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.friction import before_gears
 from jaxidl.gap.evidence.items import imitation
 from jaxidl.gap.evidence.rows import Rows, rows_of
 from jaxidl.gap.fit.library import alignments, noise_of, residual, upsampled
@@ -37,12 +37,12 @@ def balance(
     rows = rows_of(signals, own, held_out)
     left, predicted, tau = rows.gap, rows.tau, rows.tau
     every = (*own, *more)
-    unloaded, behind = friction_along(every, signals, tau), Behind(every, signals.body)
+    unloaded, behind = before_gears(every, signals, tau), Behind(every, signals.body)
     for _ in range(2):  # what reads the torque reads the predicted one, after the motor's effects
         left, tau = rows.gap, rows.tau
         for effect in more:
             load = predicted + tau - rows.tau
-            added, tau = additions([effect], signals, tau, load, friction=unloaded, behind=behind)
+            added, tau = additions([effect], signals, tau, load, unloaded=unloaded, behind=behind)
             left = left - added[0]
         predicted = upsampled(rows, rows.command - left)
     rest = rows._replace(gap=left, tau=tau)

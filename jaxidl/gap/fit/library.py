@@ -15,7 +15,7 @@ from scipy.ndimage import uniform_filter1d
 
 from jaxidl.effects import CATALOGUE, Effect, Scale
 from jaxidl.gap.evidence.behind import Behind
-from jaxidl.gap.evidence.friction import friction_along
+from jaxidl.gap.evidence.friction import before_gears
 from jaxidl.gap.evidence.gram import Anchor, Item, columns_at
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.links import links_of
@@ -226,9 +226,9 @@ def load_of(rows: Rows, found: Solution) -> np.ndarray:
 
 
 def with_friction(rows: Rows, found: Solution) -> Rows:
-    """Return the rows with the friction of a set that needs no load; it reduces the load."""
+    """Return the rows with what of a set passes no gear; it reduces the load."""
     rows = behind_encoders(rows, found)
-    return rows._replace(unloaded=friction_along(rows.behind.effects, rows.signals, rows.tau))
+    return rows._replace(unloaded=before_gears(rows.behind.effects, rows.signals, rows.tau))
 
 
 def behind_encoders(rows: Rows, found: Solution) -> Rows:

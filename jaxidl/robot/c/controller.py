@@ -143,7 +143,7 @@ def _generate(own: Controller, name: str, source: str) -> Code:
     for effect in given:
         bare = effect.alter(bare)
     estimator, law = feedback.estimator(own.estimator, own.dt), feedback.law(own.law, joints)
-    added = effects.effects(given, joints)
+    added = effects.effects(given, np.asarray(bare.armature))
     model = own.error_model
     circumstances = len(model.circumstance_scales) if model else 0
     limits = table("torque_limit", feedback.each(own.torque_limit, joints), "[Nm or N]")

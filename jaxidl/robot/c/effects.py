@@ -8,7 +8,7 @@ from jaxidl.effects import Effect
 from jaxidl.effects.load import dissipates
 from jaxidl.errors import ConfigurationError
 from jaxidl.robot.c.expressions import Writer, symbols, trace
-from jaxidl.robot.c.text import commented
+from jaxidl.robot.c.text import commented, table
 from jaxidl.systems.free import inner
 
 _HIDDEN = (
@@ -34,7 +34,9 @@ _DRY_ARRAYS = "    real grip[J] = {0}, direction[J];\n"
 
 _LOAD_ARRAY = "    real load[J];\n"
 
-_LOAD = "    for (j = 0; j < J; j++) load[j] = tau[j] - given[j]; /* what passes the gears */\n"
+_LOAD = """    /* what passes the gears */
+    for (j = 0; j < J; j++) load[j] = tau[j] - given[j] - rotor[j] * qdd[j];
+"""
 
 _DRY = """    for (j = 0; j < J; j++) direction[j] = qd[j] != 0 ? qd[j] : qdd[j];
 
@@ -42,16 +44,16 @@ _DRY = """    for (j = 0; j < J; j++) direction[j] = qd[j] != 0 ? qd[j] : qdd[j]
 """
 
 
-def effects(given: Sequence[Effect], joints: int) -> str:
+def effects(given: Sequence[Effect], rotors: np.ndarray) -> str:
     """Return C of the function ``effects``; empty where none of them gives a torque.
 
     It does what :meth:`jaxidl.systems.Plant.inverse_dynamics` does. Effects that only alter the
-    rigid body are not its business.
+    rigid body are not its business. What accelerates ``rotors`` (J,) [kg or kg m^2] passes no gear.
 
     Raises:
         ConfigurationError: for an effect that is not a function of the state at one instant.
     """
-    names = ("q", "qd", "tau", "load", "direction")
+    joints, names = len(rotors), ("q", "qd", "tau", "load", "direction")
     q, qd, tau, load, direction = (symbols(name, joints) for name in names)
     writer, torques, grips = Writer("effect"), [], []
     for number, effect in enumerate(given):
@@ -74,7 +76,8 @@ def effects(given: Sequence[Effect], joints: int) -> str:
         dry=dry,
         dry_arrays=(_DRY_ARRAYS if grips else "") + (_LOAD_ARRAY if loaded else ""),
     )
-    return f"{''.join(writer.tables)}\n{program}".lstrip("\n")
+    tables = [*writer.tables, *([table("rotor", rotors, "[kg or kg m^2]")] if loaded else [])]
+    return f"{''.join(tables)}\n{program}".lstrip("\n")
 
 
 def _refuse_hidden(effect: Effect, whole: Effect, joints: int) -> None:
