@@ -85,6 +85,18 @@ def test_rigid_bodies_and_the_effects_of_their_files(name, tmp_path):
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=tolerance)
 
 
+def test_what_accelerates_rotors_is_no_load_of_their_gears(tmp_path):
+    model = robot("urdf", tmp_path)
+    joints = len(model.names)
+    rotors, shares = jnp.linspace(0.1, 0.3, joints), jnp.linspace(0.3, 0.1, joints)
+    effects = fx.InertiaError(rotors), fx.LoadDependentFriction(shares)
+    plant, motions = model.plant.replace(effects=effects), states(joints)
+    in_c = InC(Controller.of(task_of(joints), plant, None, model.names), tmp_path)
+    found = [in_c.torque("inverse_dynamics", *m) for m in zip(*motions, strict=True)]
+    expected = np.asarray(quick(jax.vmap(plant.inverse_dynamics))(*motions))
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9)
+
+
 class Wave(fx.Effect):
     """A user's effect with operations that none of the catalogue has."""
 
