@@ -301,7 +301,9 @@ def test_a_set_reads_the_load_that_it_predicts_itself(two_link):
 
     def command(q, qd, qdd):
         rigid = np.asarray(needed(two_link, q, qd, qdd))
-        return rigid / (1.0 - share * np.tanh(rigid * qd / 1e-3))  # tau - share |tau| sign = rigid
+        rotor = np.asarray(two_link.plant.body.armature) * qdd
+        behind = rigid - rotor  # tau - share |tau - rotor| sign = rigid
+        return rotor + behind / (1.0 - share * np.tanh(behind * qd / 1e-3))
 
     rows = rows_of(prepare(from_arrays(*swung(command)), two_link.plant.body))
     score = library(rows, ("load_dependent_friction",), {}).score

@@ -256,11 +256,13 @@ class _Arm:
         """Set the levels of dry friction for this step.
 
         Levels of several effects on one joint are added. ``load`` is what other friction leaves of
-        the motors' torques; dry friction that needs no load reduces it further.
+        the motors' torques; dry friction that needs no load and the rotors reduce it further.
         """
         sliding, bears = [0.0] * len(q), [0.0] * len(q)
-        for group in (self.rough, self.loaded):
-            left = [x - math.copysign(s, v) for x, s, v in zip(load, sliding, qd, strict=True)]
+        before = (self.model.dof_armature * self.data.qacc).tolist()  # at the step before
+        for group, rotors in ((self.rough, [0.0] * len(q)), (self.loaded, before)):
+            each = zip(load, sliding, qd, rotors, strict=True)
+            left = [x - math.copysign(s, v) - r for x, s, v, r in each]
             for n, j, dry in group:
                 forward, backward, rest = dry(q[j], qd[j], left[j])
                 level = forward if qd[j] > 0 else backward

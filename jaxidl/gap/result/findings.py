@@ -77,7 +77,8 @@ def findings(
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
         own = [t for t in found.ties if value.key in {g[:2] for g in t.found}]
         left = np.sqrt(np.maximum(a**2 - floor[j] ** 2, 0.0))
-        company = company_of(value.key, fitted, len(known.names), found.score.anchor is not None)
+        keys, changed = [v.key for v in fitted], found.score.anchor is not None
+        company = company_of(value.key, keys, len(known.names), changed)
         falls, lost, size = found.solution.value - instead, gain, share
         if (other := cancelling(mine, added, rows.used[:, j], j)) is not None:
             size = float(rms(mine + added[other], rows.used)[j] / max(command[j], 1e-300))
@@ -165,15 +166,15 @@ def best_instead(
     return best, nearest
 
 
-def company_of(key: Key, fitted: Sequence[Value], joints: int, changed: bool) -> float:
-    """Return the share of the other ``joints`` on which the same was found.
+def company_of(key: Key, found: Sequence[Key], joints: int, changed: bool) -> float:
+    """Return the share of the other ``joints`` on which the same was ``found``.
 
     It says nothing of what has ``changed`` since another log: one joint may change alone. Nor does
     it of effects of the whole mechanism, which have none.
     """
     if key[1] is None or changed:
         return float(key[1] is not None)
-    return sum(v.key[0] == key[0] and v.key != key for v in fitted) / max(joints - 1, 1)
+    return sum(k[0] == key[0] and k != key for k in found) / max(joints - 1, 1)
 
 
 def cancelling(
