@@ -94,7 +94,8 @@ class Plant(struct.PyTreeNode):
         given = passed = load(self.effects, q, qd, tau, free)
         rounds = LOAD_ROUNDS if any(loaded(e, len(q)) for e in self.effects) else 0
         for _ in range(rounds):  # exact where joints slide, and where they are about to
-            slowed = mobility @ (self.grip(q, qd, passed, free) * jnp.sign(free))
+            brake = self.grip(q, qd, passed, free) * jnp.sign(free)
+            slowed = jnp.sum(mobility * brake[None], 1)  # which fuses, unlike @
             passed = given - body.armature * (qdd - slowed)
         grip = self.grip(q, qd, passed, free)
         return qdd - mobility @ friction_torque(free / dt, mobility, grip)
