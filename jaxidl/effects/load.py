@@ -7,7 +7,9 @@ itself: most friction of a geared drive is on its fast side.
 
 from collections.abc import Sequence
 
+import jax
 import jax.numpy as jnp
+from jax.tree_util import PyTreeDef
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.on_joint import OnJoint
@@ -44,20 +46,16 @@ def unloaded(
 
 def dissipates(effect: Effect) -> bool:
     """Return whether an effect is friction."""
-    return _kind(effect).friction
+    return type(effect.effect if isinstance(effect, OnJoint) else effect).friction
 
 
 def loaded(effect: Effect, joints: int) -> bool:
     """Return whether an effect is dry friction that depends on the load."""
-    kind = _kind(effect)
+    kind = jax.tree.structure(effect)
     if kind not in _READS:
         _READS[kind] = effect.grips() and effect.reads_torque(joints)
     return _READS[kind]
 
 
-def _kind(effect: Effect) -> type[Effect]:
-    return type(effect.effect if isinstance(effect, OnJoint) else effect)
-
-
 # asked for in every step of a plant, so an effect is traced once
-_READS: dict[type[Effect], bool] = {}
+_READS: dict[PyTreeDef, bool] = {}

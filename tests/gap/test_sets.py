@@ -22,6 +22,7 @@ from jaxidl.effects import (
 )
 from jaxidl.gap.choice import estimates, rivals
 from jaxidl.gap.choice.confidence import DRAWS, support
+from jaxidl.gap.choice.find import outgrown
 from jaxidl.gap.choice.objections import apart, nameable, objection, objections
 from jaxidl.gap.choice.rivals import Contests, contested, tied
 from jaxidl.gap.choice.search import REPLACED, replaced, search
@@ -147,6 +148,25 @@ def stacked(rows, members, fitted):
 
 
 # the score
+
+
+def test_a_fitted_shape_replaces_those_that_would_be_scaled_too_far():
+    rng = np.random.default_rng(7)
+    spring = {"stiffness": 1.0, "rest": 0.0}
+    column = rng.normal(size=(1, N, 1))
+    at = lambda size: item(
+        "spring",
+        size * column,
+        low=-2.0,
+        high=2.0,
+        shape=Shape(Spring, 0, JOINTS, (), spring, {}, {}),
+    )
+    fitted, near, far, turned = at(1.0), at(0.7), at(0.3), at(-0.3)
+    other = item("other", rng.normal(size=(1, N, 1)))
+    rows = rows_with(column[0] @ [[1.0, 0.0]] + 0.1 * rng.normal(size=(N, JOINTS)))
+    score = score_of(rows, [near, far, turned, other, fitted])
+    assert outgrown(score, [fitted, other]).items == [near, other, fitted]
+    assert outgrown(score, [other]) is score
 
 
 def test_when_a_torque_acts_is_known_no_worse_than_its_bounds_say():
