@@ -6,10 +6,10 @@ itself: most friction of a geared drive is on its fast side.
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jax.tree_util import PyTreeDef
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.on_joint import OnJoint
@@ -58,4 +58,4 @@ def loaded(effect: Effect, joints: int) -> bool:
 
 
 # asked for in every step of a plant, so an effect is traced once
-_READS: dict[PyTreeDef, bool] = {}
+_READS: dict[Any, bool] = {}
