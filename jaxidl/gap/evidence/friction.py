@@ -49,9 +49,9 @@ def friction_along(
 
 
 def before_gears(effects: Sequence[Effect], signals: Signals, tau: np.ndarray) -> np.ndarray:
-    """Return the torque (T, J) [N or Nm] that does not reach the gears; below zero what they lack.
+    """Return what is added (T, J) [N or Nm] to the motors' torque before it reaches the gears.
 
-    It is that of all friction that needs no load, and what accelerates the rotors.
+    It is the torque of all friction that needs no load, less what accelerates the rotors.
     """
     more = [x for e in effects for way, x in alterations(e) if way == "add_inertia"]
     rotors = np.asarray(signals.body.armature) + sum(more)
