@@ -67,7 +67,7 @@ def keep_programs() -> None:
     jax.config.update(
         "jax_compilation_cache_dir", str(home / "jaxidl" / f"programs-{_processor()}")
     )
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.05)
 
 
 def _processor() -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxidl.effects.base import Effect
 from jaxidl.effects.delay import DELAYS, LATE, LONGEST, Delay, Line, late, line, push
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
-from jaxidl.types import History, Joints
+from jaxidl.types import History, Joints, Scalar
 
 REACHED = 0.95  # share of the limit from which on a motor counts as saturated
 
@@ -32,7 +32,7 @@ class ActuatorLag(Effect):
         return jnp.zeros_like(q)
 
     def actuate(
-        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Joints]:
         delivered = tau + (memory - tau) * jnp.exp(-dt / self.time_constant)
         return delivered, delivered
@@ -68,7 +68,7 @@ class ActuatorDelay(Delay):
         return line(jnp.zeros_like(q), self.steps)
 
     def actuate(
-        self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Line, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Line]:
         return late(tau, memory, self.delay / dt + jnp.zeros_like(q)), push(memory, tau)
 
@@ -93,7 +93,7 @@ class TorqueScale(Effect):
     )
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         return self.scale * tau, memory
 
@@ -131,7 +131,7 @@ class TorqueCurve(Effect):
     )
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         return tau * (1.0 - jnp.minimum(self.loss * jnp.abs(tau), 0.5)), memory
 
@@ -165,7 +165,7 @@ class TorqueSaturation(Effect):
     )
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         return jnp.clip(tau, -self.limit, self.limit), memory
 

@@ -31,7 +31,7 @@ from flax import struct
 from jax.interpreters.partial_eval import dce_jaxpr
 
 from jaxidl.effects.spec import Guess, Motor, Parameter, Scale, Variant
-from jaxidl.types import History, JointMask, Joints
+from jaxidl.types import History, JointMask, Joints, Scalar
 
 
 class Effect(struct.PyTreeNode):
@@ -103,7 +103,7 @@ class Effect(struct.PyTreeNode):
         return ()
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         """Return the delivered torque (J,) and the new hidden state after one step ``dt`` [s].
 
@@ -144,7 +144,7 @@ class Effect(struct.PyTreeNode):
         """
         return q
 
-    def true_position(self, q: History, dt: float) -> History:
+    def true_position(self, q: History, dt: Scalar) -> History:
         """Return the true positions (T, J) behind noise-free encoder readings ``q`` (T, J).
 
         They are sampled every ``dt`` [s]. This is the inverse of ``sense``.

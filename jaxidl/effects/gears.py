@@ -76,7 +76,7 @@ class ThermalFriction(Effect):
         return jnp.zeros_like(q)
 
     def actuate(
-        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Joints]:
         """Return the torque less the additional friction when cold, and the new hidden state.
 
@@ -219,7 +219,7 @@ class MotorCoupling(Effect):
     )
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         passed: Array = self.share * tau[self.joint]
         return tau.at[self.other].add(passed), memory

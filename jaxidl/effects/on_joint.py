@@ -66,7 +66,7 @@ class OnJoint(Effect):
         return self.effect.start(self._of(q))
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         delivered, memory = self.effect.actuate(
             memory, self._of(q), self._of(qd), self._of(tau), dt
@@ -96,7 +96,7 @@ class OnJoint(Effect):
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return self._put(q, self.effect.sense(memory, self._of(q), self._of(noise)))
 
-    def true_position(self, q: History, dt: float) -> History:
+    def true_position(self, q: History, dt: Scalar) -> History:
         if type(self.effect).true_position is Effect.true_position:
             return q
         return q.at[:, self.joint].set(self.effect.true_position(q[:, self.joint, None], dt)[:, 0])

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from jaxidl.effects.base import Effect
 from jaxidl.effects.spec import Parameter, Scale, Variant
-from jaxidl.types import Joints
+from jaxidl.types import Joints, Scalar
 
 SHARES = (0.005, 0.02, 0.06, 0.15)  # of the joint's range: distances that a search begins with
 SHORTEST, LONGEST = (
@@ -40,7 +40,7 @@ class PreslidingFriction(Effect):
         return jnp.zeros_like(q)
 
     def actuate(
-        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Joints, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Joints]:
         """Return the torque that this friction leaves, on average over a step, and the new z."""
         way = jnp.abs(qd) * dt / self.distance

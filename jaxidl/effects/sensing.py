@@ -63,7 +63,7 @@ class PositionBias(Effect):
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return q + self.bias
 
-    def true_position(self, q: History, dt: float) -> History:
+    def true_position(self, q: History, dt: Scalar) -> History:
         return q - jnp.broadcast_to(self.bias, q.shape)
 
     @classmethod
@@ -96,7 +96,7 @@ class SensorDelay(Delay):
         return line(q, self.steps), jnp.zeros_like(q)
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         """Return the torque unchanged; remember the position and the delay in steps."""
         return tau, (push(memory[0], q), self.delay / dt + jnp.zeros_like(q))
@@ -104,7 +104,7 @@ class SensorDelay(Delay):
     def sense(self, memory: Any, q: Joints, noise: Joints) -> Joints:
         return late(q, *memory)
 
-    def true_position(self, q: History, dt: float) -> History:
+    def true_position(self, q: History, dt: Scalar) -> History:
         last = q.shape[0] - 1
         older = jnp.broadcast_to(self.delay / dt, q.shape)
         place = jnp.clip(jnp.arange(last + 1.0)[:, None] + older, 0.0, last)

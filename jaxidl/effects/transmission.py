@@ -15,7 +15,7 @@ import numpy as np
 from jaxidl.effects.base import Effect
 from jaxidl.effects.delay import LATE
 from jaxidl.effects.spec import Guess, Parameter, Scale, Variant
-from jaxidl.types import Joints
+from jaxidl.types import Joints, Scalar
 
 SUBSTEPS = 4
 MOST_TWIST = 0.1  # share of the joint's range: no drive is softer
@@ -49,7 +49,7 @@ class Transmission(Effect):
         return jnp.zeros_like(q), jnp.zeros_like(q)
 
     def actuate(
-        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: float
+        self, memory: Any, q: Joints, qd: Joints, tau: Joints, dt: Scalar
     ) -> tuple[Joints, Any]:
         """Return the mean transmitted torque (J,) over a step and the new hidden state.
 

@@ -9,7 +9,7 @@ import numpy as np
 from jaxidl import __version__
 from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
-from jaxidl.gap.choice.find import Found, Watch, find
+from jaxidl.gap.choice.find import Found, Watch, find, weighed
 from jaxidl.gap.choice.objections import possible
 from jaxidl.gap.evidence.gram import Anchor
 from jaxidl.gap.evidence.localise import localise
@@ -81,12 +81,13 @@ def diagnose(
         common: tuple[Effect, ...] = ()
         if old is not None:
             watch("searching the reference", 0.0)
-            before, _ = _search(old, known, (), names, 0.0, min_gain, watch, resample=False)
+            before, _ = _search(old, known, (), names, 0.0, min_gain, watch)
             kept = fitted_to_training(before)
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found, signals = _search(
             measured, known, common, names, held_out, min_gain, watch, before=before
         )
+        found = weighed(found, watch)
         usual = None if before is None else _left_by(before)
         said = judged(found, signals, known, common, rollouts, watch, usual)
         found, named, gap, after = said.found, said.named, said.gap, said.after
@@ -180,7 +181,6 @@ def _search(
     min_gain: float,
     watch: Watch,
     before: Found | None = None,
-    resample: bool = True,
 ) -> tuple[Found, Signals]:
     """Prepare a log for the model with the ``common`` effects of two logs, and search.
 
@@ -193,7 +193,7 @@ def _search(
     reference = None if before is None else _reference(before)
     while True:
         watch("computing what each effect would add", 0.0)
-        found = find(library(rows, names, present(effects), reference), min_gain, watch, resample)
+        found = find(library(rows, names, present(effects), reference), min_gain, watch)
         score = found.library.score
         out = strange(found.library.rows, found.explaining, score.noise, score.alike)
         if np.array_equal(out, rows.strange):

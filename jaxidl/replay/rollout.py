@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from jaxidl.backend import jit_quickly
 from jaxidl.logs.signals import Signals
 from jaxidl.systems import Plant
-from jaxidl.types import State
+from jaxidl.types import Scalar, State
 
 HORIZONS = (0.05, 0.1, 0.2, 0.5)  # [s]
 WINDOWS = 64
@@ -91,13 +91,13 @@ def windows_at(signals: Signals, starts: np.ndarray, lead: int, length: int) -> 
     )
 
 
-@partial(jit_quickly, static_argnames=("lead", "dt"))
-def _simulate(plant: Any, windows: Windows, lead: int, dt: float) -> Any:
+@partial(jit_quickly, static_argnames="lead")
+def _simulate(plant: Any, windows: Windows, lead: int, dt: Scalar) -> Any:
     """Return positions (W, S, J) after each step of W rollouts."""
     return jax.vmap(lambda window: replay(plant, window, lead, dt))(windows)
 
 
-def replay(plant: Plant, window: Windows, lead: int, dt: float) -> Float[Array, "S J"]:
+def replay(plant: Plant, window: Windows, lead: int, dt: Scalar) -> Float[Array, "S J"]:
     """Return positions (S, J) [m or rad] after each step of one window's rollout.
 
     The plant is driven by the measured torque. It starts from the measured state; hidden states

@@ -63,7 +63,7 @@ class Plant(struct.PyTreeNode):
         return tuple(effect.start(q) for effect in self.effects)
 
     def acceleration(
-        self, state: State, tau: Joints, dt: float, *, implicit: bool = False
+        self, state: State, tau: Joints, dt: Scalar, *, implicit: bool = False
     ) -> Joints:
         """Return the acceleration (J,) [m/s^2] over a step ``dt`` [s].
 
@@ -142,7 +142,7 @@ class Plant(struct.PyTreeNode):
         state: State,
         hidden: tuple[Any, ...],
         tau: Joints,
-        dt: float,
+        dt: Scalar,
         *,
         implicit: bool = False,
     ) -> tuple[State, tuple[Any, ...]]:
@@ -193,7 +193,7 @@ def friction_torque(push: Joints, mobility: Float[Array, "J J"], level: Joints) 
     return jnp.stack(jax.lax.fori_loop(0, rounds, around, grip, unroll=rounds_at_once()))
 
 
-def integrate(state: State, qdd: Joints, dt: float) -> State:
+def integrate(state: State, qdd: Joints, dt: Scalar) -> State:
     """Return the state after one step of constant acceleration.
 
     This integrator serves plants and desired trajectories.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from jaxidl.gap.choice.confidence import DRAWS, Support, support
+from jaxidl.gap.choice.confidence import Support, support
 from jaxidl.gap.choice.objections import UNSURE, confirmed, held, nameable
 from jaxidl.gap.choice.rivals import Contests, Tie, contested, tied
 from jaxidl.gap.choice.search import search
@@ -62,12 +62,7 @@ class Found:
         return [*(i for i in usual if i.group not in named), *self.named]
 
 
-def find(
-    library: Library,
-    min_gain: float,
-    watch: Watch = lambda what, share: None,
-    resample: bool = True,
-) -> Found:
+def find(library: Library, min_gain: float, watch: Watch = lambda what, share: None) -> Found:
     """Return what is missing."""
     rows = library.rows
     score, predicted = library.score, library.predicted
@@ -100,16 +95,18 @@ def find(
         now, doubted = read, doubted | dropped
     gone = banned | doubted | weak
     narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
-    draws = DRAWS if resample else 0
-    said = support(narrow, now, draws, watch=lambda share: watch("resampling", share))
-    watch("looking for other explanations", 0.0)
-    ties: list[Tie] = []
-    if resample:
-        anew = seen_anew(narrow, now, rows, predicted, acts_on_predicted)
-        anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
-        ties = tied(anew, now, rows, predicted)
     library = library._replace(rows=behind_encoders(rows, now))
-    return Found(library, narrow, now, whole, predicted, said, ties, gone)
+    return Found(library, narrow, now, whole, predicted, support(narrow, now, 0), [], gone)
+
+
+def weighed(found: Found, watch: Watch = lambda what, share: None) -> Found:
+    """Return what was found with its support by resampling, and other explanations of the log."""
+    score, now, rows = found.score, found.solution, found.library.rows
+    said = support(score, now, watch=lambda share: watch("resampling", share))
+    watch("looking for other explanations", 0.0)
+    anew = seen_anew(score, now, rows, found.predicted, acts_on_predicted)
+    anew = seen_anew(anew, now, with_friction(rows, now), load_of(rows, now), reads_load)
+    return replace(found, support=said, ties=tied(anew, now, rows, found.predicted))
 
 
 def first(score: Score) -> Solution:

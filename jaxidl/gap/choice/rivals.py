@@ -127,7 +127,7 @@ def fitted_beside(
 
 def outside(members: Iterable[Item], whole: Item) -> list[Item]:
     """Return the members that are not parts of an effect on the same joint."""
-    return [m for m in members if m.always or not (part(m, whole) and m.key[1] == whole.key[1])]
+    return [m for m in members if m.always or m.key[1] != whole.key[1] or not part(m, whole)]
 
 
 def tied(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Tie]:

@@ -73,6 +73,8 @@ class Score(Gram):
         """Take the arguments of :class:`jaxidl.gap.evidence.gram.Gram`."""
         super().__init__(*args, **more)
         self._solved: dict[frozenset[int], Solution] = {}
+        # scaled coefficients of each column in the set solved last: sets differ by a few members
+        self._last = np.full(self.total, np.nan)
         # what :func:`jaxidl.gap.choice.estimates.promise` said so far
         self.promised: dict[Any, dict[int, float]] = {}
 
@@ -190,7 +192,9 @@ class Score(Gram):
         if self.anchor is not None:
             gram = gram + self.anchored[np.ix_(at, at)]
         lower, upper = self.bounds[0][at], self.bounds[1][at]
-        return bounded(gram, right + self.pull[at], lower, upper, self.dead[at])
+        x = bounded(gram, right + self.pull[at], lower, upper, self.dead[at], self._last[at])
+        self._last[at] = x[0]
+        return x
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
@@ -253,15 +257,16 @@ def bounded(
     lower: Float[np.ndarray, " P"],
     upper: Float[np.ndarray, " P"],
     dead: Bool[np.ndarray, " P"],
+    start: Float[np.ndarray, " P"],
 ) -> Float[np.ndarray, "F P"]:
     """Return solutions (F, P) of F normal equations within bounds.
 
-    The first one decides which bounds are active. What is ``dead`` stays at zero, or the nearest
-    bound.
+    The first one decides which bounds are active, and those that hold ``start`` are tried first.
+    What is ``dead`` stays at zero, or the nearest bound.
     """
-    x, free = np.zeros(right.shape), ~dead
-    held = np.clip(x[0], lower, upper)
-    for _ in range(MOST):
+    x, free = np.zeros(right.shape), ~dead & ~((start <= lower) | (start >= upper))
+    held = np.where(dead | np.isnan(start), np.clip(x[0], lower, upper), start)
+    for number in range(MOST):
         x[0] = held
         if free.all():
             x[0] = np.linalg.solve(gram[0], right[0])
@@ -277,12 +282,15 @@ def bounded(
             back &= ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
             if not back.any():
                 break
-            free |= back & (np.abs(push) == np.max(np.abs(push[back])))
+            # all at once, unless they take turns
+            free |= back & (np.abs(push) >= (number >= MOST // 2) * np.max(np.abs(push[back])))
             continue
         held = np.where(wrong, np.clip(x[0], lower, upper), held)
         free &= ~wrong
     x[1:] = held
-    if free.all():
+    if len(x) == 1:
+        pass
+    elif free.all():
         x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
     elif free.any():
         rows = gram[1:, free]
