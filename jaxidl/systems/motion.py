@@ -80,9 +80,9 @@ def by_body(motion: Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
 
     It follows from Newton's and Euler's equations about the origin of its frame, along its axes.
     """
-    into = motion.turn[:, b].transpose(0, 2, 1)
+    turned = motion.turn[:, b]
     arm = motion.place[:, b] - motion.centre[:, source.body_rootid[b]]
-    local = lambda vectors: np.einsum("tij,t...j->t...i", into, vectors)
+    local = lambda vectors: (vectors[:, None] @ turned)[:, 0]
     omega, alpha = motion.speed[:, b, :3], motion.acceleration[:, b, :3]
     speed = motion.speed[:, b, 3:] + np.cross(omega, arm)
     linear = local(motion.acceleration[:, b, 3:] + np.cross(alpha, arm) + np.cross(omega, speed))
@@ -94,9 +94,8 @@ def by_body(motion: Motion, b: int, source: mujoco.MjModel) -> np.ndarray:
     wrench[:, :3, 1:4] = -_cross(linear)
     wrench[:, :3, 4:] = _inertia_of(alpha) + turn @ spin
     axes = motion.axes * _carries(source, b)[:, None]
-    moves = np.concatenate(
-        [local(axes[..., :3]), local(axes[..., 3:] + np.cross(axes[..., :3], arm[:, None]))], 2
-    )
+    moved = axes[..., 3:] + np.cross(axes[..., :3], arm[:, None])
+    moves = np.concatenate([axes[..., :3] @ turned, moved @ turned], 2)
     return _without_rounding(_independent(motion, moves @ wrench))
 
 

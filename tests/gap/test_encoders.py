@@ -11,6 +11,7 @@ import pytest
 from jaxidl.effects import (
     ActuatorDelay,
     InertiaError,
+    JointElasticity,
     LoadDependentFriction,
     OnJoint,
     Payload,
@@ -18,6 +19,7 @@ from jaxidl.effects import (
     SensorDelay,
     ViscousFriction,
 )
+from jaxidl.gap.evidence import additions as along
 from jaxidl.gap.evidence.additions import additions
 from jaxidl.gap.evidence.behind import Behind
 from jaxidl.gap.evidence.friction import mean_sign
@@ -36,6 +38,8 @@ def on_joint(effect, joint=1):
 
 
 ENCODERS = (on_joint(PositionBias(jnp.array([BIAS]))), on_joint(SensorDelay(jnp.array([DELAY]))))
+LATE = on_joint(ActuatorDelay(jnp.array([0.01])))
+SOFT = on_joint(JointElasticity(jnp.array([20.0]), jnp.array([0.3]), jnp.array([0.05])))
 BESIDE = {
     "friction": on_joint(ViscousFriction(jnp.array([0.3])), 1),
     "friction elsewhere": on_joint(ViscousFriction(jnp.array([0.3])), 0),
@@ -102,6 +106,19 @@ def test_friction_under_load_turns_with_the_joint_and_keeps_its_load(log, body):
     wanted = signals.smooth(turned * [0.0, 1.0])[signals.rows]
     off = late(friction) - late() - wanted
     assert np.mean(np.abs(off)) < 0.1 * np.mean(np.abs(wanted))
+
+
+@pytest.mark.parametrize("logged", [STEPS, 3001])
+@pytest.mark.parametrize("effect", [*ENCODERS, LATE, SOFT], ids=["bias", "delay", "late", "soft"])
+def test_what_an_effect_adds_does_not_depend_on_the_length_of_its_program(
+    log, body, monkeypatch, effect, logged
+):
+    cut = from_arrays(log.time[:logged], log.q[:logged], log.tau[:logged])
+    signals = prepare(cut, body)
+    longer = additions([effect], signals, cut.tau, cut.tau)[0]
+    monkeypatch.setattr(along, "_longer", lambda x: x)
+    np.testing.assert_allclose(longer, additions([effect], signals, cut.tau, cut.tau)[0])
+    assert longer.any()
 
 
 @pytest.mark.parametrize("logged", [False, True], ids=["positions", "speeds-too"])

@@ -35,7 +35,7 @@ from jaxidl.gap.evidence.samples import correlation_time
 from jaxidl.gap.evidence.shape import Shape
 from jaxidl.gap.fit.held_out import aside, gain, worse_by
 from jaxidl.gap.fit.library import residual
-from jaxidl.gap.fit.score import Score, unconnected
+from jaxidl.gap.fit.score import Score, bounded, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled, somewhere
 from jaxidl.gap.result.findings import best_instead, cancelling, company_of, there
@@ -283,6 +283,19 @@ def test_a_bound_lets_go_what_it_need_not_hold():
     best = lsq_linear(x, y, bounds=(0.0, np.inf))
     assert best.x.max() > 0.5
     np.testing.assert_allclose(found.x, best.x, atol=1e-6)
+
+
+@pytest.mark.parametrize("begin", [np.nan, -1.0, 0.0, 2.0], ids=["anywhere", "low", "in", "high"])
+def test_bounds_are_the_best_ones_wherever_the_fit_begins(begin):
+    rng, size = np.random.default_rng(4), 40
+    for _ in range(20):
+        x = rng.normal(size=(60, size)) + rng.normal(size=(60, 1))  # columns that are alike
+        y = rng.normal(size=60)
+        low, high = -0.05 * rng.integers(0, 2, size), 0.2 * rng.uniform(0.1, 1.0, size)
+        dead, start = np.zeros(size, bool), np.clip(np.full(size, begin), low, high)
+        found = bounded((x.T @ x)[None], (x.T @ y)[None], low, high, dead, start)[0]
+        best = lsq_linear(x, y, bounds=(low, high), tol=1e-14)
+        np.testing.assert_allclose(found, best.x, atol=1e-6)
 
 
 def test_bounds_of_amplitudes_are_those_of_their_combinations():

@@ -28,7 +28,8 @@ from jaxidl.gap.evidence.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
 DILUTED = 3  # steps against regression dilution
-MOST = 12  # changes of the active bounds
+MOST = 200  # changes of the active bounds,
+PATIENCE = 3  # and those of all that are wrong that may in a row leave as many wrong
 
 
 class Solution(NamedTuple):
@@ -261,12 +262,13 @@ def bounded(
 ) -> Float[np.ndarray, "F P"]:
     """Return solutions (F, P) of F normal equations within bounds.
 
-    The first one decides which bounds are active, and those that hold ``start`` are tried first.
-    What is ``dead`` stays at zero, or the nearest bound.
+    The first one decides which bounds are active, by block principal pivoting (Judice and Pires
+    1994), from those that hold ``start``. What is ``dead`` stays at zero, or the nearest bound.
     """
     x, free = np.zeros(right.shape), ~dead & ~((start <= lower) | (start >= upper))
     held = np.where(dead | np.isnan(start), np.clip(x[0], lower, upper), start)
-    for number in range(MOST):
+    fewest, patience = len(free) + 1, PATIENCE
+    for _ in range(MOST):
         x[0] = held
         if free.all():
             x[0] = np.linalg.solve(gram[0], right[0])
@@ -274,19 +276,20 @@ def bounded(
             inner, side = gram[0][np.ix_(free, free)], gram[0][np.ix_(free, ~free)]
             x[0, free] = np.linalg.solve(inner, right[0, free] - side @ held[~free])
         wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
-        if not wrong.any():
-            if free.all():
-                break
-            push = right[0] - gram[0] @ x[0]
-            back = ~free & ~dead & (lower < upper)
-            back &= ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
-            if not back.any():
-                break
-            # all at once, unless they take turns
-            free |= back & (np.abs(push) >= (number >= MOST // 2) * np.max(np.abs(push[back])))
-            continue
-        held = np.where(wrong, np.clip(x[0], lower, upper), held)
-        free &= ~wrong
+        push = right[0] - gram[0] @ x[0]
+        inward = ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
+        wrong |= ~free & ~dead & (lower < upper) & inward
+        number = np.count_nonzero(wrong)
+        if not number:
+            break
+        if number < fewest:
+            fewest, patience = number, PATIENCE
+        elif patience:
+            patience -= 1
+        else:
+            wrong &= np.arange(len(wrong)) == np.flatnonzero(wrong)[-1]
+        held = np.where(wrong & free, np.clip(x[0], lower, upper), held)
+        free ^= wrong
     x[1:] = held
     if len(x) == 1:
         pass
