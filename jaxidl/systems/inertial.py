@@ -6,11 +6,13 @@ Ten for each body, as in :mod:`jaxidl.effects.ten`; gravity, too, may point else
 # MuJoCo's names are made when it is imported, where a type checker does not see them
 # pyright: reportAttributeAccessIssue=false
 
+import copy
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
 
-from jaxidl.effects.ten import COLUMNS, ROWS
+from jaxidl.effects.ten import COLUMNS, PLACES, ROWS
 
 
 def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
@@ -19,9 +21,32 @@ def links(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
     for turn, quaternion in zip(turns, source.body_iquat, strict=True):
         mujoco.mju_quat2Mat(turn, quaternion)
     turns, m, c = turns.reshape(-1, 3, 3), source.body_mass[:, None, None], source.body_ipos
-    about = m * ((c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :])
+    about = m * _of_points(c)
     tensor = turns @ (source.body_inertia[:, :, None] * turns.transpose(0, 2, 1)) + about
     return np.concatenate([source.body_mass[:, None], m[:, 0] * c, tensor[:, ROWS, COLUMNS]], 1)
+
+
+def with_links(source: mujoco.MjModel, ten: Float[np.ndarray, "B 10"]) -> mujoco.MjModel:
+    """Return a copy of a model whose bodies have other inertial parameters.
+
+    They need not be those of possible bodies: the copy is for inverse dynamics alone.
+    """
+    source = copy.copy(source)
+    mass = ten[:, :1]
+    centres = ten[:, 1:4] / np.where(mass == 0.0, 1.0, mass)
+    tensors = ten[:, 4:][:, np.array(PLACES)] - mass[..., None] * _of_points(centres)
+    moments, axes = np.linalg.eigh(tensors)
+    axes *= np.linalg.det(axes)[:, None, None]
+    source.body_mass, source.body_ipos, source.body_inertia = mass[:, 0], centres, moments
+    for quaternion, turn in zip(source.body_iquat, axes, strict=True):
+        mujoco.mju_mat2Quat(quaternion, turn.ravel())
+    source.body_sameframe[:] = 0  # the axes of inertia are no longer those of the bodies
+    return source
+
+
+def _of_points(at: Float[np.ndarray, "B 3"]) -> Float[np.ndarray, "B 3 3"]:
+    """Return the inertia about the origin of points of unit mass ``at`` (B, 3)."""
+    return (at * at).sum(1)[:, None, None] * np.eye(3) - at[:, :, None] * at[:, None, :]
 
 
 def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
@@ -30,7 +55,7 @@ def per_mass(source: mujoco.MjModel) -> Float[np.ndarray, "B 10"]:
     For massless bodies they are those of a point at their centre.
     """
     c, massless = source.body_ipos, source.body_mass[:, None] <= 0.0
-    tensor = (c * c).sum(1)[:, None, None] * np.eye(3) - c[:, :, None] * c[:, None, :]
+    tensor = _of_points(c)
     points = np.concatenate([np.ones((source.nbody, 1)), c, tensor[:, ROWS, COLUMNS]], 1)
     return np.where(
         massless, points, links(source) / np.where(massless, 1.0, source.body_mass[:, None])

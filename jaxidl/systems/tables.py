@@ -14,11 +14,13 @@ from jaxtyping import Float
 from scipy.interpolate import interp1d
 
 from jaxidl.systems.flange import flange_of
-from jaxidl.systems.inertial import level, per_mass, per_moment
-from jaxidl.systems.motion import Motion, by_body, by_gravity_of, motion_of
+from jaxidl.systems.inertial import level, links, per_mass, per_moment, with_links
+from jaxidl.systems.motion import by_body, by_gravity_of, motion_of
 from jaxidl.systems.point import PointMass
 
 Rows = Float[np.ndarray, "T J"]
+
+LEAST = 1e-3  # mass of a link, over its largest inertial parameter, for a centre nearby
 
 
 class Tables(NamedTuple):
@@ -92,14 +94,9 @@ def leaning(body: Any, q: Rows, change: np.ndarray) -> np.ndarray:
     ``change`` (J + 1, 10) has the additional inertial parameters of the joints' bodies and of the
     last body that moves: the turn changes the direction of their weight, too.
     """
-    out = np.zeros((*q.shape, 2))
-    motion, source = motion_of(body, q, np.zeros_like(q), np.zeros_like(q))
-    for a, gravity in enumerate(level(source).T):
-        falling = np.zeros_like(motion.acceleration)
-        falling[..., 3:] = -gravity
-        still = motion._replace(speed=0.0 * motion.speed, acceleration=falling)
-        out[..., a] = _of_links(still, body, source, change)
-    return out
+    more, still = _by_body(body, change), np.zeros_like(q)
+    turns = level(body.source).T
+    return np.stack([_needed(body, more, gravity, q, still, still) for gravity in turns], -1)
 
 
 def heavier(
@@ -111,26 +108,64 @@ def heavier(
     last body that moves; the base is turned by small ``angles`` (2,) [rad], with the links as they
     were.
     """
-    motion, source = motion_of(body, q, qd, qdd)
-    torque = motion.torque + _of_links(motion, body, source, change)
-    return torque + by_gravity_of(motion, source) @ (level(body.source) @ angles)
+    source, still = _whole(body), np.zeros_like(q)
+    own, gravity = links(source), np.array(source.opt.gravity)
+    torque = _needed(body, own + _by_body(body, change), gravity, q, qd, qdd)
+    if angles.any():
+        torque += _needed(body, own, level(body.source) @ angles, q, still, still)
+    return torque + _rotors(body, qdd)
 
 
-def _of_links(motion: Motion, body: Any, source: mujoco.MjModel, change: np.ndarray) -> Rows:
-    """Return the torque (T, J) that changed links (J + 1, 10) need."""
-    bodies = zip((*body.bodies, flange_of(body.source)), change, strict=True)
-    parts = (by_body(motion, b, source) @ numbers for b, numbers in bodies if numbers.any())
-    return sum(parts, np.zeros(motion.torque.shape))
+def _whole(body: Any) -> mujoco.MjModel:
+    """Return the model of a body with the joints that follow others."""
+    return body.source if body.following is None else body.following.source
+
+
+def _rotors(body: Any, qdd: Rows) -> Rows:
+    """Return the torque (T, J) that the rotors of all joints need."""
+    rotors = _whole(body).dof_armature
+    if body.following is None:
+        return rotors * qdd
+    return (qdd @ body.following.ratio.T * rotors) @ body.following.ratio
+
+
+def _by_body(body: Any, change: np.ndarray) -> np.ndarray:
+    """Return the change (B, 10) of all bodies; ``change`` (J + 1, 10) is by joint, and a load."""
+    out = np.zeros((_whole(body).nbody, 10))
+    np.add.at(out, [*body.bodies, flange_of(body.source)], change)
+    return out
+
+
+def _needed(body: Any, ten: np.ndarray, gravity: np.ndarray, q: Rows, qd: Rows, qdd: Rows) -> Rows:
+    """Return the torque (T, J) that links with inertial parameters (B, 10) need, without rotors.
+
+    The torque is linear in them. So where a link has hardly any mass, and its centre would be far
+    away, it gets some more for a while.
+    """
+    size = np.abs(ten).max(1)
+    extra = np.zeros_like(ten)
+    extra[:, 0] = np.where(ten[:, 0] < LEAST * size, 2.0 * size, 0.0)
+
+    def torque(ten: np.ndarray) -> Rows:
+        source = with_links(_whole(body), ten)
+        source.opt.gravity = gravity
+        return _independent(body, source, q, qd, qdd)
+
+    return torque(ten + extra) - torque(extra) if extra.any() else torque(ten)
 
 
 def inverse_dynamics(body: Any, q: Rows, qd: Rows, qdd: Rows) -> Rows:
     """Return inverse dynamics (T, J) [N or Nm] of ``body`` along a log, in float64 NumPy."""
     if isinstance(body, PointMass):
         return np.asarray(body.mass, float) * qdd
+    return _independent(body, _whole(body), q, qd, qdd) + _rotors(body, qdd)
+
+
+def _independent(body: Any, source: mujoco.MjModel, q: Rows, qd: Rows, qdd: Rows) -> Rows:
+    """Return the torque (T, J) that the bodies of ``source``, with a body's joints, need."""
     if body.following is None:
-        return _inverse(body.source, q, qd, qdd)
-    whole = body.following
-    return _inverse(whole.source, *whole.motion(q, qd, qdd)) @ whole.ratio
+        return _inverse(source, q, qd, qdd)
+    return _inverse(source, *body.following.motion(q, qd, qdd)) @ body.following.ratio
 
 
 def _of_point_mass(mass: np.ndarray, qdd: np.ndarray) -> Tables:
@@ -175,11 +210,23 @@ def _differences(body: Any, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> l
 
 
 def _inverse(source: mujoco.MjModel, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray) -> np.ndarray:
-    """Return MuJoCo's inverse dynamics along a log."""
-    out, data, inverse = np.empty(q.shape), mujoco.MjData(source), mujoco.mj_inverse
-    position, velocity, acceleration, force = data.qpos, data.qvel, data.qacc, data.qfrc_inverse
-    for t in range(len(q)):
+    """Return the torque (T, J) that bodies need along a log, without rotors.
+
+    Of ``mj_inverse`` these are the steps that need no inverse of the inertia matrix, which links
+    that cannot be built may not have.
+    """
+    out, data = np.empty(q.shape), mujoco.MjData(source)
+    position, velocity, acceleration = data.qpos, data.qvel, data.qacc
+    place, centre, speed, newton_euler = (
+        mujoco.mj_kinematics,
+        mujoco.mj_comPos,
+        mujoco.mj_comVel,
+        mujoco.mj_rne,
+    )
+    for t, force in enumerate(out):
         position[:], velocity[:], acceleration[:] = q[t], qd[t], qdd[t]
-        inverse(source, data)
-        out[t] = force
+        place(source, data)
+        centre(source, data)
+        speed(source, data)
+        newton_euler(source, data, 1, force)
     return out

@@ -1,15 +1,16 @@
 """What is said of a set of effects that was found: findings, errors on held-out data, simulations.
 
-What hardly anything speaks for is left out. If some joint's motion is simulated worse than by the
-model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
-simulation is better without.
+What hardly anything speaks for is left out. So is what is not sure but would take the place of its
+parts, such as a change of dry friction at low speed: then the parts are named. If some joint's
+motion is simulated worse than by the model as it was, so is all that is more likely wrong than
+right, and what is rare on that joint, if the simulation is better without.
 
 A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
 hardly more than a sampling interval, and of what a factor common to all torques would replace:
 links, and effects that the model has already (:mod:`jaxidl.gap.result.weight`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -19,12 +20,13 @@ from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
 from jaxidl.gap.choice.objections import brief
 from jaxidl.gap.evidence.conventions import conventions, late_torques
+from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value, values
-from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
+from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
 from jaxidl.gap.result.weight import proportion, weight_of
@@ -36,6 +38,7 @@ from jaxidl.systems.mjcf import Model
 
 HARDLY = 0.1  # confidence below which an effect is not even suspected
 UNLIKELY = "its confidence is below 10 %"
+PARTS = "it is not sure enough to take the place of a part of it, which is"
 DOUBTED = 0.5  # share of a finding's confidence that is left
 ASTRAY = "with it the simulation strays further from the measured motion"
 
@@ -71,8 +74,10 @@ def judged(
     reading = read_as(found, known.names)
     judge = lambda found: _judged(found, signals, known, common, rollouts, watch, usual, reading)
     first = judge(found)
-    if hardly := _below(HARDLY, first):
-        found = _without(found, hardly, UNLIKELY)
+    unsure = {*absorbed(found.solution.members).values()} & _below(SURE, first)
+    gone = dict.fromkeys(unsure, PARTS) | dict.fromkeys(_below(HARDLY, first), UNLIKELY)
+    if gone:
+        found = _without(found, gone)
         first = judge(found)
     far = _astray(first.compared)
     strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
@@ -80,7 +85,7 @@ def judged(
     leading = {key for key in rare if key[1] in strays} | _below(LIKELY, first)
     if not strays or not leading:
         return first
-    second = judge(_without(found, leading, ASTRAY))
+    second = judge(_without(found, dict.fromkeys(leading, ASTRAY)))
     return second if max(_astray(second.compared)) < max(far) else first
 
 
@@ -88,9 +93,9 @@ def _below(confidence: float, said: Judged) -> set[Key]:
     return {(f.name, f.joint) for f in said.named if f.confidence < confidence}
 
 
-def _without(found: Found, keys: set[Key], why: str) -> Found:
-    """Return the set without some of its effects, the others fitted again."""
-    gone = {m.group: why for m in found.named if m.key in keys}
+def _without(found: Found, reasons: Mapping[Key, str]) -> Found:
+    """Return the set without some of its effects, the others fitted again, and the reasons why."""
+    gone = {m.group: reasons[m.key] for m in found.named if m.key in reasons}
     now = found.score.solve([m for m in found.solution.members if m.group not in gone])
     fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
     return replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)

@@ -79,11 +79,13 @@ def balanced(found: Found, names: Sequence[str]) -> list[str]:
         return []
     own, lacking, _ = weight_of(found)
     share = np.sum(own * lacking, 0) / np.maximum(np.sum(own**2, 0), 1e-300)
-    counts = rms(lacking, found.library.rows.used) > COUNTS * found.library.rows.spread
+    # a load on a joint with hardly any weight of its own is neither
+    least = COUNTS * found.library.rows.spread
+    counts = np.minimum(*(rms(x, found.library.rows.used) for x in (own, lacking))) > least
     return [
         f"{name} carries {-part:.0%} less than the model says: its links are that much lighter, or"
         " something carries them (a balancer: a counterweight, a spring, a gas cylinder), which"
         " looks the same; experiments/balancer.py looks for one (--plugin)"
         for name, part, much in zip(names, share.tolist(), counts.tolist(), strict=True)
-        if much and part < -CARRIED
+        if much and -1.0 - CARRIED < part < -CARRIED
     ]
