@@ -7,7 +7,7 @@ the most literal one first; between two equally literal ones the user has to cho
 
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from jaxidl.errors import LogError
@@ -15,7 +15,7 @@ from jaxidl.logs.families import INSTANTS, Chosen, Family, Member, Wanted, short
 from jaxidl.logs.header import Title, control_title, read_title
 from jaxidl.logs.joint_names import misspelt
 from jaxidl.logs.mapping import mapped
-from jaxidl.logs.words import CONTROL, CURRENT, KINDS, factor
+from jaxidl.logs.words import CONTROL, CURRENT, KIND_OF, KINDS, factor
 
 MOST = 10_000  # columns; a header with more is damage, not a log
 KNOWN = re.compile(r"(time|run)|(q|tau|qd|qdd|i)(0|[1-9][0-9]{0,3})", re.ASCII)
@@ -182,18 +182,20 @@ def _likeliest(
         and m.read.joint is None
         and m.read.number not in [other.read.number for other in literal]
     ]  # q_1 beside q0
-    families: dict[object, Family] = {}
-    for m in members:
-        if m.read.wish or (kind in INSTANTS and m.read.number is not None):
-            continue
-        key = (m.read.words, m.read.joint is None)
-        families.setdefault(key, Family(kind, m.read.rank + 1, [])).members.append(m)
+    useful = [
+        m for m in members if not (m.read.wish or (kind in INSTANTS and m.read.number is not None))
+    ]
+    families = _families(kind, useful, lambda m: m.read.words)
     if literal:
         own = Family(kind, 0, literal)
         families = {"own": own} | {
             k: f for k, f in families.items() if not set(f.members) & set(literal)
         }
     whole = [f for f in families.values() if kind in INSTANTS or f.complete(wanted, bare)]
+    if not whole and not literal:  # the torque of a hinge and the force of a slide
+        other = lambda m: [word for word in m.read.words if KIND_OF.get(word) != kind]
+        named = _families(kind, [m for m in useful if m.read.joint is not None], other)
+        whole = [f for f in named.values() if f.complete(wanted, bare)]
     if not whole:
         return families.get("own")
     first = min(f.rank for f in whole)
@@ -217,6 +219,17 @@ def _likeliest(
         f" {_advice(kind, best[0], bare)}"
     )
     return None
+
+
+def _families(
+    kind: str, members: Sequence[Member], words: Callable[[Member], Sequence[str]]
+) -> dict[object, Family]:
+    """Return the families of columns in whose titles the same ``words`` are beside the joint."""
+    families: dict[object, Family] = {}
+    for m in members:
+        key = (*words(m), m.read.joint is None)
+        families.setdefault(key, Family(kind, m.read.rank + 1, [])).members.append(m)
+    return families
 
 
 def _advice(kind: str, family: Family, bare: bool) -> str:

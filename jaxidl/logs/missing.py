@@ -2,6 +2,7 @@
 
 import difflib
 import re
+import shlex
 
 from jaxidl.errors import LogError
 from jaxidl.logs.families import INSTANTS
@@ -125,8 +126,7 @@ def near(table: Table, key: str) -> str | None:
     close = [name for name in candidates if meant(name) == key] or difflib.get_close_matches(
         key, candidates, 1, 0.7
     )
-    return (
-        f"rename column {shown(close[0])} to {key}, or give --columns {key}={shown(close[0])[1:-1]}"
-        if close
-        else None
-    )
+    if not close:
+        return None
+    given = shlex.quote(f"{key}={shown(close[0])[1:-1]}")
+    return f"rename column {shown(close[0])} to {key}, or give --columns {given}"

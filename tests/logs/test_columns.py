@@ -60,6 +60,19 @@ def test_columns_by_name_are_brought_into_the_models_order(tmp_path):
     same(read(path, ARM[::-1]), joints=(2, 1, 0))
 
 
+def test_a_hinges_torque_and_a_slides_force_are_of_one_kind(tmp_path):
+    time = 0.01 * np.arange(600)
+    q, tau = np.sin(3.0 * time), np.cos(3.0 * time)
+    columns = {"time": time, "lift pos [mm]": 1e3 * q, "turn pos [rad]": q}
+    columns |= {"lift force [N]": tau, "turn torque [Nm]": 2.0 * tau}
+    log = read(write(tmp_path / "a.csv", columns), ("turn", "lift"))
+    np.testing.assert_allclose(log.tau, np.outer(tau, [2.0, 1.0]), atol=1e-6)
+    np.testing.assert_allclose(log.q, np.outer(q, [1.0, 1.0]), atol=1e-6)
+    columns["lift torque [Nm]"] = 3.0 * tau  # either may be meant: those alike are taken
+    log = read(write(tmp_path / "b.csv", columns), ("turn", "lift"))
+    np.testing.assert_allclose(log.tau, np.outer(tau, [2.0, 3.0]), atol=1e-6)
+
+
 def test_what_may_be_two_things_is_for_the_user_to_choose(tmp_path):
     columns = as_robots_do(q="pos_{}", tau="tau{}") | {
         f"angle_{j}": 2 * THREE[f"q{j}"] for j in range(3)
