@@ -208,7 +208,7 @@ class ConstantOffset(Effect):
 
     name: ClassVar[str] = "constant_offset"
     sentence: ClassVar[str] = "a constant torque that is always there"
-    parameters: ClassVar = {"offset": Parameter("N", -1e4, 1e4, "the torque bias")}
+    parameters: ClassVar = {"offset": Parameter("N", -1e7, 1e7, "the torque bias")}
     linear: ClassVar[bool] = True
     changes: ClassVar[float] = 0.05
     prior: ClassVar[float] = 0.3

@@ -74,10 +74,10 @@ class AsymmetricFriction(Effect):
         "positive": Parameter("N", -1e5, 1e5, "dry friction in the positive direction"),
         "negative": Parameter("N", -1e5, 1e5, "dry friction in the negative direction"),
         "viscous_positive": Parameter(
-            "N s/m", -1e4, 1e4, "torque per speed in the positive direction"
+            "N s/m", -1e7, 1e7, "torque per speed in the positive direction"
         ),
         "viscous_negative": Parameter(
-            "N s/m", -1e4, 1e4, "torque per speed in the negative direction"
+            "N s/m", -1e7, 1e7, "torque per speed in the negative direction"
         ),
     }
     linear: ClassVar[bool] = True

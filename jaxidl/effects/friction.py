@@ -47,7 +47,7 @@ class QuadraticDrag(Effect):
     name: ClassVar[str] = "quadratic_drag"
     sentence: ClassVar[str] = "drag that grows with the square of speed"
     parameters: ClassVar = {
-        "coefficient": Parameter("N s^2/m^2", 0.0, 1e4, "torque per squared speed")
+        "coefficient": Parameter("N s^2/m^2", 0.0, 1e7, "torque per squared speed")
     }
     linear: ClassVar[bool] = True
     prior: ClassVar[float] = 0.3

@@ -63,8 +63,8 @@ class ThermalFriction(Effect):
     name: ClassVar[str] = "thermal_friction"
     sentence: ClassVar[str] = "friction that falls while the joint warms up"
     parameters: ClassVar = {
-        "warm": Parameter("N s/m", 0.0, 1e4, "torque per speed when warm"),
-        "excess": Parameter("N s/m", 0.0, 1e4, "additional torque per speed when cold"),
+        "warm": Parameter("N s/m", 0.0, 1e7, "torque per speed when warm"),
+        "excess": Parameter("N s/m", 0.0, 1e7, "additional torque per speed when cold"),
         "time_constant": Parameter("s", 1e-2, 1e6, "the time in which this addition mostly fades"),
     }
     friction: ClassVar[bool] = True
@@ -163,7 +163,7 @@ class CoupledJointFriction(Effect):
         "friction on the sum or difference of the speeds of two joints, as in a wrist"
     )
     parameters: ClassVar = {
-        "coefficient": Parameter("N s/m", 0.0, 1e4, "torque per speed"),
+        "coefficient": Parameter("N s/m", 0.0, 1e7, "torque per speed"),
         "level": Parameter("N", 0.0, 1e5, "the level of dry friction"),
         "speed": Parameter("m/s", 1e-9, 1e3, "the speed over which dry friction reverses"),
     }

@@ -38,8 +38,8 @@ class InertiaError(Effect):
     name: ClassVar[str] = "inertia_error"
     sentence: ClassVar[str] = "a joint carries another inertia than the model says"
     parameters: ClassVar = {
-        "extra": Parameter("kg", -1e4, 1e4, "the missing rotor inertia"),
-        "mass": Parameter("mass", -1e4, 1e4, "the missing mass of the body"),
+        "extra": Parameter("kg", -1e7, 1e7, "the missing rotor inertia"),
+        "mass": Parameter("mass", -1e7, 1e7, "the missing mass of the body"),
     }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"extra": "joint/armature", "mass": "body/inertial"}
@@ -75,7 +75,7 @@ class ComError(Effect):
     name: ClassVar[str] = "com_error"
     sentence: ClassVar[str] = "a link's centre of mass is not where the model has it"
     parameters: ClassVar = {
-        "moment": Parameter("kg m", -1e4, 1e4, "the missing first moment of the body")
+        "moment": Parameter("kg m", -1e7, 1e7, "the missing first moment of the body")
     }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"moment": "body/inertial"}
@@ -103,7 +103,7 @@ class InertiaTensorError(Effect):
     name: ClassVar[str] = "inertia_tensor_error"
     sentence: ClassVar[str] = "a link has another rotational inertia than the model says"
     parameters: ClassVar = {
-        "tensor": Parameter("kg m^2", -1e4, 1e4, "the missing inertia tensor of the body")
+        "tensor": Parameter("kg m^2", -1e7, 1e7, "the missing inertia tensor of the body")
     }
     linear: ClassVar[bool] = True
     mjcf: ClassVar = {"tensor": "body/inertial"}
@@ -145,12 +145,12 @@ class Payload(Effect):
     name: ClassVar[str] = "payload"
     sentence: ClassVar[str] = "the last body carries a load that the model does not have"
     parameters: ClassVar = {
-        "mass": Parameter("mass", -1e4, 1e4, "the load"),
+        "mass": Parameter("mass", -1e7, 1e7, "the load"),
         "com": Parameter("length", -5.0, 5.0, "where it is in the last body's frame"),
         "moment": Parameter(
-            "mass length", -1e4, 1e4, "the first moment in addition to mass times centre"
+            "mass length", -1e7, 1e7, "the first moment in addition to mass times centre"
         ),
-        "inertia": Parameter("kg m^2", -1e4, 1e4, "the load's inertia about its centre"),
+        "inertia": Parameter("kg m^2", -1e7, 1e7, "the load's inertia about its centre"),
     }
     whole: ClassVar[bool] = True
     fixed: ClassVar[tuple[str, ...]] = ("com",)

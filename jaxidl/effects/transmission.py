@@ -23,7 +23,7 @@ MOST_TWIST = 0.1  # share of the joint's range: no drive is softer
 SOFTEST = 3.0
 MOTOR = (0.04, 0.8)  # the motor's share of the joint's inertia
 
-_MOTOR = Parameter("kg", 1e-9, 1e4, "the inertia on the motor's side")
+_MOTOR = Parameter("kg", 1e-9, 1e7, "the inertia on the motor's side")
 
 
 class Transmission(Effect):

@@ -69,7 +69,7 @@ class PositionDependentFriction(Effect):
     fixed: ClassVar[tuple[str, ...]] = ("lower", "upper")
     parameters: ClassVar = {
         "level": Parameter("N", -1e5, 1e5, "dry friction at the table's positions"),
-        "coefficient": Parameter("N s/m", -1e4, 1e4, "torque per speed at the table's positions"),
+        "coefficient": Parameter("N s/m", -1e7, 1e7, "torque per speed at the table's positions"),
         **_ENDS,
     }
     friction: ClassVar[bool] = True

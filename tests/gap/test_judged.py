@@ -1,6 +1,7 @@
-"""What hardly anything speaks for is no finding."""
+"""What hardly anything speaks for is no finding, nor what takes the place of a surer part."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from jaxidl.gap import diagnose
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import PENDULUM
-from jaxidl.gap.result import judged
+from jaxidl.gap.result import judged, weight
 from jaxidl.logs.log import from_arrays
 from jaxidl.systems.mjcf import read_model
 
@@ -40,6 +41,40 @@ def test_an_effect_that_is_hardly_likely_is_not_suspected(measured, monkeypatch)
     found = diagnose(*measured, rollouts=False)
     assert "spring" not in [f.name for f in found.findings]
     assert [r.reason for r in found.rivals if r.name == "spring"] == [judged.UNLIKELY]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("likely", [0.4, 0.6])
+def test_what_is_more_likely_wrong_gives_way_to_its_part(tmp_path, monkeypatch, likely):
+    hidden = make("stribeck_friction", 0, {"sliding": 0.5, "excess": 0.4, "speed": 0.2})
+    columns = simulate(PENDULUM, [hidden], 5, duration=20.0)
+    (tmp_path / "model.xml").write_text(PENDULUM)
+    log = from_arrays(columns["time"], columns["q0"][:, None], columns["tau0"][:, None])
+    before, whole = judged.findings, "stribeck_friction"
+
+    def doubted(*given):
+        return tuple(
+            replace(f, confidence=likely) if f.name == whole else f for f in before(*given)
+        )
+
+    monkeypatch.setattr(judged, "findings", doubted)
+    found = diagnose(log, read_model(tmp_path / "model.xml"), rollouts=False)
+    named = {f.name for f in found.findings}
+    assert (whole in named) == (likely > 0.5)
+    assert ("coulomb_friction" in named) == (likely < 0.5)
+    assert ((whole, judged.PARTS) in {(r.name, r.reason) for r in found.rivals}) == (likely < 0.5)
+
+
+@pytest.mark.parametrize("own", [1.0, 0.01])
+@pytest.mark.parametrize("share", [-0.5, -2.0])
+def test_a_joint_without_weight_of_its_own_carries_no_less(monkeypatch, own, share):
+    turning = np.sin(np.arange(200.0))[:, None]
+    links = weight.Weight(own * turning, share * own * turning + (own < 0.1) * turning, set())
+    monkeypatch.setattr(weight, "weight_of", lambda found: links)
+    rows = SimpleNamespace(used=np.ones((200, 1), bool), spread=np.ones(1))
+    found = SimpleNamespace(score=SimpleNamespace(anchor=None), library=SimpleNamespace(rows=rows))
+    said = weight.balanced(found, ["wrist"])
+    assert len(said) == (own == 1.0 and share == -0.5)
 
 
 @pytest.mark.slow

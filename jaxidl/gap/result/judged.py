@@ -1,9 +1,9 @@
 """What is said of a set of effects that was found: findings, errors on held-out data, simulations.
 
-What hardly anything speaks for is left out. So is what is not sure but would take the place of its
-parts, such as a change of dry friction at low speed: then the parts are named. If some joint's
-motion is simulated worse than by the model as it was, so is all that is more likely wrong than
-right, and what is rare on that joint, if the simulation is better without.
+What hardly anything speaks for is left out. So is what is more likely wrong than right in the place
+of its parts, such as a change of dry friction at low speed: then the parts are named. If some
+joint's motion is simulated worse than by the model as it was, so is all that is more likely wrong
+than right, and what is rare on that joint, if the simulation is better without.
 
 A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
 hardly more than a sampling interval, and of what a factor common to all torques would replace:
@@ -26,7 +26,7 @@ from jaxidl.gap.evidence.rows import instants_of, rms
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value, values
-from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
+from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
 from jaxidl.gap.result.weight import proportion, weight_of
@@ -38,7 +38,7 @@ from jaxidl.systems.mjcf import Model
 
 HARDLY = 0.1  # confidence below which an effect is not even suspected
 UNLIKELY = "its confidence is below 10 %"
-PARTS = "it is not sure enough to take the place of a part of it, which is"
+PARTS = "it is more likely wrong than right in the place of a part of it"
 DOUBTED = 0.5  # share of a finding's confidence that is left
 ASTRAY = "with it the simulation strays further from the measured motion"
 
@@ -74,9 +74,7 @@ def judged(
     reading = read_as(found, known.names)
     judge = lambda found: _judged(found, signals, known, common, rollouts, watch, usual, reading)
     first = judge(found)
-    unsure = {*absorbed(found.solution.members).values()} & _below(SURE, first)
-    gone = dict.fromkeys(unsure, PARTS) | dict.fromkeys(_below(HARDLY, first), UNLIKELY)
-    if gone:
+    while gone := _outdone(found, first):
         found = _without(found, gone)
         first = judge(found)
     far = _astray(first.compared)
@@ -87,6 +85,12 @@ def judged(
         return first
     second = judge(_without(found, dict.fromkeys(leading, ASTRAY)))
     return second if max(_astray(second.compared)) < max(far) else first
+
+
+def _outdone(found: Found, said: Judged) -> dict[Key, str]:
+    """Return what is left out of a set, whatever it does to the simulation, and why."""
+    wholes = {*absorbed(found.solution.members).values()} & _below(LIKELY, said)
+    return dict.fromkeys(wholes, PARTS) | dict.fromkeys(_below(HARDLY, said), UNLIKELY)
 
 
 def _below(confidence: float, said: Judged) -> set[Key]:
