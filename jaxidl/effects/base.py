@@ -107,7 +107,8 @@ class Effect(struct.PyTreeNode):
     ) -> tuple[Joints, Any]:
         """Return the delivered torque (J,) and the new hidden state after one step ``dt`` [s].
 
-        ``tau`` (J,) is the command.
+        ``tau`` (J,) is the command. Programs serve logs of any rate: ``dt`` is a traced number, on
+        which no branch in Python may depend.
         """
         return tau, memory
 

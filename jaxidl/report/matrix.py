@@ -60,7 +60,9 @@ def matrix(d: Diagnosis) -> Matrix:
     for f in sorted(found, key=lambda f: not f.sure):
         for kind, entry in _entries(f, units):
             cells[f.joint or 0][kind].append(entry)
-    return Matrix(tuple(units), tuple(tuple(tuple(cell) for cell in row) for row in cells))
+    # a number says more than where another one is
+    rows = ([[e for e in cell if e.own] or cell for cell in row] for row in cells)
+    return Matrix(tuple(units), tuple(tuple(tuple(cell) for cell in row) for row in rows))
 
 
 def kind_of(cls: type[Effect], parameter: str) -> int:

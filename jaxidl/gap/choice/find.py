@@ -12,7 +12,7 @@ from jaxidl.gap.choice.confidence import Support, support
 from jaxidl.gap.choice.objections import UNSURE, confirmed, held, nameable
 from jaxidl.gap.choice.rivals import Contests, Tie, contested, tied
 from jaxidl.gap.choice.search import search
-from jaxidl.gap.evidence.gram import Group, Item
+from jaxidl.gap.evidence.gram import Group, Item, Key
 from jaxidl.gap.evidence.items import columns_of, items_of
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.shape import Shape, acts_on_predicted, movable, reads_load
@@ -48,6 +48,7 @@ class Found:
     support: Support
     ties: list[Tie]  # effects that explain the log as well as what was found
     dropped: dict[Group, str]  # effects that the search chose but that may not be named, and why
+    apart: frozenset[Key] = frozenset()  # effects whose parts are named beside them
 
     @property
     def named(self) -> tuple[Item, ...]:

@@ -12,7 +12,7 @@ interval. Once the log was resampled, the jackknife's part is not less than how 
 on draws, each of which chooses its own set (:func:`resampled`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -93,10 +93,17 @@ def resampled(
     return value._replace(parameters=parameters)
 
 
-def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> list[Value]:
+def values(
+    score: Score,
+    now: Solution,
+    rows: Rows,
+    predicted: np.ndarray,
+    apart: Collection[Key] = frozenset(),
+) -> list[Value]:
     """Return the effects of a set, fitted to all training ``rows``, in the catalogue's order.
 
-    ``predicted`` (T, J) is the command that the set predicts [N or Nm].
+    ``predicted`` (T, J) is the command that the set predicts [N or Nm]. An effect takes up its
+    parts, but for those ``apart``, which are only what they add to their parts.
     """
     members, noisy = now.members, [spares(m) for m in now.members]
     clean = spared(score, now, rows, predicted) if any(noisy) else now
@@ -137,7 +144,7 @@ def values(score: Score, now: Solution, rows: Rows, predicted: np.ndarray) -> li
     for n, m in enumerate(members):
         if not m.always:
             groups.setdefault(m.key, []).append(n)
-    parts = absorbed(members)
+    parts = {part: whole for part, whole in absorbed(members).items() if whole not in apart}
     out = []
     for key, numbers in sorted(groups.items(), key=lambda group: place_of(group[0][0])):
         if key in parts:

@@ -1,9 +1,9 @@
 """What is said of a set of effects that was found: findings, errors on held-out data, simulations.
 
-What hardly anything speaks for is left out. So is what is more likely wrong than right in the place
-of its parts, such as a change of dry friction at low speed: then the parts are named. If some
-joint's motion is simulated worse than by the model as it was, so is all that is more likely wrong
-than right, and what is rare on that joint, if the simulation is better without.
+What hardly anything speaks for is left out. If some joint's motion is simulated worse than by the
+model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
+simulation is better without. What is not sure does not take the name of its parts: where a change
+of dry friction at low speed is doubtful, dry friction is named beside it.
 
 A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
 hardly more than a sampling interval, and of what a factor common to all torques would replace:
@@ -26,7 +26,7 @@ from jaxidl.gap.evidence.rows import instants_of, rms
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.library import residual
 from jaxidl.gap.fit.values import Value, values
-from jaxidl.gap.result.diagnosis import LIKELY, Finding, Gap, Key, Side
+from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
 from jaxidl.gap.result.weight import proportion, weight_of
@@ -38,7 +38,6 @@ from jaxidl.systems.mjcf import Model
 
 HARDLY = 0.1  # confidence below which an effect is not even suspected
 UNLIKELY = "its confidence is below 10 %"
-PARTS = "it is more likely wrong than right in the place of a part of it"
 DOUBTED = 0.5  # share of a finding's confidence that is left
 ASTRAY = "with it the simulation strays further from the measured motion"
 
@@ -74,8 +73,12 @@ def judged(
     reading = read_as(found, known.names)
     judge = lambda found: _judged(found, signals, known, common, rollouts, watch, usual, reading)
     first = judge(found)
-    while gone := _outdone(found, first):
-        found = _without(found, gone)
+    if unsure := {*absorbed(found.solution.members).values()} & _below(SURE, first):
+        found = _without(replace(found, apart=frozenset(unsure)), {})
+        odd, named = _named(found, known, first.network, reading, usual)
+        first = first._replace(found=found, odd=odd, named=named)
+    while hardly := _below(HARDLY, first):
+        found = _without(found, dict.fromkeys(hardly, UNLIKELY))
         first = judge(found)
     far = _astray(first.compared)
     strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
@@ -87,12 +90,6 @@ def judged(
     return second if max(_astray(second.compared)) < max(far) else first
 
 
-def _outdone(found: Found, said: Judged) -> dict[Key, str]:
-    """Return what is left out of a set, whatever it does to the simulation, and why."""
-    wholes = {*absorbed(found.solution.members).values()} & _below(LIKELY, said)
-    return dict.fromkeys(wholes, PARTS) | dict.fromkeys(_below(HARDLY, said), UNLIKELY)
-
-
 def _below(confidence: float, said: Judged) -> set[Key]:
     return {(f.name, f.joint) for f in said.named if f.confidence < confidence}
 
@@ -101,13 +98,14 @@ def _without(found: Found, reasons: Mapping[Key, str]) -> Found:
     """Return the set without some of its effects, the others fitted again, and the reasons why."""
     gone = {m.group: reasons[m.key] for m in found.named if m.key in reasons}
     now = found.score.solve([m for m in found.solution.members if m.group not in gone])
-    fitted = values(found.score, now, found.library.rows.whole(), found.predicted)
+    fitted = values(found.score, now, found.library.rows.whole(), found.predicted, found.apart)
     return replace(found, solution=now, fitted=fitted, dropped=found.dropped | gone)
 
 
 def fitted_to_training(found: Found) -> list[Effect]:
     """Return what was found with parameters fitted to the training rows alone."""
-    fitted = values(found.score, found.solution, found.library.rows, found.predicted)
+    rows = found.library.rows
+    fitted = values(found.score, found.solution, rows, found.predicted, found.apart)
     return [v.effect for v in fitted]
 
 
@@ -131,7 +129,6 @@ def _judged(
     aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
     gap = rows.gap if found.named else residual(rows, found.solution, aligning)
     network = check(rows, after)
-    odd, trust = trust_of(found, *reading)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)
     kept_aside = instants_of(signals, ~rows.training & ~rows.strange)
@@ -149,8 +146,20 @@ def _judged(
     if members:
         later = side(after, Plant(model.body, (*model.effects, *members)), behind)
     compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())
-    named = findings(found, known, network, trust, usual)
+    odd, named = _named(found, known, network, reading, usual)
     return Judged(found, odd, after, gap, network, named, compared)
+
+
+def _named(
+    found: Found,
+    known: Model,
+    network: Sequence[tuple[float, float]],
+    reading: tuple[list[str], np.ndarray],
+    usual: np.ndarray | None,
+) -> tuple[list[str], tuple[Finding, ...]]:
+    """Return sentences about how the log reads, and the findings."""
+    odd, trust = trust_of(found, *reading)
+    return odd, findings(found, known, network, trust, usual)
 
 
 def _astray(compared: Gap) -> list[float]:
