@@ -291,11 +291,9 @@ def bounded(
         held = np.where(wrong & free, np.clip(x[0], lower, upper), held)
         free ^= wrong
     x[1:] = held
-    if len(x) == 1:
-        pass
-    elif free.all():
+    if len(x) > 1 and free.all():
         x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
-    elif free.any():
+    elif len(x) > 1 and free.any():
         rows = gram[1:, free]
         push = right[1:, free] - rows[:, :, ~free] @ held[~free]
         x[1:, free] = np.linalg.solve(rows[:, :, free], push[..., None])[..., 0]
