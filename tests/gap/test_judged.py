@@ -78,7 +78,7 @@ def test_what_is_not_sure_does_not_take_the_name_of_its_part(tmp_path, monkeypat
 @pytest.mark.parametrize("share", [-0.5, -2.0])
 def test_a_joint_without_weight_of_its_own_carries_no_less(monkeypatch, own, share):
     turning = np.sin(np.arange(200.0))[:, None]
-    links = weight.Weight(own * turning, share * own * turning + (own < 0.1) * turning, set())
+    links = weight.Weight(own * turning, share * own * turning - (own < 0.1) * turning, set())
     monkeypatch.setattr(weight, "weight_of", lambda found: links)
     rows = SimpleNamespace(used=np.ones((200, 1), bool), spread=np.ones(1))
     found = SimpleNamespace(score=SimpleNamespace(anchor=None), library=SimpleNamespace(rows=rows))

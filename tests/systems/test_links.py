@@ -15,7 +15,7 @@ from jaxidl.systems.inertial import level, links, per_moment
 from jaxidl.systems.mjcf import read_model
 from jaxidl.systems.point import PointMass
 from jaxidl.systems.tabled_body import TabledBody
-from jaxidl.systems.tables import leaning, tables
+from jaxidl.systems.tables import heavier, leaning, tables
 from tests.helpers.model_files import stored, torque_in_c
 from tests.helpers.numeric import compare
 
@@ -227,6 +227,19 @@ def test_a_tilt_turns_the_weight_of_what_was_added(body):
     own, all_ = (torque(b.tilt(angles)) - torque(b) for b in (body, changed))
     assert np.abs(all_ - own).max() > 1e-3
     np.testing.assert_allclose(leaning(body, q, change) @ angles, all_ - own, atol=1e-10)
+
+
+@pytest.mark.parametrize("mass", [0.3, 0.0, -2.0], ids=["heavier", "off centre", "impossible"])
+def test_changed_links_need_what_the_tables_say(body, mass):
+    """Torque is linear in inertial parameters, of links that cannot be built, too."""
+    states, angles = RNG.normal(size=(3, 6, JOINTS)), np.array([0.04, -0.02])
+    change = np.array([ERROR, -ERROR, 2.0 * ERROR, ERROR])
+    change[:, 0] = mass
+    table = tables(body, *states)
+    wanted = table.torque + np.einsum("tijp,jp->ti", table.by_link, change[:-1])
+    wanted = wanted + table.by_payload @ change[-1] + table.by_tilt @ angles
+    found = heavier(body, *states, change, angles)
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-10)
 
 
 def test_derivatives_by_every_inertial_parameter(body):
