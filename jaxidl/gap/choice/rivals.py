@@ -3,6 +3,7 @@
 They are better ones, once their shapes are fitted, and equally good ones.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -15,7 +16,7 @@ from jaxidl.gap.choice.search import EPSILON, search, without
 from jaxidl.gap.evidence.gram import Group, Item
 from jaxidl.gap.evidence.items import part
 from jaxidl.gap.evidence.rows import Rows
-from jaxidl.gap.evidence.shape import movable
+from jaxidl.gap.evidence.shape import movable, on_bound, vector
 from jaxidl.gap.fit.prior import compact
 from jaxidl.gap.fit.score import Score, Solution
 from jaxidl.gap.fit.shapes import arriving, fitted, seen_from
@@ -24,6 +25,7 @@ RIVALS = 2  # rivals tried of each effect that is not common
 ALIKE = 0.005  # share of the error: explanations that differ by less are equally good,
 EQUAL = 2.0  # as are those that differ by less in the log likelihood
 FAR = 40.0  # a rival that promises this much less is not tried
+SAME = 0.01  # relative difference below which shapes are the same
 UNFIT = 0.03  # share by which an unfitted shape may promise less
 
 # members in whose place others were tried, each with all members on its joints
@@ -51,7 +53,7 @@ def contested(
     ones without the other. A shape that has not been fitted loses against one that has; here both
     are fitted. What is in ``contests`` is not tried again; what is tried is added.
     """
-    changed = False
+    changed, last = False, dict[Item, Item]()  # rivals as fitted last, beside other members
     for m in [m for m in now.members if not m.always]:
         near = [o for o in now.members if set(o.joints) & set(m.joints)]
         place = m.group, frozenset(o.group for o in near)
@@ -86,8 +88,17 @@ def contested(
         # another rare one may have kept it from its best shape
         rare = [o for o in near if not (o is m or o.always or o.common)]
         trials += [[*(r for r in rest if r is not o), i] for o in rare for i in shapes]
+        tried = set[frozenset[Item]]()
         for trial in trials:
-            fresh = fitted_beside(trial[:-1], trial[-1], score, rows, predicted)
+            beside, first = trial[:-1], trial[-1]
+            new = last.get(first, first)
+            if frozenset([*beside, new]) in tried:
+                continue
+            tried.add(frozenset([*beside, new]))
+            known = score if new is first else score.having([*beside, new])
+            fresh = fitted_beside(beside, new, known, rows, predicted)
+            if movable(new.shape) and not on_bound(new.shape, parameters(fresh[-1])):
+                last[first] = alike(fresh[-1], last.values())
             small = score.having([*now.members, *(i for i in fresh if i not in now.members)])
             after = search(small, fresh, swap=False)
             if after.value > small.solve(now.members).value + EPSILON:
@@ -95,6 +106,20 @@ def contested(
                 score, now, changed = score.having([*score.items, *new]), after, True
                 break
     return list(now.members) if changed else None
+
+
+def alike(new: Item, others: Iterable[Item]) -> Item:
+    """Return one of the fitted ``others`` with about the same shape, or the new one."""
+    for o in others:
+        same = o.group == new.group and o.shape.options == new.shape.options
+        if same and np.allclose(parameters(o), parameters(new), rtol=SAME):
+            return o
+    return new
+
+
+def parameters(i: Item) -> np.ndarray:
+    """Return the parameters (P,) of an item's shape, each amplitude one."""
+    return vector(i.shape, np.ones(len(i.lower)))
 
 
 def fitted_beside(
@@ -186,15 +211,16 @@ def _worth(score: Score, rest: list[Item], m: Item) -> dict[int, float]:
     promise, before = estimates.promise(score, rest, m.joints), score.solve(rest).value
     likely = {id(i): promise[id(i)] - i.odds for i in score.items if id(i) in promise}
     exact = lambda *new: score.solve([*rest, *new]).value - before - sum(i.odds for i in new)
-    found = {id(m): exact(m)}
+    found, others = {id(m): exact(m)}, defaultdict[int | None, list[Item]](list)
+    for o in score.items:
+        if not (o.always or o in (m, *rest)):
+            others[o.key[1]].append(o)
     for i in score.items:
         if i is m or id(i) not in likely:
             continue
         fits = movable(i.shape)
-        if fits:
-            others = [o for o in score.items if not o.always and o not in (m, *rest)]
-            if missing := [o for o in others if o not in outside([o], i)]:
-                likely[id(i)] = exact(i, *missing)
+        if fits and (missing := [o for o in others[i.key[1]] if part(o, i)]):
+            likely[id(i)] = exact(i, *missing)
         if likely[id(i)] > 0.5 * likely[id(m)]:
             found[id(i)] = likely[id(i)] if fits else exact(i)
     return found

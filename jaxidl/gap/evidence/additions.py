@@ -40,7 +40,7 @@ class Drive(NamedTuple):
     tau: Any  # command as logged
     predicted: Any  # command as predicted by the model
     load: Any  # the torque that passes the gear
-    table: Tables
+    table: Tables | None  # of no use to an effect that alters no body
 
 
 class Terms(NamedTuple):
@@ -84,14 +84,15 @@ def additions(
     joints = signals.q.shape[1]
     columns, alone, places = narrowed(effects)
     each = (signals.q, signals.qd, signals.qdd, tau, predicted, predicted + unloaded)
-    tables = signals.tables.part(columns)  # as if the other joints did not move
+    kind = type(inner(alone[0]))
+    # as if the other joints did not move
+    tables = None if kind.alter is Effect.alter else signals.tables.part(columns)
     drive = Drive._make([*(x[:, columns] for x in each), tables])
     starts = np.zeros(len(tau), bool)
     starts[[s.start for s in signals.slices]] = True
     inputs = jax.tree.map(_longer, (drive, starts))
     times = signals.dt, round(signals.dt / signals.interval)
     many = _often if signals.q.size * joints > OFTEN else _seldom
-    kind = type(inner(alone[0]))
     together = 1 if kind.actuates() and kind.start is not Effect.start else SIDE_BY_SIDE
     out, delivered = np.zeros((len(effects), len(signals.rows), joints)), tau
     for first in range(0, len(alone), together):
@@ -156,14 +157,16 @@ def along(effect: Any, drive: Drive, starts: Any, dt: Scalar, finer: int = 1) ->
         change = _delivered(effect, drive._replace(tau=command), starts, dt, finer) - command
 
     def instant(q: Any, qd: Any, qdd: Any, tau: Any, load: Any, table: Any) -> Any:
-        body = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd)))
         rest, one = jnp.zeros_like(q), jnp.ones_like(q)
+        inertia = rest
+        if table is not None:
+            inertia = effect.alter(TabledBody(table, qdd, jnp.zeros_like(qdd))).extra
         levels = (
             effect.dry(q, qd, load, qd),
             effect.dry(q, rest, load, one),
             effect.dry(q, rest, load, -one),
         )
-        return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), body.extra
+        return effect.torque(q, qd, tau) + rest, *(level + rest for level in levels), inertia
 
     torque, level, up, down, inertia = jax.vmap(instant)(
         drive.q, drive.qd, drive.qdd, drive.predicted, drive.load, drive.table

@@ -24,6 +24,8 @@ class Behind:
 
     def __init__(self, effects: Sequence[Effect] = (), body: Any = None):
         self.effects, self.body = tuple(effects), body
+        # the log seen last, and the torque (N, J) that body and links need in its motion
+        self._of, self._before = None, np.zeros(0)
 
     @cached_property
     def links(self) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -71,18 +73,26 @@ class Behind:
         self, signals: Signals, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray
     ) -> np.ndarray:
         """Return how much more torque (N, J) the links need in this motion than in the log's."""
-        at, table = signals.rows, signals.tables
         if self.links is None:
-            return inverse_dynamics(signals.body, q, qd, qdd) - table.torque[at]
+            return inverse_dynamics(signals.body, q, qd, qdd) - self._measured(signals)
         rotors, links, angles = self.links
-        before = (
-            table.torque[at]
-            + np.einsum("tijp,jp->ti", table.by_link[at], links[:-1])
-            + table.by_payload[at] @ links[-1]
-            + table.by_tilt[at] @ angles
-        )
         after = heavier(signals.body, q, qd, qdd, links, angles)
-        return after - before + rotors * (qdd - signals.qdd[at])
+        return after - self._measured(signals) + rotors * (qdd - signals.qdd[signals.rows])
+
+    def _measured(self, signals: Signals) -> np.ndarray:
+        """Return the torque (N, J) that body and links need in the log's own motion."""
+        if self._of is not signals:
+            at, table = signals.rows, signals.tables
+            self._of, self._before = signals, table.torque[at]
+            if self.links is not None:
+                _, links, angles = self.links
+                self._before = (
+                    self._before
+                    + np.einsum("tijp,jp->ti", table.by_link[at], links[:-1])
+                    + table.by_payload[at] @ links[-1]
+                    + table.by_tilt[at] @ angles
+                )
+        return self._before
 
 
 NOTHING = Behind()

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from jaxtyping import Float
@@ -46,6 +47,9 @@ class Item:
     def key(self) -> Key:
         """Name and joint."""
         return self.group[:2]
+
+
+_Counted = WeakKeyDictionary[Item, dict[int, np.ndarray]]
 
 
 def columns_at(items: Iterable[Item], joint: int, rows: int) -> Float[np.ndarray, "P N"]:
@@ -112,10 +116,12 @@ class Gram:
         before = {} if old is None else old.place
         for i in items:
             same[self.place[id(i)]] = before.get(id(i), -1)
+        # columns of each item as they count on each joint
+        self._counted: _Counted = WeakKeyDictionary() if old is None else old._counted
         for j in range(joints):
             on = [i for i in items if j in i.joints]
-            which, x = self.indices(on), columns_at(on, j, len(rows.block))
-            x = rows.steady(x * weights[:, j] / self.scale[which, None], j).T  # (N, p)
+            which, each = self.indices(on), [self._columns(i, j, weights[:, j]) for i in on]
+            x = np.concatenate([np.zeros((0, len(weights))), *each]).T / self.scale[which]  # (N, p)
             y = rows.steady(rows.gap[:, j] * weights[:, j], j)
             parts = [rows.block == b for b in order]
             g = np.empty((len(order), len(which), len(which)))
@@ -156,6 +162,14 @@ class Gram:
         for local, which in zip(self.local, self.which, strict=True):
             local[which] = np.arange(len(which))
         self.weights = np.ones(int(self.training.sum()))  # weights of the training blocks
+
+    def _columns(self, i: Item, joint: int, weights: np.ndarray) -> Float[np.ndarray, "P N"]:
+        """Return an item's columns on a joint [noise]; items are tried in many sets."""
+        kept = self._counted.setdefault(i, {})
+        if joint not in kept:
+            own = i.columns[:, :, i.joints.index(joint)]
+            kept[joint] = self.rows.steady(own * weights, joint)
+        return kept[joint]
 
     def normal(self, members: Sequence[Item]) -> tuple[np.ndarray, ...]:
         """Return normal equations (B, P, P) and (B, P) of a set's coefficients, by training block.

@@ -90,7 +90,11 @@ def fitted(m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: S
         return tried[key]
 
     lower, upper = limits(shape)
-    start = np.clip(vector(shape, found.x[found.of(m)]), lower, upper)
+    # without amplitudes: scaled, or as it is, which may be a fit beside other members
+    share = found.x[found.of(m)]
+    starts = [np.clip(vector(shape, x), lower, upper) for x in (share, np.ones_like(share))]
+    starts = starts[:1] if shape.free else starts
+    start = min(starts, key=lambda x: float(np.sum(missed(x, steps[0])[0] ** 2)))
     inside = 1e-6 * np.maximum(np.abs(start), 1e-6)
     begin = np.clip(start, lower + inside, upper - inside)
 
