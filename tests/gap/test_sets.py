@@ -941,6 +941,29 @@ def test_one_of_two_rare_effects_is_tried_without_the_other(monkeypatch):
     assert contested(score, now, rows, rows.command, Contests()) == [best]
 
 
+def test_a_rival_is_tried_as_it_was_fitted_last_and_two_that_became_one_once(monkeypatch):
+    rng = np.random.default_rng(19)
+    first, second, noise = rng.normal(size=(3, N, 1))
+    curve = lambda loss: replace(
+        item("curve", first + second + 0.05 * noise),
+        shape=Shape(TorqueCurve, 0, JOINTS, (), {"loss": loss}, {}, {}),
+    )
+    low, high, asked = curve(0.1), curve(0.3), []
+
+    def fitted(rival, *rest):
+        asked.append(float(rival.shape.values["loss"]))
+        return curve(0.2 + 0.0001 * len(asked))
+
+    monkeypatch.setattr(rivals, "fitted", fitted)
+    gap = 0.3 * rng.normal(size=(N, JOINTS))
+    gap[:, :1] += first + second
+    rows, members = rows_with(gap), [item("first", first), item("second", second)]
+    score = score_of(rows, [*members, low, high])
+    assert contested(score, score.solve(members), rows, rows.command, Contests()) is None
+    assert sorted(asked[:2]) == [0.1, 0.3]
+    assert asked[2:] == [pytest.approx(0.2001)]
+
+
 def test_a_member_is_contested_once_beside_the_same_others():
     rng = np.random.default_rng(11)
     cause, beside = rng.normal(size=(2, N, 1))
