@@ -23,7 +23,6 @@ from jaxidl.logs.low_pass import by_run
 from jaxidl.logs.signals import Signals
 from jaxidl.systems.free import inner
 from jaxidl.systems.tabled_body import TabledBody
-from jaxidl.systems.tables import Tables
 from jaxidl.types import Scalar
 
 WILD = 1e6  # times the largest command: a simulation that adds more has diverged
@@ -40,7 +39,7 @@ class Drive(NamedTuple):
     tau: Any  # command as logged
     predicted: Any  # command as predicted by the model
     load: Any  # the torque that passes the gear
-    table: Tables | None  # of no use to an effect that alters no body
+    table: Any  # tables; none for an effect that alters no body
 
 
 class Terms(NamedTuple):

@@ -81,17 +81,14 @@ class Behind:
 
     def _measured(self, signals: Signals) -> np.ndarray:
         """Return the torque (N, J) that body and links need in the log's own motion."""
+        at, table = signals.rows, signals.tables
+        if self.links is None:
+            return table.torque[at]
         if self._of is not signals:
-            at, table = signals.rows, signals.tables
-            self._of, self._before = signals, table.torque[at]
-            if self.links is not None:
-                _, links, angles = self.links
-                self._before = (
-                    self._before
-                    + np.einsum("tijp,jp->ti", table.by_link[at], links[:-1])
-                    + table.by_payload[at] @ links[-1]
-                    + table.by_tilt[at] @ angles
-                )
+            _, links, angles = self.links
+            self._of, self._before = signals, table.torque[at] + table.by_tilt[at] @ angles
+            self._before += np.einsum("tijp,jp->ti", table.by_link[at], links[:-1])
+            self._before += table.by_payload[at] @ links[-1]
         return self._before
 
 
