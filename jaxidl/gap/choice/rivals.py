@@ -51,7 +51,8 @@ def contested(
 
     They are others with fitted shapes in place of one, one without its parts, or one of two rare
     ones without the other. A shape that has not been fitted loses against one that has; here both
-    are fitted. What is in ``contests`` is not tried again; what is tried is added.
+    are fitted. A fit begins where the last one of that shape ended, and shapes that ended alike are
+    tried once. What is in ``contests`` is not tried again; what is tried is added.
     """
     changed, last = False, dict[Item, Item]()  # rivals as fitted last, beside other members
     for m in [m for m in now.members if not m.always]:
@@ -97,7 +98,7 @@ def contested(
             tried.add(frozenset([*beside, new]))
             known = score if new is first else score.having([*beside, new])
             fresh = fitted_beside(beside, new, known, rows, predicted)
-            if movable(new.shape) and not on_bound(new.shape, parameters(fresh[-1])):
+            if movable(new.shape) and not on_bound(fresh[-1].shape, parameters(fresh[-1])):
                 last[first] = alike(fresh[-1], last.values())
             small = score.having([*now.members, *(i for i in fresh if i not in now.members)])
             after = search(small, fresh, swap=False)
