@@ -964,6 +964,20 @@ def test_a_rival_is_tried_as_it_was_fitted_last_and_two_that_became_one_once(mon
     assert asked[2:] == [pytest.approx(0.2001)]
 
 
+def test_shapes_are_alike_only_if_their_parameters_mean_the_same():
+    """Beside a part of it an effect has fewer amplitudes, or others."""
+    columns = np.random.default_rng(20).normal(size=(2, N, 1))
+    whole = item("curve", columns)
+    beside = lambda part, basis: item(
+        "curve",
+        columns[: len(basis)],
+        shape=whole.shape._replace(basis=np.array(basis).T, parts=((part, np.ones(2)),)),
+    )
+    one, other = beside("dry", [[1.0, -1.0]]), beside("offset", [[1.0, -1.0]])
+    assert rivals.alike(one, [whole, other]) is one
+    assert rivals.alike(one, [whole, other, replace(one)]) is not one
+
+
 def test_a_member_is_contested_once_beside_the_same_others():
     rng = np.random.default_rng(11)
     cause, beside = rng.normal(size=(2, N, 1))

@@ -112,10 +112,14 @@ def contested(
 def alike(new: Item, others: Iterable[Item]) -> Item:
     """Return one of the fitted ``others`` with about the same shape, or the new one."""
     for o in others:
-        same = o.group == new.group and o.shape.options == new.shape.options
-        if same and np.allclose(parameters(o), parameters(new), rtol=SAME):
+        if kind(o) == kind(new) and np.allclose(parameters(o), parameters(new), rtol=SAME):
             return o
     return new
+
+
+def kind(i: Item) -> tuple[object, ...]:
+    """Return what two items have in common whose parameters mean the same."""
+    return i.group, i.shape.options, i.shape.free, [name for name, _ in i.shape.parts]
 
 
 def parameters(i: Item) -> np.ndarray:
