@@ -109,5 +109,23 @@ class SensorDelay(Delay):
         older = jnp.broadcast_to(self.delay / dt, q.shape)
         place = jnp.clip(jnp.arange(last + 1.0)[:, None] + older, 0.0, last)
         before = jnp.floor(place).astype(int)
-        at = lambda row: jnp.take_along_axis(q, jnp.minimum(row, last), 0)
-        return at(before) + (place - before) * (at(before + 1) - at(before))
+        at = lambda row: jnp.take_along_axis(q, jnp.clip(row, 0, last), 0)
+        return sum(
+            weight * at(before + k)
+            for k, weight in zip(range(-1, 3), cubic(place - before), strict=True)
+        )
+
+
+def cubic(share: Joints) -> tuple[Joints, ...]:
+    """Return the weights of four samples for a place between the middle two, by a cubic.
+
+    Straight lines would smooth what lies between samples, accelerations most: an error would have
+    a kink where a delay is a whole number of samples.
+    """
+    s = share
+    return (
+        -s * (s - 1.0) * (s - 2.0) / 6.0,
+        (s + 1.0) * (s - 1.0) * (s - 2.0) / 2.0,
+        -(s + 1.0) * s * (s - 2.0) / 2.0,
+        (s + 1.0) * s * (s - 1.0) / 6.0,
+    )

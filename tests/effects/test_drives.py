@@ -68,6 +68,16 @@ def test_position_bias_is_read_and_taken_off_again():
     np.testing.assert_allclose(effect.true_position(jnp.asarray(reading)[:, None], DT)[:, 0], q)
 
 
+@pytest.mark.parametrize("steps", [0.4, 2.0, 3.7])
+def test_positions_between_samples_follow_a_cubic(steps):
+    cubic = lambda t: 0.3 - 2.0 * t + 5.0 * t**2 - 40.0 * t**3
+    t = DT * np.arange(40.0)
+    found = fx.SensorDelay(one(steps * DT), steps=6).true_position(
+        jnp.asarray(cubic(t))[:, None], DT
+    )
+    np.testing.assert_allclose(found[2:-6, 0], cubic(t + steps * DT)[2:-6], atol=1e-12)
+
+
 STIFF = {"stiffness": one(900.0), "damping": one(3.0), "motor_inertia": one(0.5)}
 
 

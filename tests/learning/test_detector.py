@@ -65,6 +65,7 @@ def textbook(body, states, tau, dt):
     return jax.lax.scan(step, first, (q[:-1], qd[:-1], tau[:-1], q[1:], qd[1:]))[1]
 
 
+@pytest.mark.slow
 def test_the_observer_is_that_of_the_generalised_momentum(two_link):
 
     @jax.jit

@@ -63,7 +63,8 @@ def test_a_scaled_law_applies_less_and_teaches_the_same():
     np.testing.assert_array_equal(after[1].filtered.value, after[0].filtered.value)
 
 
-@pytest.mark.parametrize("controller", ["pid", pytest.param("doomed", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("controller", ["pid", "doomed"])
 def test_a_run_applies_what_the_executions_before_allow(controller):
     """The third execution's gains, from what the first two recorded."""
     study = replace(SMALL_STUDY, steps=200)
