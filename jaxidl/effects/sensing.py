@@ -110,10 +110,8 @@ class SensorDelay(Delay):
         place = jnp.clip(jnp.arange(last + 1.0)[:, None] + older, 0.0, last)
         before = jnp.floor(place).astype(int)
         at = lambda row: jnp.take_along_axis(q, jnp.clip(row, 0, last), 0)
-        return sum(
-            weight * at(before + k)
-            for k, weight in zip(range(-1, 3), cubic(place - before), strict=True)
-        )
+        weights = jnp.stack(cubic(place - before))
+        return jnp.sum(weights * jnp.stack([at(before + k) for k in range(-1, 3)]), axis=0)
 
 
 def cubic(share: Joints) -> tuple[Joints, ...]:

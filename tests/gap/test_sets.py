@@ -19,6 +19,7 @@ from jaxidl.effects import (
     Spring,
     StribeckFriction,
     TorqueCurve,
+    TorqueRipple,
 )
 from jaxidl.gap.choice import estimates, rivals
 from jaxidl.gap.choice.confidence import DRAWS, support
@@ -965,8 +966,9 @@ def test_a_rival_is_tried_as_it_was_fitted_last_and_two_that_became_one_once(mon
 
 
 def test_shapes_are_alike_only_if_their_parameters_mean_the_same():
-    """Beside a part of it an effect has fewer amplitudes, or others."""
-    columns = np.random.default_rng(20).normal(size=(2, N, 1))
+    """An effect may have fewer amplitudes, and beside a part of it others."""
+    rng = np.random.default_rng(20)
+    columns = rng.normal(size=(2, N, 1))
     whole = item("curve", columns)
     beside = lambda part, basis: item(
         "curve",
@@ -976,6 +978,16 @@ def test_shapes_are_alike_only_if_their_parameters_mean_the_same():
     one, other = beside("dry", [[1.0, -1.0]]), beside("offset", [[1.0, -1.0]])
     assert rivals.alike(one, [whole, other]) is one
     assert rivals.alike(one, [whole, other, replace(one)]) is not one
+
+    def ripple(harmonics):
+        values = dict.fromkeys(("sine", "cosine"), np.zeros((1, harmonics))) | {"period": 0.4}
+        amplitudes = rng.normal(size=(2 * harmonics, N, 1))
+        shape = Shape(TorqueRipple, 0, JOINTS, ("sine", "cosine"), values, {}, {})
+        return item("ripple", amplitudes, shape=shape)
+
+    single, double = ripple(1), ripple(2)
+    assert rivals.alike(double, [single]) is double
+    assert rivals.alike(ripple(2), [single, double]) is double
 
 
 def test_a_member_is_contested_once_beside_the_same_others():

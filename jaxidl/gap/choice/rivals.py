@@ -118,8 +118,10 @@ def alike(new: Item, others: Iterable[Item]) -> Item:
 
 
 def kind(i: Item) -> tuple[object, ...]:
-    """Return what two items have in common whose parameters mean the same."""
-    return i.group, i.shape.options, i.shape.free, [name for name, _ in i.shape.parts]
+    """Return what items have in common whose parameters mean the same: as many, of the same."""
+    s = i.shape
+    sizes = {name: np.size(value) for name, value in s.values.items()}
+    return i.group, s.options, s.free, sizes, [name for name, _ in s.parts]
 
 
 def parameters(i: Item) -> np.ndarray:
