@@ -178,6 +178,16 @@ class Effect(struct.PyTreeNode):
         jaxpr = jax.make_jaxpr(added)(*(jnp.zeros(joints),) * 3).jaxpr
         return dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))[1][2]
 
+    def plus(self, other: "Effect") -> "Effect | None":
+        """Return this effect and another of its class as one; None if one cannot be both.
+
+        By default those can that are linear in all of their parameters.
+        """
+        if not self.linear:
+            return None
+        names = self.parameters
+        return self.replace(**{name: getattr(self, name) + getattr(other, name) for name in names})
+
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:
         """Return one or several sets of starting values for a fit on one joint.

@@ -158,21 +158,15 @@ def placed(cls: type[Effect], variant: Variant, joint: int, joints: int) -> Effe
 def added_to(own: Iterable[Effect], change: Effect) -> Effect:
     """Return an effect together with what ``own`` has of it already, on the same joint.
 
-    A change may be less than nothing, such as friction below the model's; what remains may not.
-    Only effects that are linear in all of their parameters can be added.
+    A change may be less than nothing, such as friction below the model's; what remains may not. An
+    effect that cannot be one with another of its kind is returned as it is.
     """
-    alone = getattr(change, "effect", change)
-    place, kind = getattr(change, "joint", None), type(alone)
-    same = [
-        inner
-        for e in own
-        if type(inner := getattr(e, "effect", e)) is kind and getattr(e, "joint", None) == place
-    ]
-    if not kind.linear or not same:
+    place, alone = getattr(change, "joint", None), getattr(change, "effect", change)
+    whole = alone
+    for other in own:
+        same = type(inner := getattr(other, "effect", other)) is type(alone)
+        if same and getattr(other, "joint", None) == place:
+            whole = whole.plus(inner) or whole
+    if whole is alone:
         return change
-    total = {
-        name: sum((getattr(e, name) for e in same), getattr(alone, name))
-        for name in kind.parameters
-    }
-    alone = alone.replace(**total)
-    return change.replace(effect=alone) if isinstance(change, OnJoint) else alone
+    return change.replace(effect=whole) if isinstance(change, OnJoint) else whole

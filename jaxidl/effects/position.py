@@ -12,6 +12,7 @@ from jaxidl.types import Joints
 
 Waves = Float[Array, " J"] | Float[Array, "J H"]
 
+ROUNDING = 1e-6  # share of a spring that stays where all of it is taken away
 LEAST_WAVES = 1.5  # fewest periods within the range of positions that a search looks for
 
 HOLDING = (
@@ -39,16 +40,20 @@ class Spring(Effect):
     def torque(self, q: Joints, qd: Joints, tau: Joints) -> Joints:
         return -self.stiffness * (q - self.rest)
 
-    def write_mjcf(self, numbers: Any) -> str | None:
-        """Add the spring to the attributes and return their names; None if a joint already has one.
+    def plus(self, other: Any) -> "Spring":
+        """Return both springs as one. Where one takes the other away, none is left."""
+        mine, stiffness = self.stiffness, self.stiffness + other.stiffness
+        gone = jnp.abs(stiffness) < ROUNDING * jnp.abs(mine)
+        stiffness = jnp.where(gone, 0.0, stiffness)
+        pull = mine * self.rest + other.stiffness * other.rest
+        none = stiffness == 0.0
+        rest = jnp.where(none, self.rest, pull / jnp.where(none, 1.0, stiffness))
+        return self.replace(stiffness=stiffness, rest=rest)
 
-        A joint of MuJoCo has one spring, and a second one may have another rest position.
-        """
-        stiffness = np.asarray(self.stiffness)
-        if np.any((stiffness != 0.0) & (numbers.stiffness != 0.0)):
-            return None
-        numbers.springref[:] = np.where(stiffness != 0.0, self.rest, numbers.springref)
-        numbers.stiffness += stiffness
+    def write_mjcf(self, numbers: Any) -> str:
+        """Add the spring to what the attributes have, and return their names."""
+        both = self.plus(Spring(jnp.asarray(numbers.stiffness), jnp.asarray(numbers.springref)))
+        numbers.stiffness[:], numbers.springref[:] = both.stiffness, both.rest
         return "joint/stiffness, joint/springref"
 
     @classmethod

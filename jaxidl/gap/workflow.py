@@ -1,6 +1,7 @@
 """From a log and a model to a diagnosis."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -11,18 +12,18 @@ from jaxidl.effects import Effect
 from jaxidl.errors import ConfigurationError
 from jaxidl.gap.choice.find import Found, Watch, find, weighed
 from jaxidl.gap.choice.objections import possible
-from jaxidl.gap.evidence.gram import Anchor
+from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.localise import localise
 from jaxidl.gap.evidence.moments import moments, strange
 from jaxidl.gap.evidence.rows import rms, rows_of
 from jaxidl.gap.evidence.shape import present
 from jaxidl.gap.fit.held_out import aside
-from jaxidl.gap.fit.library import library, residual
-from jaxidl.gap.fit.score import Score
+from jaxidl.gap.fit.library import library
 from jaxidl.gap.inputs import Inputs, read_inputs, wanted
 from jaxidl.gap.result.diagnosis import Diagnosis, Envelope, Traces
 from jaxidl.gap.result.judged import fitted_to_training, judged
 from jaxidl.gap.result.notes import differing, notes_of, swings
+from jaxidl.gap.result.reference import evidence_of, left_by, untold
 from jaxidl.gap.result.verdict import doubts_of, rivals_of, unexplained_joints, verdict_of
 from jaxidl.gap.result.weight import balanced
 from jaxidl.gap.result.words import doubt_of
@@ -82,14 +83,15 @@ def diagnose(
         if old is not None:
             watch("searching the reference", 0.0)
             before, _ = _search(old, known, (), names, 0.0, min_gain, watch)
-            kept = fitted_to_training(before)
+            # each by itself: dry friction may become less where its rise at low speed does not
+            whole = frozenset(absorbed(before.solution.members).values())
+            kept = fitted_to_training(replace(before, apart=whole))
             common = tuple(e for e in kept if possible(e, known.plant.effects))
         found, signals = _search(
             measured, known, common, names, held_out, min_gain, watch, before=before
         )
         found = weighed(found, watch)
-        usual = None if before is None else _left_by(before)
-        said = judged(found, signals, known, common, rollouts, watch, usual)
+        said = judged(found, signals, known, common, rollouts, watch, before)
         found, named, gap, after = said.found, said.named, said.gap, said.after
         rows = found.library.rows
     doubts = doubts_of(found.ties, named)
@@ -102,7 +104,7 @@ def diagnose(
         common_left,
         rows.spread.tolist(),
         rows.floor.tolist(),
-        None if usual is None else usual.tolist(),
+        None if before is None else left_by(before).tolist(),
     )
     verdict = verdict_of(named, doubts, unexplained)
     where, remaining = (tuple(localise(rows, r, known.names)) for r in (gap, after))
@@ -112,6 +114,7 @@ def diagnose(
         *moments(rows, after, known.names, known.units),
         *differing(found, known.names),
         *balanced(found, known.names),
+        *untold(said.since, named, known.names),
         *swings(rows, left, known.names),
         *measured.notes,
         *known.notes,
@@ -146,7 +149,7 @@ def diagnose(
             "model": str(known.path),
             "version": __version__,
         },
-        common=common,
+        common=said.common,
         doubt=doubt,
         signals=signals,
     )
@@ -190,7 +193,7 @@ def _search(
     effects = (*known.plant.effects, *common)
     signals = prepare(log, known.plant.body, effects)
     rows = rows_of(signals.thinned(), effects, held_out)
-    reference = None if before is None else _reference(before)
+    reference = None if before is None else evidence_of(before)
     while True:
         watch("computing what each effect would add", 0.0)
         found = find(library(rows, names, present(effects), reference), min_gain, watch)
@@ -199,28 +202,3 @@ def _search(
         if np.array_equal(out, rows.strange):
             return found, signals
         rows = rows.without(out)
-
-
-def _reference(before: Found) -> Anchor:
-    """Return the evidence of a log about common effects and its findings, at the values found."""
-    rows, score, named = before.library.rows, before.score, before.named
-    taken = {m.group for m in named}
-    members = [
-        *named,
-        *(m for m in before.library.envelope.members if not m.always and m.group not in taken),
-    ]
-    fresh = Score(
-        rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
-    )
-    gram, right, known, _ = fresh.normal(members)
-    at = [
-        before.solution.x[before.solution.of(m)] if m in named else np.zeros(len(m.lower))
-        for m in members
-    ]
-    return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
-
-
-def _left_by(found: Found) -> np.ndarray:
-    """Return the residual (J,) that was left by what was found [N or Nm]."""
-    rows = found.library.rows
-    return rms(residual(rows, found.solution), rows.used)

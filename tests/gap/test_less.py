@@ -14,6 +14,7 @@ from jaxidl.effects import (
     Payload,
     QuadraticDrag,
     SensorDelay,
+    Spring,
     ViscousFriction,
     added_to,
 )
@@ -91,6 +92,17 @@ def test_what_a_model_has_and_a_change_of_it_are_one_effect():
     np.testing.assert_allclose(less.effect.level, [0.3])
     other = on_joint(ViscousFriction(jnp.array([-0.2])))
     assert added_to(own, other) is other  # the model's is one of the whole mechanism
+
+
+def test_two_springs_are_one_and_none_is_left_where_one_takes_the_other_away():
+    spring = lambda k, rest: Spring(jnp.array([k]), jnp.array([rest]))
+    both = spring(3.0, 0.2).plus(spring(1.0, 1.0))
+    q, still = jnp.array([0.7]), jnp.zeros(1)
+    apart = sum(s.torque(q, still, still) for s in (spring(3.0, 0.2), spring(1.0, 1.0)))
+    np.testing.assert_allclose(both.torque(q, still, still), apart)
+    left = added_to([on_joint(spring(3.0, 0.2))], on_joint(spring(-3.0 * (1.0 - 1e-9), 0.21)))
+    np.testing.assert_array_equal(left.effect.stiffness, [0.0])
+    left.check()
 
 
 def test_a_change_that_mjcf_cannot_hold_is_written_into_what_it_changes(tmp_path):

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.ndimage import uniform_filter1d
 
 from jaxidl import gap
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
-from jaxidl.gap.benchmark.mechanisms import TWO_LINK
+from jaxidl.gap.benchmark.mechanisms import MECHANISMS, TWO_LINK
 
 pytestmark = pytest.mark.slow
 ALWAYS = [
@@ -36,3 +37,40 @@ def test_the_encoders_noise_in_the_loop_is_no_change(tmp_path):
         value, stderr = (np.array(getattr(load.parameters[name], x)) for x in ("value", "stderr"))
         assert (stderr < known).all()
         assert (np.abs(value - truth) < 2.0 * stderr).all()
+
+
+def test_a_spring_that_was_taken_away_is_named(tmp_path):
+    model = tmp_path / "model.xml"
+    model.write_text(TWO_LINK)
+    spring = make("spring", 1, {"stiffness": 2.0, "rest": 0.3})
+    old, new = measured([*ALWAYS, spring], 23), measured(ALWAYS, 24)
+    (less,) = gap.diagnose(new, model, reference=old, rollouts=False).findings
+    assert (less.name, less.joint, less.sure) == ("spring", 1, True)
+    assert less.parameters["stiffness"].value == pytest.approx(-2.0, rel=0.05)
+    assert less.parameters["rest"].value == pytest.approx(0.3, abs=0.05)
+
+
+def test_what_the_reference_could_not_show_may_have_been_there(tmp_path):
+    """More friction below 0.1 m/s, after a log that moved as slowly, and after one that did not."""
+    model = tmp_path / "model.xml"
+    model.write_text(MECHANISMS["slider"])
+    rng, t = np.random.default_rng(25), 0.005 * np.arange(8000)
+
+    def log(least, excess):
+        """Strokes at steady speeds (m/s) from the least one on, there and back."""
+        each = np.outer(rng.permutation(np.geomspace(least, 1.0, 40)), [1.0, -1.0])
+        samples = np.repeat(rng.permutation(np.arange(61, 141, 2)), 2)
+        speed = uniform_filter1d(np.repeat(each, samples), 15)
+        q, qdd = np.cumsum(speed) * 0.005, np.gradient(speed, 0.005)
+        level = 1.0 + excess * np.exp(-((speed / 0.1) ** 2))
+        tau = 2.3 * qdd + level * np.tanh(speed / 1e-3) + 0.5 * speed
+        noise = 1e-6 * rng.normal(size=q.shape), 0.01 * rng.normal(size=q.shape)
+        return gap.from_arrays(t, (q + noise[0])[:, None], (tau + noise[1])[:, None])
+
+    new, sure = log(0.02, 0.6), []
+    for slowest in (0.02, 0.6):
+        found = gap.diagnose(new, model, reference=log(slowest, 0.0), rollouts=False)
+        (more,) = (f for f in found.findings if f.name == "stribeck_friction")
+        sure.append(more.confidence)
+        assert any("does not show" in note for note in found.notes) == (slowest > 0.1)
+    assert sure[0] > sure[1]

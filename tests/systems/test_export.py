@@ -172,14 +172,21 @@ def test_what_does_not_go_into_mjcf_stays_in_the_record(two_link, tmp_path):
     void = ON(fx.InertiaError(one(0.0), one(-1.0)), 1)  # all that the body weighs
     added = [spring, ON(fx.Spring(one(3.0), one(0.4)), 1), light, void, outside]
     model, record = write_patched(two_link, added, tmp_path)
-    assert [entry["in_mjcf"] for entry in record_of(record)["effects"]] == [
-        True,
-        False,
-        False,
-        False,
-        False,
-    ]
+    written = [entry["in_mjcf"] for entry in record_of(record)["effects"]]
+    assert written == [True, True, False, False, False]  # two springs of a joint are one
     compare(Plant(two_link.plant.body, tuple(added)), read_model(model).plant, in_c=False)
+
+
+@pytest.mark.parametrize("share", [0.4, 1.0])
+def test_a_spring_that_is_weaker_or_gone_is_written(two_link, tmp_path, share):
+    whole = ON(fx.Spring(one(3.0), one(0.4)), 1)
+    model, _ = write_patched(two_link, [whole], tmp_path / "whole")
+    less = ON(fx.Spring(one(-3.0 * share), one(0.4)), 1)
+    after, _ = write_patched(read_model(model), [less], tmp_path / "less")
+    compiled = mujoco.MjModel.from_xml_path(str(after))
+    np.testing.assert_allclose(compiled.jnt_stiffness, [0.0, 3.0 * (1.0 - share)], atol=1e-9)
+    if share < 1.0:
+        np.testing.assert_allclose(compiled.qpos_spring[1], 0.4)
 
 
 def test_a_patch_of_a_patch_carries_over_what_was_found_before(two_link, tmp_path):

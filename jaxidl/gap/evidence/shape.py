@@ -178,13 +178,14 @@ def shapes_of(
             continue  # not plausible on this joint
         joint = None if cls.whole else scale.joint
         within, there = {**variant.within}, own.get((cls.name, joint), {})
-        for n in variant.free:
+        less = [n for n in variant.free if n in there and np.ndim(there[n]) <= 1]
+        for n in less:
             low, high = within.get(n, (cls.parameters[n].lower, cls.parameters[n].upper))
-            if n in there and np.ndim(there[n]) <= 1:
-                within[n] = low - (1.0 - ROUNDING) * max(float(np.min(there[n])), 0.0), high
-        # it may also be less, such as a load that is gone; friction that was not there may not
+            within[n] = low - (1.0 - ROUNDING) * max(float(np.min(there[n])), 0.0), high
+        # a change may be less, such as a load that is gone; friction that was not there may not
         if changed and not cls.friction:
-            within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in variant.free}
+            free = [n for n in variant.free if n not in less]
+            within |= {n: (-np.inf, within.get(n, (0.0, np.inf))[1]) for n in free}
         prior = (
             cls.changes if changed else cls.prior if variant.prior is None else variant.prior
         ) / rivals

@@ -180,6 +180,9 @@ class Score(Gram):
         log = lambda square: np.log(np.maximum(square, self.floor))
         said = heard * log(error / count / passed) + (1.0 - heard) * log(self.variance)
         implausible = 0.5 * self.prior[at] @ x**2 / self.alike
+        if self.anchor is not None:  # another log is worse explained
+            worse = x @ self.anchored[np.ix_(at, at)] @ x - 2.0 * self.pull[at] @ x
+            implausible += 0.5 * worse / self.alike
         value = -0.5 * self.effective @ said + sum(m.odds for m in members) - implausible
         return float(value), passed
 

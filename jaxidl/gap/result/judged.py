@@ -2,12 +2,14 @@
 
 What hardly anything speaks for is left out. If some joint's motion is simulated worse than by the
 model as it was, so is what is more likely wrong than right, and what is rare on that joint, if the
-simulation is better without. What is not sure does not take the name of its parts: where a change
-of dry friction at low speed is doubtful, dry friction is named beside it.
+errors of all joints, their geometric mean, are less without. What is not sure does not take the
+name of its parts: where a change of dry friction at low speed is doubtful, dry friction is named
+beside it.
 
 A confidence is halved in a log of a few seconds, on a joint that seems to be misread, of a delay of
 hardly more than a sampling interval, and of what a factor common to all torques would replace:
-links, and effects that the model has already (:mod:`jaxidl.gap.result.weight`).
+links, and effects that the model has already (:mod:`jaxidl.gap.result.weight`). That of a change
+is less if a reference log cannot tell that it was not there (:mod:`jaxidl.gap.result.reference`).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +21,7 @@ import numpy as np
 from jaxidl.effects import CATALOGUE, Effect
 from jaxidl.gap.choice.find import Found, Watch
 from jaxidl.gap.choice.objections import brief
-from jaxidl.gap.evidence.conventions import conventions, late_torques
+from jaxidl.gap.evidence.conventions import WRONG, conventions, late_torques
 from jaxidl.gap.evidence.items import absorbed
 from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import instants_of, rms
@@ -29,6 +31,7 @@ from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
+from jaxidl.gap.result.reference import changed, left_by, moved
 from jaxidl.gap.result.weight import proportion, weight_of
 from jaxidl.gap.result.words import LEAST
 from jaxidl.logs.signals import Signals
@@ -42,6 +45,14 @@ DOUBTED = 0.5  # share of a finding's confidence that is left
 ASTRAY = "with it the simulation strays further from the measured motion"
 
 
+class Reading(NamedTuple):
+    """How a log of J joints reads."""
+
+    said: list[str]  # sentences about it
+    misread: np.ndarray  # (J,) which joints seem to be misread
+    since: Mapping[Key, float]  # probability that effects were not there in a reference log
+
+
 class Judged(NamedTuple):
     """What is said of a set; N rows of J joints."""
 
@@ -52,6 +63,8 @@ class Judged(NamedTuple):
     network: tuple[tuple[float, float], ...]  # of each joint, as :func:`check` returns them
     named: tuple[Finding, ...]
     compared: Gap
+    since: Mapping[Key, float]  # see :class:`Reading`
+    common: tuple[Effect, ...]  # what two logs share, beside what was found
 
 
 def judged(
@@ -61,33 +74,35 @@ def judged(
     common: Sequence[Effect],
     rollouts: bool,
     watch: Watch,
-    usual: np.ndarray | None = None,
+    reference: Found | None = None,
 ) -> Judged:
     """Return what is said of a set without what leads the simulation astray.
 
-    The effects in ``common`` are those that this log of T instants and its reference share, and
-    ``usual`` (J,) is what the reference leaves unexplained [N or Nm]. Without ``rollouts`` nothing
-    is simulated.
+    The effects in ``common`` are those that this log of T instants and its reference share, in
+    which the ``reference`` was found. Without ``rollouts`` nothing is simulated.
     """
     watch("checking the residual", 0.0)
-    reading = read_as(found, known.names)
-    judge = lambda found: _judged(found, signals, known, common, rollouts, watch, usual, reading)
+    reading = read_as(found, reference, known.names)
+    judge = lambda found: _judged(
+        found, signals, known, common, rollouts, watch, reference, reading
+    )
     first = judge(found)
     if unsure := {*absorbed(found.solution.members).values()} & _below(SURE, first):
         found = _without(replace(found, apart=frozenset(unsure)), {})
-        odd, named = _named(found, known, first.network, reading, usual)
+        odd, named = _named(found, known, first.network, reading, reference)
         first = first._replace(found=found, odd=odd, named=named)
     while hardly := _below(HARDLY, first):
         found = _without(found, dict.fromkeys(hardly, UNLIKELY))
         first = judge(found)
     far = _astray(first.compared)
-    strays = {j for j, ratio in enumerate(far) if ratio > 1.0}
+    strays = set(np.flatnonzero(far > 1.0).tolist())
     rare = {(f.name, f.joint) for f in first.named if not CATALOGUE[f.name].common}
     leading = {key for key in rare if key[1] in strays} | _below(LIKELY, first)
     if not strays or not leading:
         return first
     second = judge(_without(found, dict.fromkeys(leading, ASTRAY)))
-    return second if max(_astray(second.compared)) < max(far) else first
+    mean = lambda ratio: float(np.mean(np.log(np.maximum(ratio, 1e-9))))
+    return second if mean(_astray(second.compared)) < mean(far) else first
 
 
 def _below(confidence: float, said: Judged) -> set[Key]:
@@ -116,8 +131,8 @@ def _judged(
     common: Sequence[Effect],
     rollouts: bool,
     watch: Watch,
-    usual: np.ndarray | None,
-    reading: tuple[list[str], np.ndarray],
+    reference: Found | None,
+    reading: Reading,
 ) -> Judged:
     """Return what is said of a set, with both sides of the gap in the same held-out rows.
 
@@ -144,52 +159,60 @@ def _judged(
     model = Plant(known.plant.body, (*known.plant.effects, *common))
     before = later = side(gap, model, signals._replace(late=behind.late))
     if members:
-        later = side(after, Plant(model.body, (*model.effects, *members)), behind)
+        by = [] if reference is None else moved(reference, found, model.effects)
+        common = [*common, *by]
+        corrected = Plant(model.body, (*known.plant.effects, *common, *members))
+        later = side(after, corrected, behind)
     compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())
-    odd, named = _named(found, known, network, reading, usual)
-    return Judged(found, odd, after, gap, network, named, compared)
+    odd, named = _named(found, known, network, reading, reference)
+    return Judged(found, odd, after, gap, network, named, compared, reading.since, tuple(common))
 
 
 def _named(
     found: Found,
     known: Model,
     network: Sequence[tuple[float, float]],
-    reading: tuple[list[str], np.ndarray],
-    usual: np.ndarray | None,
+    reading: Reading,
+    reference: Found | None,
 ) -> tuple[list[str], tuple[Finding, ...]]:
     """Return sentences about how the log reads, and the findings."""
-    odd, trust = trust_of(found, *reading)
+    odd, trust = trust_of(found, reading)
+    usual = None if reference is None else left_by(reference)
     return odd, findings(found, known, network, trust, usual)
 
 
-def _astray(compared: Gap) -> list[float]:
-    """Return the largest ratio of each joint's error in position after to that before."""
+def _astray(compared: Gap) -> np.ndarray:
+    """Return the largest ratio of each joint's error in position after to that before, (J,)."""
     before, after = (
         np.atleast_2d([*s.rollout_rms.values()]) for s in (compared.before, compared.after)
     )
     diverges = np.where(np.isnan(before), 0.0, np.inf)
     ratio = np.where(np.isnan(after), diverges, after / np.maximum(before, 1e-300))
-    return np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(0, initial=0.0).tolist()
+    return np.nan_to_num(ratio, nan=0.0, posinf=np.inf).max(0, initial=0.0)
 
 
-def read_as(found: Found, names: Sequence[str]) -> tuple[list[str], np.ndarray]:
-    """Return sentences about how a log of J joints called ``names`` reads, and which seem misread.
+def read_as(found: Found, reference: Found | None, names: Sequence[str]) -> Reading:
+    """Return how a log of J joints called ``names`` reads.
 
-    The latter are (J,).
+    One that changes since the ``reference`` explain reads as that does.
     """
     rows = found.library.rows
-    said, misread = conventions(rows, names)
+    said, misread = list[str](), np.zeros(len(names), bool)
+    if reference is None or np.any(left_by(found) > WRONG * rows.spread):
+        said, misread = conventions(rows, names)
     late, which = late_torques(rows, found.explaining, names)
-    return [*said, *late], misread | which
+    since = (
+        {}
+        if reference is None
+        else {v.key: changed(found, reference, v.items) for v in found.fitted}
+    )
+    return Reading([*said, *late], misread | which, since)
 
 
-def trust_of(
-    found: Found, said: Sequence[str], misread: np.ndarray
-) -> tuple[list[str], Callable[[Value, int], float]]:
-    """Return all that is ``said`` about how a log reads, and the trust in it.
+def trust_of(found: Found, reading: Reading) -> tuple[list[str], Callable[[Value, int], float]]:
+    """Return all that is said about how a log reads, and the trust in it.
 
-    That is the share of an effect's confidence on a joint that is left; some joints (J,) seem to be
-    ``misread``.
+    That is the share of an effect's confidence on a joint that is left.
     """
     rows = found.library.rows
     scaled, links = proportion(found, weight_of(found))
@@ -198,6 +221,7 @@ def trust_of(
     def trust(value: Value, joint: int) -> float:
         factor = value.key in own or any(m.group in links for m in value.items)
         short = any(brief(found.solution, m, rows.signals.interval) for m in value.items)
-        return DOUBTED if few or misread[joint] or factor or short else 1.0
+        doubted = DOUBTED if few or reading.misread[joint] or factor or short else 1.0
+        return doubted * reading.since.get(value.key, 1.0)
 
-    return [*said, *scaled], trust
+    return [*reading.said, *scaled], trust

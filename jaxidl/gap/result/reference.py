@@ -1,0 +1,118 @@
+"""What a reference log says about changes since then.
+
+What both logs need is no change. So what the reference shows of common effects and of its own
+findings is evidence in the search for changes. A rare effect found in the new log is compared with
+the same effect in both: where the reference cannot tell, since its motion would not show it, as
+much speaks for the one as for the other.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from jaxidl.effects import Effect
+from jaxidl.gap.choice.find import Found
+from jaxidl.gap.choice.objections import possible
+from jaxidl.gap.evidence.gram import Anchor, Item, Key
+from jaxidl.gap.evidence.items import columns_of, item
+from jaxidl.gap.evidence.rows import rms
+from jaxidl.gap.evidence.shape import effect_at, reads_load, vector
+from jaxidl.gap.fit.library import load_of, residual, with_friction
+from jaxidl.gap.fit.score import Score
+from jaxidl.gap.result.diagnosis import SURE, Finding
+from jaxidl.gap.result.words import listed, readable
+
+
+def evidence_of(before: Found, more: Sequence[Item] = ()) -> Anchor:
+    """Return the evidence of a log about common effects and its findings, at the values found.
+
+    It is also about ``more`` items, of which the log was found to have nothing.
+    """
+    rows, score, members = before.library.rows, before.score, [*_known(before), *more]
+    fresh = Score(
+        rows._replace(gap=residual(rows, before.solution)), members, score.noise, score.effective
+    )
+    gram, right, known, _ = fresh.normal(members)
+    at = [
+        before.solution.x[before.solution.of(m)] if m in before.named else np.zeros(len(m.lower))
+        for m in members
+    ]
+    return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
+
+
+def _known(before: Found) -> list[Item]:
+    """Return what a log is evidence of: its findings, and what else is common.
+
+    Effects without amplitudes, such as a motor constant, stay what they were.
+    """
+    taken = {m.group for m in before.named}
+    rest = before.library.envelope.members
+    members = [*before.named, *(m for m in rest if not m.always and m.group not in taken)]
+    return [m for m in members if m.shape.free]
+
+
+def moved(before: Found, found: Found, own: Sequence[Effect]) -> list[Effect]:
+    """Return by how much the effects that two logs share are different beside the changes.
+
+    They are what explains both logs best. ``own`` is what the model has of them already.
+    """
+    score, now = found.score, found.solution
+    shared = () if score.anchor is None else score.anchor.items
+    by = [
+        effect_at(old.shape, vector(old.shape, now.x[now.of(new)]))
+        for old, new in zip(_known(before), shared, strict=True)
+    ]
+    return [e for e in by if possible(e, own)]
+
+
+def left_by(found: Found) -> np.ndarray:
+    """Return the residual (J,) that was left by what was found [N or Nm]."""
+    rows = found.library.rows
+    return rms(residual(rows, found.solution), rows.used)
+
+
+def changed(found: Found, before: Found, items: Sequence[Item]) -> float:
+    """Return the probability that an effect, found as ``items``, was not there ``before``.
+
+    It is that of a change against the same effect in both logs, which both explain the new one; at
+    least one half, since the search of the reference has not found it.
+    """
+    score = found.score
+    if score.anchor is None or {m.key for m in items} & {i.key for i in score.anchor.items}:
+        return 1.0  # the search has compared them
+    far = lambda m: np.full(len(m.lower), np.inf)
+    both = [replace(m, always=True, odds=0.0, lower=-far(m), upper=far(m)) for m in items]
+    anchor = evidence_of(before, [_then(m, before) for m in items])
+    anchor = anchor._replace(items=(*score.anchor.items, *both))
+    others = [m for m in found.solution.members if m not in items]
+    every = [*others, *both]
+    shared = Score(found.library.rows, every, score.noise, score.effective, anchor).solve(every)
+    rise = shared.value - (found.solution.value - sum(m.odds for m in items))
+    return float(1.0 / (1.0 + np.exp(min(rise, 0.0))))
+
+
+def _then(m: Item, before: Found) -> Item:
+    """Return an item of the new log as it would have been in the one before."""
+    rows, torque = before.library.rows, before.predicted
+    if reads_load(m.shape):
+        rows, torque = with_friction(rows, before.solution), load_of(rows, before.solution)
+    return item(m.shape, *columns_of([m.shape], rows, torque))
+
+
+def untold(since: Mapping[Key, float], named: Sequence[Finding], names: Sequence[str]) -> list[str]:
+    """Return a sentence if effects ``named`` on joints called ``names`` may have been there before.
+
+    The probability that they were not is ``since``.
+    """
+    found = [
+        readable(f.name) + (f" ({names[f.joint]})" if f.joint is not None else "")
+        for f in named
+        if since.get((f.name, f.joint), 1.0) < SURE
+    ]
+    if not found:
+        return []
+    return [
+        f"the reference log does not show whether {listed(found)} was there before; record both"
+        " logs with the same motion"
+    ]
