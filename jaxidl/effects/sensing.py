@@ -114,7 +114,7 @@ class SensorDelay(Delay):
         return jnp.sum(weights * jnp.stack([at(before + k) for k in range(-1, 3)]), axis=0)
 
 
-def cubic(share: Joints) -> tuple[Joints, ...]:
+def cubic(share: History) -> tuple[History, ...]:
     """Return the weights of four samples for a place between the middle two, by a cubic.
 
     Straight lines would smooth what lies between samples, accelerations most: an error would have

@@ -31,7 +31,7 @@ from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
-from jaxidl.gap.result.reference import changed, left_by, moved
+from jaxidl.gap.result.reference import changed, left_by, shared
 from jaxidl.gap.result.weight import proportion, weight_of
 from jaxidl.gap.result.words import LEAST
 from jaxidl.logs.signals import Signals
@@ -159,8 +159,8 @@ def _judged(
     model = Plant(known.plant.body, (*known.plant.effects, *common))
     before = later = side(gap, model, signals._replace(late=behind.late))
     if members:
-        by = [] if reference is None else moved(reference, found, model.effects)
-        common = [*common, *by]
+        if reference is not None:
+            common = shared(reference, found, common, known.plant.effects)
         corrected = Plant(model.body, (*known.plant.effects, *common, *members))
         later = side(after, corrected, behind)
     compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())

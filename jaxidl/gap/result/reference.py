@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from jaxidl.effects import Effect
+from jaxidl.effects import Effect, added_to
 from jaxidl.gap.choice.find import Found
 from jaxidl.gap.choice.objections import possible
 from jaxidl.gap.evidence.gram import Anchor, Item, Key
@@ -42,28 +42,33 @@ def evidence_of(before: Found, more: Sequence[Item] = ()) -> Anchor:
 
 
 def _known(before: Found) -> list[Item]:
-    """Return what a log is evidence of: its findings, and what else is common.
-
-    Effects without amplitudes, such as a motor constant, stay what they were.
-    """
+    """Return what a log is evidence of: its findings, and what else is common."""
     taken = {m.group for m in before.named}
     rest = before.library.envelope.members
-    members = [*before.named, *(m for m in rest if not m.always and m.group not in taken)]
-    return [m for m in members if m.shape.free]
+    return [*before.named, *(m for m in rest if not m.always and m.group not in taken)]
 
 
-def moved(before: Found, found: Found, own: Sequence[Effect]) -> list[Effect]:
-    """Return by how much the effects that two logs share are different beside the changes.
+def shared(
+    before: Found, found: Found, common: Sequence[Effect], own: Sequence[Effect]
+) -> list[Effect]:
+    """Return the effects ``common`` to two logs with what explains both best beside the changes.
 
-    They are what explains both logs best. ``own`` is what the model has of them already.
+    The model has its ``own`` effects. Effects without amplitudes, such as a motor constant, stay
+    what they were.
     """
-    score, now = found.score, found.solution
-    shared = () if score.anchor is None else score.anchor.items
-    by = [
-        effect_at(old.shape, vector(old.shape, now.x[now.of(new)]))
-        for old, new in zip(_known(before), shared, strict=True)
-    ]
-    return [e for e in by if possible(e, own)]
+    now, out = found.solution, list(common)
+    anchor = found.score.anchor
+    for old, new in zip(_known(before), anchor.items if anchor else (), strict=True):
+        more = effect_at(old.shape, vector(old.shape, now.x[now.of(new)]))
+        if not old.shape.free or not possible(more, [*own, *out]):
+            continue
+        for n, e in enumerate(out):
+            if (whole := added_to([e], more)) is not more:
+                out[n] = whole
+                break
+        else:
+            out.append(more)
+    return out
 
 
 def left_by(found: Found) -> np.ndarray:
