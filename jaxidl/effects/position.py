@@ -47,7 +47,7 @@ class Spring(Effect):
         stiffness = jnp.where(gone, 0.0, stiffness)
         pull = mine * self.rest + other.stiffness * other.rest
         none = stiffness == 0.0
-        rest = jnp.where(none, self.rest, pull / jnp.where(none, 1.0, stiffness))
+        rest = jnp.where(none, other.rest, pull / jnp.where(none, 1.0, stiffness))
         return self.replace(stiffness=stiffness, rest=rest)
 
     def write_mjcf(self, numbers: Any) -> str:

@@ -8,6 +8,8 @@ from jaxidl import gap
 from jaxidl.gap.benchmark.catalogue import make
 from jaxidl.gap.benchmark.engine import simulate
 from jaxidl.gap.benchmark.mechanisms import MECHANISMS, TWO_LINK
+from jaxidl.systems.export import write_patched
+from jaxidl.systems.mjcf import read_model
 
 pytestmark = pytest.mark.slow
 ALWAYS = [
@@ -44,10 +46,15 @@ def test_a_spring_that_was_taken_away_is_named(tmp_path):
     model.write_text(TWO_LINK)
     spring = make("spring", 1, {"stiffness": 2.0, "rest": 0.3})
     old, new = measured([*ALWAYS, spring], 23), measured(ALWAYS, 24)
-    (less,) = gap.diagnose(new, model, reference=old, rollouts=False).findings
+    found = gap.diagnose(new, model, reference=old, rollouts=False)
+    (less,) = found.findings
     assert (less.name, less.joint, less.sure) == ("spring", 1, True)
     assert less.parameters["stiffness"].value == pytest.approx(-2.0, rel=0.05)
     assert less.parameters["rest"].value == pytest.approx(0.3, abs=0.05)
+    written, _ = write_patched(read_model(model), found.added, tmp_path / "found")
+    again = gap.diagnose(new, written, rollouts=False)
+    assert again.verdict == "nothing_missing"
+    np.testing.assert_allclose(again.gap.before.torque_rms, found.gap.after.torque_rms, rtol=0.1)
 
 
 def test_what_the_reference_could_not_show_may_have_been_there(tmp_path):

@@ -160,7 +160,9 @@ def _judged(
     before = later = side(gap, model, signals._replace(late=behind.late))
     if members:
         if reference is not None:
-            common = shared(reference, found, common, known.plant.effects)
+            ways = members, [v.effect for v in found.fitted]
+            beside = [[*known.plant.effects, *changes] for changes in ways]
+            common = shared(reference, found, common, beside)
         corrected = Plant(model.body, (*known.plant.effects, *common, *members))
         later = side(after, corrected, behind)
     compared = Gap(list(known.units), before, later, signals.noise_floor.tolist())

@@ -49,18 +49,21 @@ def _known(before: Found) -> list[Item]:
 
 
 def shared(
-    before: Found, found: Found, common: Sequence[Effect], own: Sequence[Effect]
+    before: Found,
+    found: Found,
+    common: Sequence[Effect],
+    beside: Sequence[Sequence[Effect]],
 ) -> list[Effect]:
     """Return the effects ``common`` to two logs with what explains both best beside the changes.
 
-    The model has its ``own`` effects. Effects without amplitudes, such as a motor constant, stay
-    what they were.
+    They stay what they were where they would not be possible ``beside`` the model's effects and the
+    changes, as these are fitted. So do effects without amplitudes, such as a motor constant.
     """
     now, out = found.solution, list(common)
     anchor = found.score.anchor
     for old, new in zip(_known(before), anchor.items if anchor else (), strict=True):
         more = effect_at(old.shape, vector(old.shape, now.x[now.of(new)]))
-        if not old.shape.free or not possible(more, [*own, *out]):
+        if not old.shape.free or not all(possible(more, [*out, *others]) for others in beside):
             continue
         for n, e in enumerate(out):
             if (whole := added_to([e], more)) is not more:
@@ -92,8 +95,8 @@ def changed(found: Found, before: Found, items: Sequence[Item]) -> float:
     anchor = anchor._replace(items=(*score.anchor.items, *both))
     others = [m for m in found.solution.members if m not in items]
     every = [*others, *both]
-    shared = Score(found.library.rows, every, score.noise, score.effective, anchor).solve(every)
-    rise = shared.value - (found.solution.value - sum(m.odds for m in items))
+    there = Score(found.library.rows, every, score.noise, score.effective, anchor).solve(every)
+    rise = there.value - (found.solution.value - sum(m.odds for m in items))
     return float(1.0 / (1.0 + np.exp(min(rise, 0.0))))
 
 
