@@ -31,7 +31,7 @@ from jaxidl.gap.fit.values import Value, values
 from jaxidl.gap.result.diagnosis import LIKELY, SURE, Finding, Gap, Key, Side
 from jaxidl.gap.result.findings import findings
 from jaxidl.gap.result.network import check
-from jaxidl.gap.result.reference import changed, left_by, shared
+from jaxidl.gap.result.reference import left_by, shared, since_then
 from jaxidl.gap.result.weight import proportion, weight_of
 from jaxidl.gap.result.words import LEAST
 from jaxidl.logs.signals import Signals
@@ -203,11 +203,7 @@ def read_as(found: Found, reference: Found | None, names: Sequence[str]) -> Read
     if reference is None or np.any(left_by(found) > WRONG * rows.spread):
         said, misread = conventions(rows, names)
     late, which = late_torques(rows, found.explaining, names)
-    since = (
-        {}
-        if reference is None
-        else {v.key: changed(found, reference, v.items) for v in found.fitted}
-    )
+    since = {} if reference is None else since_then(found, reference)
     return Reading([*said, *late], misread | which, since)
 
 

@@ -3,7 +3,7 @@
 What both logs need is no change. So what the reference shows of common effects and of its own
 findings is evidence in the search for changes. A rare effect found in the new log is compared with
 the same effect in both: where the reference cannot tell, since its motion would not show it, as
-much speaks for the one as for the other.
+much speaks for the one as for the other, and changes that only the one needs are as doubtful.
 """
 
 from collections.abc import Mapping, Sequence
@@ -80,24 +80,36 @@ def left_by(found: Found) -> np.ndarray:
     return rms(residual(rows, found.solution), rows.used)
 
 
-def changed(found: Found, before: Found, items: Sequence[Item]) -> float:
-    """Return the probability that an effect, found as ``items``, was not there ``before``.
+def since_then(found: Found, before: Found) -> dict[Key, float]:
+    """Return the probability that each effect found was not there ``before``.
 
-    It is that of a change against the same effect in both logs, which both explain the new one; at
-    least one half, since the search of the reference has not found it.
+    An effect that the reference does not know is compared with the same effect in both logs: at
+    least one half speaks for a change, since the search of the reference has not found it. If it
+    was there before, other changes may not be needed, and are as doubtful.
     """
-    score = found.score
-    if score.anchor is None or {m.key for m in items} & {i.key for i in score.anchor.items}:
-        return 1.0  # the search has compared them
-    far = lambda m: np.full(len(m.lower), np.inf)
-    both = [replace(m, always=True, odds=0.0, lower=-far(m), upper=far(m)) for m in items]
-    anchor = evidence_of(before, [_then(m, before) for m in items])
-    anchor = anchor._replace(items=(*score.anchor.items, *both))
-    others = [m for m in found.solution.members if m not in items]
-    every = [*others, *both]
-    there = Score(found.library.rows, every, score.noise, score.effective, anchor).solve(every)
-    rise = there.value - (found.solution.value - sum(m.odds for m in items))
-    return float(1.0 / (1.0 + np.exp(min(rise, 0.0))))
+    score, now, out = found.score, found.solution, {v.key: 1.0 for v in found.fitted}
+    known = score.anchor.items if score.anchor else ()
+    for v in found.fitted:
+        if v.key in {i.key for i in known}:
+            continue  # the search has compared them
+        both = [_anywhere(m) for m in v.items]
+        anchor = evidence_of(before, [_then(m, before) for m in v.items])
+        anchor = anchor._replace(items=(*known, *both))
+        every = [*(m for m in now.members if m not in v.items), *both]
+        fresh = Score(found.library.rows, every, score.noise, score.effective, anchor)
+        with_it = fresh.solve(every).value
+        rise = with_it - (now.value - sum(m.odds for m in v.items))
+        likely = float(1.0 / (1.0 + np.exp(min(rise, 0.0))))
+        for o in found.fitted:
+            if o is v or fresh.solve([m for m in every if m not in o.items]).value >= with_it:
+                out[o.key] *= likely
+    return out
+
+
+def _anywhere(m: Item) -> Item:
+    """Return an item as it is if both logs have it: no finding, with any value."""
+    far = np.full(len(m.lower), np.inf)
+    return replace(m, always=True, odds=0.0, lower=-far, upper=far)
 
 
 def _then(m: Item, before: Found) -> Item:
@@ -109,9 +121,9 @@ def _then(m: Item, before: Found) -> Item:
 
 
 def untold(since: Mapping[Key, float], named: Sequence[Finding], names: Sequence[str]) -> list[str]:
-    """Return a sentence if effects ``named`` on joints called ``names`` may have been there before.
+    """Return a sentence about changes ``named`` of joints called ``names`` that may be none.
 
-    The probability that they were not is ``since``.
+    The probability that they are is ``since``.
     """
     found = [
         readable(f.name) + (f" ({names[f.joint]})" if f.joint is not None else "")
@@ -121,6 +133,6 @@ def untold(since: Mapping[Key, float], named: Sequence[Finding], names: Sequence
     if not found:
         return []
     return [
-        f"the reference log does not show whether {listed(found)} was there before; record both"
+        f"the reference log hardly tells whether {listed(found)} changed since then; record both"
         " logs with the same motion"
     ]
