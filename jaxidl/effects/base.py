@@ -179,14 +179,9 @@ class Effect(struct.PyTreeNode):
         return dce_jaxpr(jaxpr, [True] * len(jaxpr.outvars))[1][2]
 
     def plus(self, other: "Effect") -> "Effect | None":
-        """Return this effect and another of its class as one; None if one cannot be both.
-
-        By default those can that are linear in all of their parameters.
-        """
-        if not self.linear:
-            return None
-        names = self.parameters
-        return self.replace(**{name: getattr(self, name) + getattr(other, name) for name in names})
+        """Return this effect and another of its class as one; None unless they are ``linear``."""
+        total = {name: getattr(self, name) + getattr(other, name) for name in self.parameters}
+        return self.replace(**total) if self.linear else None
 
     @classmethod
     def guesses(cls, scale: Scale) -> list[Guess]:

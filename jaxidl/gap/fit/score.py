@@ -12,7 +12,7 @@ score(S) = sum over joints of -N/2 log(max(e, noise floor)) + sum over effects o
   (:mod:`jaxidl.gap.evidence.samples`).
 * p is the effect's prior.
 * s is how large a coefficient x may plausibly be, if something is known about it: changes of links
-  (:mod:`jaxidl.gap.fit.prior`).
+  (:mod:`jaxidl.gap.fit.prior`). What another log says of coefficients counts in the same way.
 
 A set costs one small solve for each block (:mod:`jaxidl.gap.evidence.gram`).
 """
@@ -170,8 +170,8 @@ class Score(Gram):
         """Return the score of a set, and how much of each joint's command (J,) it lets through.
 
         Its columns are ``at`` (P,), its scaled coefficients ``x`` (P,), and its sums of squares on
-        the training blocks ``error`` (J,) [noise^2]. The prior is weighted like the data: ``alike``
-        samples count as one.
+        the training blocks ``error`` (J,) [noise^2]. The prior and another log are weighted as
+        the data are: ``alike`` samples count as one.
         """
         passed, heard = np.ones((2, len(self.which)))
         for d in acting:
@@ -179,10 +179,7 @@ class Score(Gram):
         count = np.maximum(self.weights @ self.count[: len(self.weights)], 1.0)
         log = lambda square: np.log(np.maximum(square, self.floor))
         said = heard * log(error / count / passed) + (1.0 - heard) * log(self.variance)
-        implausible = 0.5 * self.prior[at] @ x**2 / self.alike
-        if self.anchor is not None:  # another log is worse explained
-            worse = x @ self.anchored[np.ix_(at, at)] @ x - 2.0 * self.pull[at] @ x
-            implausible += 0.5 * worse / self.alike
+        implausible = (0.5 * x @ self._known(at) @ x - self.pull[at] @ x) / self.alike
         value = -0.5 * self.effective @ said + sum(m.odds for m in members) - implausible
         return float(value), passed
 
