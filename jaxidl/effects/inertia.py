@@ -143,7 +143,7 @@ class Payload(Effect):
     inertia: Float[Array, "6"] | Scalar = 0.0  # xx, yy, zz, xy, xz, yz about com [kg m^2]
 
     name: ClassVar[str] = "payload"
-    sentence: ClassVar[str] = "the last body carries a load that the model does not have"
+    sentence: ClassVar[str] = "the last body carries another load than the model says"
     parameters: ClassVar = {
         "mass": Parameter("mass", -1e7, 1e7, "the load"),
         "com": Parameter("length", -5.0, 5.0, "where it is in the last body's frame"),

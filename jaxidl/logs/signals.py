@@ -160,9 +160,7 @@ class Signals(NamedTuple):
         )
 
 
-def prepare(
-    log: Log, body: Any, effects: tuple[Effect, ...] = (), narrower: float = 1.0
-) -> Signals:
+def prepare(log: Log, body: Any, effects: tuple[Effect, ...] = ()) -> Signals:
     """Return the signals of a log with its modelled rigid body.
 
     Args:
@@ -170,13 +168,12 @@ def prepare(
         body: the modelled rigid body.
         effects: the model's own effects, of which those on the encoders are undone; they must also
             be given to :func:`jaxidl.gap.evidence.rows.rows_of`.
-        narrower: share of the usual band that is kept.
     """
     dt, slices = log.dt, tuple(log.segments())
     sigma = encoder_noise(log.q, slices)
     inertia = typical_inertia(true_positions(effects, log.q, slices, dt), body)
     reach = np.sqrt(inertia**2 @ sigma**2)  # encoder noise times inertia, per joint
-    band = narrower * choose_band(reach, log.q, log.tau, slices, dt)
+    band = choose_band(reach, log.q, log.tau, slices, dt)
     q = by_run(log.q, slices, lambda part: low_pass(part, band, dt))
     smooth = lambda x: by_run(x, slices, lambda part: low_pass(part, band, dt))
     slope = lambda x: by_run(x, slices, lambda part: derivative(part, dt))

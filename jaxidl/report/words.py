@@ -138,7 +138,7 @@ def longest(d: Diagnosis, rollouts: Mapping[str, list[float]] | None = None) -> 
 def lengths(values: Sequence[float], kind: str) -> str:
     """Return position errors [m or rad] of a joint one after the other.
 
-    They are in thousandths if the last is small.
+    They are in thousandths if the first is small.
     """
     unit = "m" if kind == "slide" else "rad"
     if not np.isfinite(values).any():

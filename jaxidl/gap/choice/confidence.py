@@ -36,7 +36,6 @@ class Support(NamedTuple):
 def support(
     score: Score,
     found: Solution,
-    draws: int = DRAWS,
     watch: Callable[[float], None] = lambda share: None,
 ) -> Support:
     """Return how often each member of a set stays when the training blocks are weighed anew."""
@@ -44,8 +43,8 @@ def support(
     there = {m.group: 0 for m in found.members}
     moves: list[dict[Group, np.ndarray]] = []
     rival = _rivals(score, found)
-    for draw in range(draws):
-        watch(draw / draws)
+    for draw in range(DRAWS):
+        watch(draw / DRAWS)
         weights = blocks * rng.dirichlet(np.ones(blocks))
         now = search(rival.resampled(weights), found.members, swap=False)
         new = [m for m in now.members if m.group not in there]
@@ -59,7 +58,7 @@ def support(
         )
         for group in there.keys() & {m.group for m in now.members}:
             there[group] += 1
-    return Support({g: n / draws if draws else 1.0 for g, n in there.items()}, moves)
+    return Support({g: n / DRAWS for g, n in there.items()}, moves)
 
 
 def _rivals(score: Score, found: Solution) -> Score:

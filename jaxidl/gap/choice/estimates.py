@@ -37,7 +37,7 @@ def _promise(
     push = push - gram[:, at] @ (now.x * score.scale[at])
     inside = gram[np.ix_(at, at)] + np.diag(score.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9)
     inverse, over = np.linalg.inv(inside), gram[at]
-    left = np.maximum(now.error.sum(0), 1e-9)
+    left = np.maximum(score.weights @ now.error, 1e-9)
     out: dict[int, float] = {}
     for items, where, own, on in widths:  # all items with the same number of columns at once
         if joints is not None:
@@ -64,7 +64,7 @@ def lost(score: Score, now: Solution) -> dict[int, float]:
     at, (gram, _, _) = score.indices(now.members), score.whole
     inside = gram[np.ix_(at, at)] + np.diag(score.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9)
     inverse, x = np.linalg.inv(inside), now.x * score.scale[at]
-    left, out = np.maximum(now.error.sum(0), 1e-9), {}
+    left, out = np.maximum(score.weights @ now.error, 1e-9), {}
     for m in now.members:
         own, on = now.of(m), list(m.joints)
         cost = float(x[own] @ np.linalg.solve(inverse[own, own], x[own]))

@@ -97,7 +97,8 @@ def find(library: Library, min_gain: float, watch: Watch = lambda what, share: N
     gone = banned | doubted | weak
     narrow = narrow.narrowed([i for i in narrow.items if i.group not in gone])
     library = library._replace(rows=behind_encoders(rows, now))
-    return Found(library, narrow, now, whole, predicted, support(narrow, now, 0), [], gone)
+    always = Support({m.group: 1.0 for m in now.members}, [])
+    return Found(library, narrow, now, whole, predicted, always, [], gone)
 
 
 def weighed(found: Found, watch: Watch = lambda what, share: None) -> Found:

@@ -114,7 +114,7 @@ Objection = tuple[float, Item, str]
 
 
 def apart(found: Iterable[Objection]) -> list[Objection]:
-    """Return of objections to members that share a joint the first one."""
+    """Return the objections; of those to members that share a joint only the first."""
     out, joints = list[Objection](), set[int]()
     for o in found:
         if not joints & set(o[1].joints):
@@ -133,7 +133,7 @@ def objections(score: Score, now: Solution, min_gain: float, rows: Rows) -> list
 
 
 def blamed(score: Score, now: Solution, m: Item) -> Item:
-    """Return of a member and the one that would take its place the less probable one.
+    """Return the less probable of a member and the one that would take its place.
 
     A rotor may not be needed only because a rare change of a link stands for it. The other one is
     blamed if the set is better off without that.
@@ -189,7 +189,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
-    left = (residual(rows, s)[:, pick] for s in (now, other))
+    left = (residual(rows, s)[:, pick] / np.sqrt(s.passed[pick]) for s in (now, other))
     with_it, without_it = (in_units_of_noise(rows, x, pick) for x in left)
     if np.all(with_it > without_it):
         return "it only makes the encoder's noise smaller"

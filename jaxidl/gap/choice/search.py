@@ -10,9 +10,9 @@
 4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
    one by another, by all that it can imitate or by a part that it contains, a rare one by another
    and a common one that it imitated, or two by one or two.
-5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`), give effects of a motor the command
-   that arrives at them and effects that read the torque the one that
-   is now predicted behind the motor, and go to 4 until the set no longer changes.
+5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`). Give each effect of a motor the
+   command that reaches it, and each effect that reads the torque the one that is now predicted
+   behind the motor. Go to 4 until the set no longer changes.
 6. Remove members (:mod:`jaxidl.gap.choice.objections`) that are on a bound, that their standard
    error does not distinguish from zero, that are not physical, that only make the encoder's noise
    smaller (:mod:`jaxidl.gap.evidence.noise`), or without which held-out blocks are predicted
@@ -34,8 +34,7 @@ from jaxidl.gap.evidence.gram import Item
 from jaxidl.gap.fit.score import Score, Solution
 
 EPSILON = 1e-6  # least rise of the score
-# of the most promising additions, and replacements of a member, for each joint that they are on
-TRIED = 6
+TRIED = 6  # most promising additions, or replacements of a member, that are tried for each joint
 REPLACED = 4  # number of a member's replacements tried
 NEAR = 5.0  # difference in score by which a promise may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled

@@ -17,13 +17,17 @@ LEAST = 4 * BESIDE  # samples for which that can be said
 SHORTEST = 15.0  # period of the fastest drift [s]: motors warm up and sensors wander slowly
 
 
+def slowest(seconds: float) -> int:
+    """Return how many components are slow in a log of so many seconds; in a short one none is."""
+    return min(SLOW, int(2.0 * seconds / SHORTEST))
+
+
 def weights_of(left: np.ndarray, seconds: float) -> np.ndarray:
     """Return weights (K,) of slow components, at most 1, for a joint's residual ``left`` (N,).
 
-    A component counts with the mean power of those that are slower, and itself. In a log of few
-    ``seconds`` nothing is slow.
+    A component counts with the mean power of those that are slower, and itself.
     """
-    most = min(SLOW, int(2.0 * seconds / SHORTEST))
+    most = slowest(seconds)
     if len(left) < LEAST or most < 2:
         return np.ones(SLOW + 1)
     power = np.asarray(dct(left, norm="ortho"))[: BESIDE + 1] ** 2

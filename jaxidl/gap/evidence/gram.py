@@ -27,7 +27,7 @@ class Item:
     """One shape of an effect: P columns of the predicted command; equal to itself alone."""
 
     group: Group
-    shape: Any  # see :mod:`jaxidl.gap.fit.library`
+    shape: Any  # see :mod:`jaxidl.gap.evidence.shape`; None of an alignment of torques
     joints: tuple[int, ...]  # the K joints that it affects
     columns: Float[np.ndarray, "P N K"] = field(repr=False)
     lower: Float[np.ndarray, " P"]
@@ -62,8 +62,9 @@ class Anchor(NamedTuple):
     """Another log's evidence about items of both: changes of coefficients increase its error."""
 
     items: tuple[Item, ...]
-    information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
-    pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
+    # of that log's normal equations, by independent samples: of others as many are alike
+    information: Float[np.ndarray, "P P"]  # the matrix [1/coefficient^2]
+    pull: Float[np.ndarray, " P"]  # the right side [1/coefficient]
 
 
 class Gram:
@@ -153,10 +154,9 @@ class Gram:
         self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:
             at = self.indices(anchor.items)
-            self.anchored[np.ix_(at, at)] = (
-                anchor.information / self.scale[at, None] / self.scale[at]
-            )
-            self.pull[at] = anchor.pull / self.scale[at]
+            s = self.scale[at]
+            self.anchored[np.ix_(at, at)] = self.alike * anchor.information / s[:, None] / s
+            self.pull[at] = self.alike * anchor.pull / s
         self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
         self.local = [np.full(self.total, -1) for _ in range(joints)]
         for local, which in zip(self.local, self.which, strict=True):

@@ -19,7 +19,7 @@ class Place(NamedTuple):
     joint: int
     regime: str
     share: float  # share of the joint's residual energy
-    time: float  # share of the samples that count: of a rest it is one
+    time: float  # share of the counted samples; a rest is one sample
     sentence: str
 
 
@@ -43,10 +43,8 @@ def localise(data: Rows, residual: np.ndarray, names: tuple[str, ...]) -> list[P
                 )
                 found.append(Place(j, regime, share, time, sentence))
         found.sort(key=lambda p: p.share * np.log(p.share / p.time), reverse=True)
-        everywhere = (
-            f"{names[j]}: the residual, {size[j]:.1%} of the command's spread, is spread evenly"
-            " over all regimes"
-        )
+        how_large = f", {size[j]:.1%} of the command's spread," * bool(data.spread[j] > 0.0)
+        everywhere = f"{names[j]}: the residual{how_large} is spread evenly over all regimes"
         places += found[:MOST] or [Place(j, "everywhere", 1.0, 1.0, everywhere)]
         places += _direction(data, residual, j, names[j])
     return places
@@ -98,7 +96,9 @@ def _direction(data: Rows, residual: np.ndarray, j: int, name: str) -> list[Plac
     dry = np.mean(r * np.sign(qd)) ** 2 / max(energy, 1e-300)
     mean = np.mean(r) ** 2 / max(energy, 1e-300)
     way = "against" if np.mean(r * np.sign(qd)) > 0 else "along"
-    f, power = signal.welch(residual[:, j], 1.0 / data.step, nperseg=min(256, len(rows)))
+    f, power = signal.welch(
+        np.where(counted, residual[:, j], 0.0), 1.0 / data.step, nperseg=min(256, len(rows))
+    )
     top = f[np.searchsorted(np.cumsum(power), 0.8 * power.sum())]
     said = [
         ("direction", float(dry), f"{dry:.0%} of it is a constant torque {way} the motion"),

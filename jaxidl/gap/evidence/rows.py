@@ -140,9 +140,9 @@ class Rows(NamedTuple):
                 more = left[at, j] * peaks[:, 2]  # friction than in sliding
                 pushes = more + friction[at, j] * peaks[:, 2] < 0.0
                 apart = np.abs(more[:, None] - more)
-                apart[:, (peaks[:, 3] > 0.0) | pushes] = np.inf
+                apart[:, (peaks[:, 3] > 0.0) | pushes | ~used[at, j]] = np.inf
                 apart[np.diag_indices(len(at))] = np.abs(more)  # from sliding
-                used[at, j] = apart.min(1) < usual[j]
+                used[at, j] &= apart.min(1) < usual[j]
         return self._replace(used=used)
 
     def steady(self, x: np.ndarray, joint: int) -> np.ndarray:

@@ -185,7 +185,7 @@ def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     far = np.full(len(i.lower), np.inf)
     joints = tuple(range(columns.shape[2]))
     group = (*i.key, f"{i.group[2]} before")
-    return Item(group, i.shape, joints, columns, -far, far, 0.0, i.precision, always=True)
+    return Item(group, i.shape, joints, columns, -far, far, 0.0, np.zeros(len(far)), always=True)
 
 
 def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:

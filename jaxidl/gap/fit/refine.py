@@ -71,6 +71,7 @@ def refine(
     *,
     held_out: float = 0.3,
     window: float = WINDOW,
+    strange: np.ndarray | None = None,
 ) -> Refinement:
     """Fit parameters of the effects ``found`` to measured trajectories through the simulator.
 
@@ -100,6 +101,7 @@ def refine(
         held_out: share of the rows that is held out, as :func:`jaxidl.gap.evidence.rows.kept_rows`
             chooses them.
         window: length of the rollouts [s].
+        strange: (N,) moments that are left out, such as collisions. Default: none.
 
     Raises:
         ConfigurationError: for a window of fewer than ten samples, or a parameter that starts out
@@ -117,7 +119,9 @@ def refine(
         (lower, upper), start = vector.bounds(), np.asarray(vector.vector)
         named = lambda theta: vector.named(theta)[own:]
         seen, aside = signals.behind(found), instants_of(signals, ~kept_rows(signals, held_out))
-        training, proving = (_starts(seen, rows, length) for rows in (~aside, aside))
+        out = np.zeros(len(signals.rows), bool) if strange is None else strange
+        usual = ~instants_of(signals, out)
+        training, proving = (_starts(seen, at & usual, length) for at in (~aside, aside))
         given, windows = named(start), (len(training), len(proving))
         nothing = Refinement(False, "", found, given, given, named(0.0 * start), window, windows)
         if not len(start):
@@ -135,8 +139,9 @@ def refine(
             """Return each held-out window's error (V,), a summary, and the residual (N, J)."""
             errors, lost = problem.score(theta, proving)
             rows, residual = balance(signals, model.effects, effects, held_out)
-            torque = rms(residual, rows.used & ~rows.training[:, None])
-            far = rollout_errors(Plant(model.body, (*model.effects, *effects)), seen, aside)
+            torque = rms(residual, rows.used & ~(rows.training | out)[:, None])
+            plant = Plant(model.body, (*model.effects, *effects))
+            far = rollout_errors(plant, seen, aside & usual)
             proof = Proof(
                 float(np.sqrt(np.mean(errors**2))),
                 int(lost.sum()),

@@ -28,8 +28,8 @@ from jaxidl.gap.evidence.gram import Gram, Item
 
 RIDGE = 1e-9  # ridge relative to each column's own information
 DILUTED = 3  # steps against regression dilution
-MOST = 200  # changes of the active bounds,
-PATIENCE = 3  # and those of all that are wrong that may in a row leave as many wrong
+MOST = 200  # steps of the active-set method
+PATIENCE = 3  # steps in a row without fewer violations, after which bounds change one at a time
 
 
 class Solution(NamedTuple):

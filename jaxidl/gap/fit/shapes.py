@@ -178,7 +178,7 @@ class NoiseAlone:
     def __init__(self, m: Item, found: Solution, rows: Rows, predicted: np.ndarray, score: Score):
         """Read the log once more; the other members of the set ``found`` stay what they are."""
         self.shape, self.again, self.predicted = m.shape, read_again(rows), predicted
-        weights = rows.used * rows.training[:, None] / score.noise
+        weights = rows.used * rows.training[:, None] / np.maximum(score.noise, 1e-300)
         on = np.isin(np.arange(rows.gap.shape[1]), m.joints)
         self.weights = weights * on  # (N, J)
         self.alone = self.again.gap - rows.gap

@@ -236,16 +236,13 @@ def _value(
     size, u = np.linalg.eigh(fit.covariance[np.ix_(every, every)])
     apart = np.repeat(fit.x[None], len(every), 0)
     apart[:, every] += (u * np.sqrt(np.maximum(size, 0.0))).T  # by a standard error in each way
-    effect, others, moved = at(fit.x), [at(x) for x in fit.folds], [at(x) for x in apart]
     fitted = {n for i in items for n in (*i.shape.free, *movable(i.shape))}
     hidden = shape.cls.internal  # converted into others, all of which are then shown,
     names = [n for n in shape.cls.parameters if n not in hidden and (hidden or n in fitted)]
-    settled = effect.settled()
-    if any(np.any(read(settled, n) != 0.0) for n in hidden):  # but for a load without mass
-        names = [n for n in shape.cls.parameters if n in fitted]
-    else:
-        effect = settled
-        others, moved = ([e.settled() for e in each] for each in (others, moved))
+    final = lambda x: at(x).settled()
+    if any(np.any(read(final(fit.x), n) != 0.0) for n in hidden):  # but for a load without mass
+        names, final = [n for n in shape.cls.parameters if n in fitted], at
+    effect, others, moved = final(fit.x), [*map(final, fit.folds)], [*map(final, apart)]
     parameters, scatter = {}, {}
     for n in names:
         value = read(effect, n)
@@ -265,7 +262,7 @@ def _value(
     def off(by: np.ndarray) -> dict[str, np.ndarray]:
         x = fit.x.copy()
         x[own] += by
-        there = at(x)
+        there = final(x)
         return {n: read(there, n) for n in parameters}
 
     return Value(key, items, effect, parameters, bound, together, scatter=scatter, moved=off)

@@ -70,7 +70,7 @@ class Finding:
 
 
 class Ambiguity(NamedTuple):
-    """Effects that replace each other when the log is resampled.
+    """Effects that explain a log equally well in each other's place.
 
     The one that was found comes first. ``experiment`` is what would tell them apart.
     """
@@ -135,7 +135,7 @@ class Diagnosis:
     """The result of :func:`jaxidl.gap.diagnose`."""
 
     verdict: str  # named, nothing_missing, ambiguous or unexplained
-    findings: tuple[Finding, ...]  # in the order added
+    findings: tuple[Finding, ...]  # those that explain most of the command first
     ambiguous: tuple[Ambiguity, ...]
     where: tuple[Place, ...]  # regimes of the residual before
     remaining: tuple[Place, ...]  # regimes of the residual after

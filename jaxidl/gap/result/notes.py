@@ -15,7 +15,7 @@ import numpy as np
 from scipy.fft import dct
 
 from jaxidl.gap.choice.find import Found
-from jaxidl.gap.evidence.drift import SLOW
+from jaxidl.gap.evidence.drift import slowest
 from jaxidl.gap.evidence.items import PARAMETER
 from jaxidl.gap.evidence.rows import Rows, rms
 from jaxidl.gap.evidence.samples import without_pauses
@@ -100,8 +100,8 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
                 f"{names[j]}: {share[peak]:.0%} of what remains swings at {frequency[peak]:.3g} Hz,"
                 " which the motion does not: a vibration or a torque from outside"
             )
-        drift, moves = (_drift(x[use]) for x in (left[:, j], position))
-        if drift > MOST and moves < 0.5 * drift:
+        drift, moves = (_drift(x[use], rows.step * use.sum()) for x in (left[:, j], position))
+        if drift > MOST and moves < 0.5 * drift and rows.spread[j] > 0.0:
             said.append(
                 f"{names[j]}: {drift:.0%} of what remains is slow drift,"
                 f" {size[j] / rows.spread[j]:.0%} of the command: let the machine warm up, or check"
@@ -110,10 +110,10 @@ def swings(rows: Rows, left: np.ndarray, names: Sequence[str]) -> list[str]:
     return said
 
 
-def _drift(x: np.ndarray) -> float:
+def _drift(x: np.ndarray, seconds: float) -> float:
     """Return the share of the energy of ``x`` (N,) about its mean in slow components."""
     x = x - x.mean()
-    slow = np.asarray(dct(x, norm="ortho"))[: SLOW + 1]
+    slow = np.asarray(dct(x, norm="ortho"))[: slowest(seconds) + 1]
     return float(np.sum(slow**2) / max(float(x @ x), 1e-300))
 
 

@@ -38,7 +38,8 @@ def evidence_of(before: Found, more: Sequence[Item] = ()) -> Anchor:
         before.solution.x[before.solution.of(m)] if m in before.named else np.zeros(len(m.lower))
         for m in members
     ]
-    return Anchor(tuple(members), gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at))
+    information, pull = gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at)
+    return Anchor(tuple(members), information / fresh.alike, pull / fresh.alike)
 
 
 def _known(before: Found) -> list[Item]:
@@ -123,7 +124,7 @@ def _then(m: Item, before: Found) -> Item:
 def untold(since: Mapping[Key, float], named: Sequence[Finding], names: Sequence[str]) -> list[str]:
     """Return a sentence about changes ``named`` of joints called ``names`` that may be none.
 
-    The probability that they are is ``since``.
+    ``since`` is the probability that each is a change.
     """
     found = [
         readable(f.name) + (f" ({names[f.joint]})" if f.joint is not None else "")

@@ -27,6 +27,10 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     # findings are in the order of what they explain; a command passes them in that of the catalogue
     passed = d.ordered
     lacking = Plant(d.model.plant.body, (*d.model.plant.effects, *d.common))
+    with jax.enable_x64(True):
+        rows = rows_of(signals, lacking.effects, d.options["held_out"])
+    moving = rows.used & signals.moving[signals.rows]
+    strange = moving.any(1) & ~d.traces.counted.any(1)
     r = refine(
         lacking,
         [f.effect for f in passed],
@@ -34,6 +38,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
         [_bounds(f) for f in passed],
         held_out=d.options["held_out"],
         window=window,
+        strange=strange,
     )
     at = {id(f): k for k, f in enumerate(passed)}
     for n in ("effects", "given", "refined", "stderr"):
@@ -44,9 +49,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     findings = tuple(_finding(d, r, k) for k in range(len(d.findings)))
     relative = d.gap.relative(r.after.torque_rms)
     gap = d.gap._replace(after=Side(r.after.torque_rms, relative, r.after.rollout_rms))
-    with jax.enable_x64(True):
-        rows = rows_of(signals, lacking.effects, d.options["held_out"])
-    remaining = tuple(localise(rows, r.residual, d.model.names))
+    remaining = tuple(localise(rows.without(strange), r.residual, d.model.names))
     return replace(
         d,
         findings=findings,

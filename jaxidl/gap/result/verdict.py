@@ -82,7 +82,8 @@ def unexplained_joints(
         worst = max(left, everywhere[j])
         predicted = worst * np.sqrt(1.0 - (1.0 - np.clip(gain, 0.0, 1.0)) ** 2)
         systematic = predicted > much and gain > 2.0 * stderr
-        beaten = left**2 > min(envelope[j] ** 2 + much**2, (HALF * spread[j]) ** 2)
+        half = HALF * spread[j] if spread[j] else np.inf  # without a drive there is no command
+        beaten = left**2 > min(envelope[j] ** 2 + much**2, half**2)
         before = 0.0 if earlier is None else MORE * earlier[j]
         if worst > max(2.0 * floor[j], before) and (systematic or beaten):
             out.append(j)
@@ -91,13 +92,15 @@ def unexplained_joints(
 
 def rivals_of(found: Found) -> tuple[Row, ...]:
     """Return the effects that were not chosen, and why."""
-    dropped = [Row(g[0], g[1], 0.0, why) for g, why in found.dropped.items()]
+    named = {m.key for m in found.named}
+    reasons = {g[:2]: why for g, why in found.dropped.items() if g[:2] not in named}
+    dropped = [Row(*key, 0.0, why) for key, why in reasons.items()]
     promise = estimates.promise(found.score, found.solution.members)
     rest = sorted(
         (i for i in found.score.items if id(i) in promise and not i.always),
         key=lambda i: -promise[id(i)],
     )
-    seen = {m.key for m in found.named} | {(r.name, r.joint) for r in dropped}
+    seen = named | set(reasons)
     for i in rest:
         if i.key not in seen and len(dropped) < SHOWN:
             seen.add(i.key)
