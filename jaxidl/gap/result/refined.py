@@ -30,7 +30,7 @@ def refined(d: Diagnosis, window: float | None) -> Diagnosis:
     with jax.enable_x64(True):
         rows = rows_of(signals, lacking.effects, d.options["held_out"])
     moving = rows.used & signals.moving[signals.rows]
-    strange = moving.any(1) & ~d.traces.counted.any(1)
+    strange = np.asarray(moving.any(1) & ~d.traces.counted.any(1))
     r = refine(
         lacking,
         [f.effect for f in passed],
