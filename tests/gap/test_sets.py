@@ -34,9 +34,10 @@ from jaxidl.gap.evidence.projection import ALIGNMENT
 from jaxidl.gap.evidence.rows import Rows
 from jaxidl.gap.evidence.samples import correlation_time
 from jaxidl.gap.evidence.shape import Shape
+from jaxidl.gap.fit.bounded import bounded
 from jaxidl.gap.fit.held_out import aside, gain, worse_by
 from jaxidl.gap.fit.library import residual
-from jaxidl.gap.fit.score import Score, bounded, unconnected
+from jaxidl.gap.fit.score import Score, unconnected
 from jaxidl.gap.fit.torque_constants import SHARE, swayed
 from jaxidl.gap.fit.values import Value, resampled, somewhere
 from jaxidl.gap.result.findings import best_instead, cancelling, company_of, there

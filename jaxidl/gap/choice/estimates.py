@@ -33,13 +33,13 @@ def _promise(
 ) -> dict[int, float]:
     now = score.solve(members)
     at = score.indices(now.members)
-    gram, push, widths = score.whole
+    gram, push = score.whole
     push = push - gram[:, at] @ (now.x * score.scale[at])
     inside = gram[np.ix_(at, at)] + np.diag(score.prior[at] + RIDGE * np.diagonal(gram)[at] + 1e-9)
     inverse, over = np.linalg.inv(inside), gram[at]
     left = np.maximum(score.weights @ now.error, 1e-9)
     out: dict[int, float] = {}
-    for items, where, own, on in widths:  # all items with the same number of columns at once
+    for items, where, own, on in score.widths:  # all items with the same number of columns at once
         if joints is not None:
             near = np.flatnonzero(on[:, list(joints)].any(1))
             items, where, own, on = [items[n] for n in near], where[near], own[near], on[near]
@@ -61,7 +61,7 @@ def _promise(
 
 def lost(score: Score, now: Solution) -> dict[int, float]:
     """Return a quick estimate of how much the score would fall without each member."""
-    at, (gram, _, _) = score.indices(now.members), score.whole
+    at, (gram, _) = score.indices(now.members), score.whole
     inside = gram[np.ix_(at, at)] + np.diag(score.prior[at] + 1e-6 * np.diagonal(gram)[at] + 1e-9)
     inverse, x = np.linalg.inv(inside), now.x * score.scale[at]
     left, out = np.maximum(score.weights @ now.error, 1e-9), {}
@@ -76,7 +76,7 @@ def imitated(score: Score, members: Iterable[Item], whole: Item) -> list[Item]:
     """Return those members that are combinations of an item's several columns."""
     if len(whole.lower) < 2 or whole.group in {m.group for m in members}:
         return []
-    gram, _, _ = score.whole
+    gram, _ = score.whole
     at, found = score.place[id(whole)], []
     inverse = np.linalg.pinv(gram[np.ix_(at, at)], rcond=RIDGE, hermitian=True)
     for m in members:

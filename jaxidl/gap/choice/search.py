@@ -36,7 +36,7 @@ from jaxidl.gap.fit.score import Score, Solution
 EPSILON = 1e-6  # least rise of the score
 TRIED = 6  # most promising additions, or replacements of a member, that are tried for each joint
 REPLACED = 4  # number of a member's replacements tried
-NEAR = 5.0  # difference in score by which a promise may fall short and still be tried
+NEAR = 5.0  # difference in score by which a quick estimate may fall short and still be tried
 ENTANGLED = 0.4  # correlation of two coefficients from which they are entangled
 PASSES = 40
 
@@ -61,9 +61,12 @@ Move = tuple[frozenset[Item], frozenset[Item]]  # out, in
 
 def improved(score: Score, now: Solution, moves: Iterable[Move]) -> Solution:
     """Return the set after all moves that raise the score, best first, each beside the last."""
-    ranked = []
+    ranked, least = [], score.quick(now.members) - NEAR
     for out, new in moves:
-        value = score.solve(after(now.members, out, new)).value
+        then = after(now.members, out, new)
+        if new and score.quick(then) < least:
+            continue  # a member less may predict better what it was not fitted to
+        value = score.solve(then).value
         if value > now.value + EPSILON:
             ranked.append((value, out, new))
     for _, out, new in sorted(ranked, key=lambda r: r[0], reverse=True):
@@ -123,7 +126,7 @@ def replaced(score: Score, now: Solution) -> list[Move]:
             common = [i for i in common if i.group not in taken]
             moves += [(frozenset([m]), frozenset(common))]
             for first in (i for i in common if set(i.joints) <= on):
-                second = promising(score, (*rest, first), -np.inf, on, [m])
+                second = promising(score, (*rest, first), now.value, on, [m])
                 second = [i for i in second if set(i.joints) <= on][:TRIED]
                 moves += [(frozenset([m]), frozenset([first, i])) for i in second]
         fresh = promising(score, rest, now.value, on, [m])

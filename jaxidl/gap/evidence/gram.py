@@ -212,17 +212,29 @@ class Gram:
         return out
 
     @cached_property
-    def whole(self) -> tuple[np.ndarray, np.ndarray, list[Any]]:
-        """Return Gram matrix (P, P) and right side (P,) of all items on all training blocks.
+    def summed(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Return each joint's Gram matrix (p, p) and right side (p,) on all training blocks."""
+        w, on = self.weights, self.training
+        both = zip(self.gram, self.right, strict=True)
+        return [(np.tensordot(w, g[on], 1), w @ h[on]) for g, h in both]
 
-        Also return the items by their width: indices (n, p), their own part of the matrix (n, p, p)
-        and on which joints (n, J) they are.
-        """
+    @cached_property
+    def whole(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return Gram matrix (P, P) and right side (P,) of all items, with another log's part."""
         gram, push = self.anchored.copy(), self.pull.copy()
-        for which, g, h in zip(self.which, self.gram, self.right, strict=True):
-            gram[np.ix_(which, which)] += np.tensordot(self.weights, g[self.training], 1)
-            push[which] += self.weights @ h[self.training]
-        widths = []
+        for which, (g, h) in zip(self.which, self.summed, strict=True):
+            gram[np.ix_(which, which)] += g
+            push[which] += h
+        return gram, push
+
+    @cached_property
+    def widths(self) -> list[tuple[list[Item], np.ndarray, np.ndarray, np.ndarray]]:
+        """Return items by their number of columns.
+
+        There are their indices (n, p), their own part of the matrix (n, p, p), with the prior, and
+        on which joints (n, J) they are.
+        """
+        (gram, _), widths = self.whole, []
         for width in sorted({len(i.lower) for i in self.items} - {0}):
             items = [i for i in self.items if len(i.lower) == width]
             where = np.stack([self.place[id(i)] for i in items])
@@ -234,7 +246,7 @@ class Gram:
             for n, i in enumerate(items):
                 on[n, list(i.joints)] = 1.0
             widths.append((items, where, own, on))
-        return gram, push, widths
+        return widths
 
     def indices(self, members: Iterable[Item]) -> np.ndarray:
         """Return the indices of the columns of some items."""

@@ -21,15 +21,14 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Float
 
 from jaxidl.gap.evidence.delivery import Delivery
 from jaxidl.gap.evidence.gram import Gram, Item
+from jaxidl.gap.fit.bounded import bounded
 
 RIDGE = 1e-9  # ridge relative to each column's own information
 DILUTED = 3  # steps against regression dilution
-MOST = 200  # steps of the active-set method
-PATIENCE = 3  # steps in a row without fewer violations, after which bounds change one at a time
 
 
 class Solution(NamedTuple):
@@ -74,6 +73,7 @@ class Score(Gram):
         """Take the arguments of :class:`jaxidl.gap.evidence.gram.Gram`."""
         super().__init__(*args, **more)
         self._solved: dict[frozenset[int], Solution] = {}
+        self._quick: dict[frozenset[int], float] = {}
         # scaled coefficients of each column in the set solved last: sets differ by a few members
         self._last = np.full(self.total, np.nan)
         # what :func:`jaxidl.gap.choice.estimates.promise` said so far
@@ -81,14 +81,39 @@ class Score(Gram):
 
     def solve(self, members: Iterable[Item]) -> Solution:
         """Return the set fitted with and without each block, and its score."""
-        members = tuple(sorted(members, key=lambda i: self.place[id(i)][0] if len(i.lower) else -1))
+        members = self._ordered(members)
         known = frozenset(map(id, members))
         if known not in self._solved:
-            parts = [] if self.anchor is not None else unconnected(members)
+            parts = self._parts(members)
             alone = len(parts) < 2
             found = self._solve(members) if alone else self._together(members, parts)
             self._solved[known] = found
         return self._solved[known]
+
+    def quick(self, members: Iterable[Item]) -> float:
+        """Return the score if no block were left out: one small solve, not one for each block."""
+        members = self._ordered(members)
+        known = frozenset(map(id, members))
+        if known not in self._quick:
+            parts = self._parts(members)
+            if len(parts) < 2:
+                at = self.indices(members)
+                acting = self._acting(at)
+                both = self._all_blocks(at, acting, 1)
+                x = self._bounded(*(a[None] for a in both), at)[0]
+                found = self._value(members, at, acting, x, self._left(at, x))[0]
+            else:
+                bare = self.quick(())
+                found = bare + sum(self.quick(part) - bare for part in parts)
+            self._quick[known] = found
+        return self._quick[known]
+
+    def _ordered(self, members: Iterable[Item]) -> tuple[Item, ...]:
+        first = lambda i: self.place[id(i)][0] if len(i.lower) else -1
+        return tuple(sorted(members, key=first))
+
+    def _parts(self, members: Sequence[Item]) -> list[tuple[Item, ...]]:
+        return [] if self.anchor is not None else unconnected(members)
 
     def _together(self, members: tuple[Item, ...], parts: Sequence[tuple[Item, ...]]) -> Solution:
         """Return the solution of a set whose ``parts`` have no joint in common."""
@@ -106,24 +131,39 @@ class Score(Gram):
 
     def _solve(self, members: tuple[Item, ...]) -> Solution:
         at = self.indices(members)
-        blocks = len(self.weights)
+        acting, w = self._acting(at), self.weights[:, None]
         gram, right, own = self.normal_equations(at)
-        w = self.weights[:, None]
-        whole, wanted = np.tensordot(self.weights, gram, 1), (w * right).sum(0)
+        whole, wanted = self._all_blocks(at, acting)
         left = (
             np.concatenate([whole[None], whole - w[:, :, None] * gram]),
             np.concatenate([wanted[None], wanted - w * right]),
         )
-        more, acting = 0.0, self._acting(at)
-        for _ in range(DILUTED if acting else 0):
-            first = self._bounded(left[0][:1], left[1][:1] + more, at)[0]
-            more = self._dilution(first, acting, own)
-        x = self._bounded(left[0], left[1] + more, at)
-        error = np.maximum(self.errors(own, x[1:], slice(blocks)), 0.0)
+        x = self._bounded(*left, at)
+        error = np.maximum(self.errors(own, x[1:], slice(len(w))), 0.0)
         value, passed = self._value(members, at, acting, x[0], self.weights @ error)
         return Solution(
             members, x[0] / self.scale[at], x[1:] / self.scale[at], error, passed, value
         )
+
+    def _all_blocks(
+        self, at: np.ndarray, acting: Sequence[Delivery], steps: int = DILUTED
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal equations (P, P) and (P,) of columns ``at`` on all training blocks."""
+        gram, right = self.whole
+        gram, right, more = gram[np.ix_(at, at)], right[at], np.zeros(len(at))
+        for _ in range(steps if acting else 0):
+            x = self._bounded(gram[None], (right + more)[None], at)[0]
+            more = self._dilution(x, acting, self._left(at, x))
+        return gram, right + more
+
+    def _left(self, at: np.ndarray, x: np.ndarray) -> np.ndarray:
+        """Return sums of squares (J,) of scaled coefficients ``x`` (P,) on all training blocks."""
+        out = self.weights @ self.square[: len(self.weights)]
+        for j, (local, (gram, right)) in enumerate(zip(self.local, self.summed, strict=True)):
+            here = np.flatnonzero(local[at] >= 0)
+            there, part = local[at[here]], x[here]
+            out[j] += part @ (gram[np.ix_(there, there)] @ part - 2.0 * right[there])
+        return np.maximum(out, 0.0)
 
     def errors(self, own: Sequence[Any], x: np.ndarray, blocks: slice) -> np.ndarray:
         """Return sums of squares (B, J) on blocks of scaled coefficients ``x``, (P,) or (B, P)."""
@@ -141,22 +181,19 @@ class Score(Gram):
         added, coefficients instead make the error small relative to what arrives of the command.
         """
         at = self.indices(found.members)
-        own = self._own(at, slice(len(self.weights)))
-        return self._dilution(found.x * self.scale[at], self._acting(at), own) * self.scale[at]
+        x = found.x * self.scale[at]
+        return self._dilution(x, self._acting(at), self._left(at, x)) * self.scale[at]
 
     def _acting(self, at: np.ndarray) -> list[Delivery]:
         """Return what columns ``at`` (P,) let through, of each joint where some act."""
         return [d for each in self.deliveries if (d := each.among(at, self.total)) is not None]
 
-    def _dilution(
-        self, x: np.ndarray, acting: Sequence[Delivery], own: Sequence[Any]
-    ) -> np.ndarray:
-        """Return that right side (P,) of scaled coefficients ``x`` (P,)."""
+    def _dilution(self, x: np.ndarray, acting: Sequence[Delivery], left: np.ndarray) -> np.ndarray:
+        """Return that right side (P,) of scaled ``x`` (P,) with sums of squares ``left`` (J,)."""
         out = np.zeros(len(x))
-        left = self.weights @ self.errors(own, x, slice(len(self.weights)))
         for d in acting:
             share, slope = d.share(x)
-            out[d.places] += 0.5 * max(float(left[d.joint]), 0.0) * slope / share
+            out[d.places] += 0.5 * left[d.joint] * slope / share
         return out
 
     def _value(
@@ -190,19 +227,16 @@ class Score(Gram):
         own, gram = np.diagonal(gram, axis1=1, axis2=2), gram.copy()
         steady = self.prior[at] + RIDGE * own.mean(1, keepdims=True) + RIDGE * own + 1e-12
         gram[:, np.arange(len(at)), np.arange(len(at))] += steady
-        if self.anchor is not None:
-            gram = gram + self.anchored[np.ix_(at, at)]
         lower, upper = self.bounds[0][at], self.bounds[1][at]
-        x = bounded(gram, right + self.pull[at], lower, upper, self.dead[at], self._last[at])
+        x = bounded(gram, right, lower, upper, self.dead[at], self._last[at])
         self._last[at] = x[0]
         return x
 
     def likelihood(self, members: Sequence[Item], x: np.ndarray) -> float:
         """Return the score of coefficients ``x`` (P,) of a set on its training blocks."""
-        at, blocks = self.indices(members), slice(len(self.weights))
+        at = self.indices(members)
         scaled = x * self.scale[at]
-        error = np.maximum(self.errors(self._own(at, blocks), scaled, blocks), 0.0)
-        return self._value(members, at, self._acting(at), scaled, self.weights @ error)[0]
+        return self._value(members, at, self._acting(at), scaled, self._left(at, scaled))[0]
 
     def covariance(self, found: Solution) -> np.ndarray:
         """Return the covariance (P, P) of coefficients; undetermined ones are as wide as priors."""
@@ -238,63 +272,16 @@ class Score(Gram):
 
     def narrowed(self, items: Sequence[Item]) -> "Score":
         """Return the score of some of the items only; what is known of sets and items is shared."""
-        return self._with(items=list(items), whole=self.whole)
+        return self._with(items=list(items), whole=self.whole, widths=self.widths)
 
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score with training blocks that count ``weights`` (B,) times."""
-        other = self._with(weights=weights, _solved={}, promised={})
-        other.__dict__.pop("whole", None)
+        other = self._with(weights=weights, _solved={}, _quick={}, promised={})
+        for summed in ("summed", "whole", "widths"):
+            other.__dict__.pop(summed, None)
         return other
 
     def _with(self, **changes: Any) -> "Score":
         other = object.__new__(Score)
         other.__dict__.update({**self.__dict__, **changes})
         return other
-
-
-def bounded(
-    gram: Float[np.ndarray, "F P P"],
-    right: Float[np.ndarray, "F P"],
-    lower: Float[np.ndarray, " P"],
-    upper: Float[np.ndarray, " P"],
-    dead: Bool[np.ndarray, " P"],
-    start: Float[np.ndarray, " P"],
-) -> Float[np.ndarray, "F P"]:
-    """Return solutions (F, P) of F normal equations within bounds.
-
-    The first one decides which bounds are active, by block principal pivoting (Judice and Pires
-    1994), from those that hold ``start``. What is ``dead`` stays at zero, or the nearest bound.
-    """
-    x, free = np.zeros(right.shape), ~dead & ~((start <= lower) | (start >= upper))
-    held = np.where(dead | np.isnan(start), np.clip(x[0], lower, upper), start)
-    fewest, patience = len(free) + 1, PATIENCE
-    for _ in range(MOST):
-        x[0] = held
-        if free.all():
-            x[0] = np.linalg.solve(gram[0], right[0])
-        elif free.any():
-            inner, side = gram[0][np.ix_(free, free)], gram[0][np.ix_(free, ~free)]
-            x[0, free] = np.linalg.solve(inner, right[0, free] - side @ held[~free])
-        wrong = free & ((x[0] < lower - 1e-12) | (x[0] > upper + 1e-12))
-        push = right[0] - gram[0] @ x[0]
-        inward = ((held <= lower) & (push > 1e-9)) | ((held >= upper) & (push < -1e-9))
-        wrong |= ~free & ~dead & (lower < upper) & inward
-        number = np.count_nonzero(wrong)
-        if not number:
-            break
-        if number < fewest:
-            fewest, patience = number, PATIENCE
-        elif patience:
-            patience -= 1
-        else:
-            wrong &= np.arange(len(wrong)) == np.flatnonzero(wrong)[-1]
-        held = np.where(wrong & free, np.clip(x[0], lower, upper), held)
-        free ^= wrong
-    x[1:] = held
-    if len(x) > 1 and free.all():
-        x[1:] = np.linalg.solve(gram[1:], right[1:, :, None])[..., 0]
-    elif len(x) > 1 and free.any():
-        rows = gram[1:, free]
-        push = right[1:, free] - rows[:, :, ~free] @ held[~free]
-        x[1:, free] = np.linalg.solve(rows[:, :, free], push[..., None])[..., 0]
-    return np.clip(x, lower, upper)
