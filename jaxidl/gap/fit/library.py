@@ -17,7 +17,7 @@ from jaxidl.effects import CATALOGUE, Effect, Scale
 from jaxidl.gap.evidence.behind import Behind
 from jaxidl.gap.evidence.friction import before_gears
 from jaxidl.gap.evidence.gram import Anchor, Item, columns_at
-from jaxidl.gap.evidence.items import columns_of, items_of
+from jaxidl.gap.evidence.items import columns_of, item, items_of
 from jaxidl.gap.evidence.links import links_of
 from jaxidl.gap.evidence.projection import Projection, aligned, alignments
 from jaxidl.gap.evidence.rows import Rows, rms
@@ -121,7 +121,8 @@ def library(
     rows, every = with_friction(rows, envelope), heavier(every, envelope, rows)
     alike = samples_alike((rows.used & rows.training[:, None]).sum(0), effective)
     common = [plausible(i, links, alike) for i in common]
-    shared = tuple(again(i, rows, predicted) for i in (reference.items if reference else ()))
+    shared = [again(i, rows, predicted) for i in (reference.items if reference else ())]
+    shared = tuple(pushed(shared, rows, predicted))
     items = [*common, *shared, *alignments(rows, predicted, alike)]
     projected = Projection(rows, items, noise)
     for cls in classes:
@@ -181,11 +182,9 @@ def heavier(scales: Sequence[Scale], found: Solution, rows: Rows) -> list[Scale]
 
 def again(i: Item, rows: Rows, predicted: np.ndarray) -> Item:
     """Return an item of another log on this one: both have it in common, so it is no finding."""
-    (columns,) = columns_of([i.shape], rows, predicted)
-    far = np.full(len(i.lower), np.inf)
-    joints = tuple(range(columns.shape[2]))
-    group = (*i.key, f"{i.group[2]} before")
-    return Item(group, i.shape, joints, columns, -far, far, 0.0, np.zeros(len(far)), always=True)
+    far, group = np.full(len(i.lower), np.inf), (*i.key, f"{i.group[2]} before")
+    fresh = item(i.shape, *columns_of([i.shape], rows, predicted))
+    return replace(fresh, group=group, lower=-far, upper=far, odds=0.0, common=False, always=True)
 
 
 def noise_of(rows: Rows, left: np.ndarray, items: Sequence[Item]) -> tuple[np.ndarray, np.ndarray]:

@@ -140,9 +140,8 @@ def _judged(
     """
     rows, members = found.library.rows, fitted_to_training(found)
     after = residual(rows, found.solution)
-    # where nothing is found, the model is judged with the log's torques as well aligned
-    aligning = [m for m in found.solution.members if m.key[0] == ALIGNMENT]
-    gap = rows.gap if found.named else residual(rows, found.solution, aligning)
+    # both sides have the log's torques as well aligned
+    gap = residual(rows, found.score.solve(m for m in found.explaining if m.key[0] == ALIGNMENT))
     network = check(rows, after)
     there = ~rows.training[:, None] & rows.used
     command = rms(rows.command, there)
