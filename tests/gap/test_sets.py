@@ -397,7 +397,7 @@ def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     common = [replace(i, always=True) for i in (pool[0], pool[8])]
     there = score_of(other, common)
     first = there.solve(common)
-    information = there.normal(first.members)[0].sum(0) / there.alike
+    information = there.normal(first.members)[0].sum(0)
     new = rows._replace(gap=rows.gap - _made(common, first))
     anchor = Anchor(first.members, information, np.zeros(len(information)))
     here = score_of(new, [*common, pool[9]], anchor=anchor)

@@ -149,10 +149,10 @@ def fitted_beside(
     members = [*rest, new]
     at = score.having(members).solve(members)
     x = [at.x[at.of(m)] for m in members]
-    behind = (m for m in rest if arriving(m, [new], x[-1:], rows, predicted) is not rows)
     moved = {
         id(m): seen_from(m, m.shape, arriving(m, members, x, rows, predicted), predicted)
-        for m in behind
+        for m in rest
+        if not m.always and arriving(m, [new], x[-1:], rows, predicted) is not rows
     }
     return [moved.get(id(m), m) for m in members]
 

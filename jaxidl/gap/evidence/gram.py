@@ -62,9 +62,9 @@ class Anchor(NamedTuple):
     """Another log's evidence about items of both: changes of coefficients increase its error."""
 
     items: tuple[Item, ...]
-    # of that log's normal equations, by independent samples: of others as many are alike
-    information: Float[np.ndarray, "P P"]  # the matrix [1/coefficient^2]
-    pull: Float[np.ndarray, " P"]  # the right side [1/coefficient]
+    information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
+    pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
+    alike: float = 1.0  # samples of it that count as one; both logs count as the more alike one
 
 
 class Gram:
@@ -154,9 +154,9 @@ class Gram:
         self.anchored, self.pull = np.zeros((self.total, self.total)), np.zeros(self.total)
         if anchor is not None:
             at = self.indices(anchor.items)
-            s = self.scale[at]
-            self.anchored[np.ix_(at, at)] = self.alike * anchor.information / s[:, None] / s
-            self.pull[at] = self.alike * anchor.pull / s
+            s, counts = self.scale[at], min(1.0, self.alike / anchor.alike)
+            self.anchored[np.ix_(at, at)] = counts * anchor.information / s[:, None] / s
+            self.pull[at] = counts * anchor.pull / s
         self.floor = (rows.floor / np.maximum(noise, 1e-300)) ** 2
         self.local = [np.full(self.total, -1) for _ in range(joints)]
         for local, which in zip(self.local, self.which, strict=True):

@@ -39,7 +39,7 @@ def evidence_of(before: Found, more: Sequence[Item] = ()) -> Anchor:
         for m in members
     ]
     information, pull = gram.sum(0) + known, right.sum(0) - known @ np.concatenate(at)
-    return Anchor(tuple(members), information / fresh.alike, pull / fresh.alike)
+    return Anchor(tuple(members), information, pull, fresh.alike)
 
 
 def _known(before: Found) -> list[Item]:
