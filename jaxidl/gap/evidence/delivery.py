@@ -36,13 +36,13 @@ class Delivery(NamedTuple):
 
     def among(self, at: np.ndarray, total: int) -> "Delivery | None":
         """Return that of a set of columns ``at`` (P,) of ``total``; None if none acts here."""
-        chosen = np.zeros(total, bool)
-        chosen[at] = True
-        on = np.flatnonzero(chosen[self.places])
+        place = np.full(total, -1)
+        place[at] = np.arange(len(at))
+        on = np.flatnonzero(place[self.places] >= 0)
         if not len(on):
             return None
         return self._replace(
-            places=np.searchsorted(at, self.places[on]),
+            places=place[self.places[on]],
             mean=self.mean[:, on],
             square=self.square[:, on[:, None], on],
             deaf=self.deaf[on],
