@@ -391,6 +391,21 @@ def test_where_a_motor_lets_no_more_through_it_explains_nothing(planted):
     assert found.value == pytest.approx(-25.0 * (joint + np.log(mean[1])) - 2.0)
 
 
+def test_a_quick_score_is_that_of_the_fit_to_all_blocks(planted):
+    rows, pool, _, _ = planted
+    # a motor's effect, an item within bounds, and parts without a joint in common
+    motor = item("motor", 0.1 * rows.command[None, :, :1], (0,), actuates=True)
+    bounded = item("bounded", pool[3].columns, (1,), low=0.0, high=0.1)
+    for members in ([*pool[:4], pool[8]], [pool[0], pool[1]], [pool[0], pool[8], motor, bounded]):
+        score = score_of(rows, [*pool, motor, bounded])
+        found = score.solve(members)
+        whole = score.likelihood(found.members, found.x)
+        assert score.quick(members) == pytest.approx(whole, abs=1e-3)  # one step of dilution
+        assert score.quick(members) > found.value  # no block was left out
+        again = score.resampled(2.0 * np.ones(len(score.weights)))
+        assert again.quick(members) == pytest.approx(score.quick(members))
+
+
 def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     rows, pool, _, _ = planted
     other = rows_with(rows.gap + np.random.default_rng(3).normal(size=(N, JOINTS)), seed=4)

@@ -81,3 +81,18 @@ def test_what_the_reference_could_not_show_may_have_been_there(tmp_path):
         sure.append(more.confidence)
         assert any("hardly tells" in note for note in found.notes) == (slowest > 0.1)
     assert sure[0] > sure[1]
+
+
+def test_an_offset_beside_a_motor_constant_that_both_logs_have(tmp_path):
+    """Without what arrives of the command, that constant would make it and the change vanish."""
+    model = tmp_path / "model.xml"
+    model.write_text(TWO_LINK)
+    motor = make("torque_scale", 0, {"scale": 0.8})
+    offset = make("constant_offset", 0, {"offset": 0.6})
+    old, new = measured([*ALWAYS, motor], 27), measured([*ALWAYS, motor, offset], 28)
+    found = gap.diagnose(new, model, reference=old, rollouts=False)
+    assert {(f.name, f.joint) for f in found.findings if f.sure} == {("constant_offset", 0)}
+    (more,) = (f for f in found.findings if f.sure)
+    value, stderr = more.parameters["offset"].value, more.parameters["offset"].stderr
+    assert abs(value - 0.6) < 3.0 * stderr
+    assert stderr < 0.1

@@ -185,7 +185,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
         return "its standard error does not exclude zero"
     if held(m, x) or on_bound(m.shape, vector(m.shape, x)) or beyond(m, x):
         return BOUND
-    other = score.solve([*without(now, m), *plain(score, now, m)])
+    other = score.unshared(now).solve([*without(now, m), *plain(score, now, m)])
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"

@@ -274,6 +274,19 @@ class Score(Gram):
         """Return the score of some of the items only; what is known of sets and items is shared."""
         return self._with(items=list(items), whole=self.whole, widths=self.widths)
 
+    def unshared(self, found: Solution) -> "Score":
+        """Return the score in which what two logs share stays as in a set.
+
+        Else an error would be small without a change, since what both share could move instead.
+        """
+        if self.anchor is None:
+            return self
+        lower, upper = (bound.copy() for bound in self.bounds)
+        for m in self.anchor.items:
+            at = self.place[id(m)]
+            lower[at] = upper[at] = found.x[found.of(m)] * self.scale[at]
+        return self._with(bounds=[lower, upper], _solved={}, _quick={}, promised={})
+
     def resampled(self, weights: np.ndarray) -> "Score":
         """Return the score with training blocks that count ``weights`` (B,) times."""
         other = self._with(weights=weights, _solved={}, _quick={}, promised={})

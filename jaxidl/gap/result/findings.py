@@ -64,7 +64,8 @@ def findings(
         cls, shape = CATALOGUE[name], value.items[0].shape
         others = [m for m in found.solution.members if m not in value.items]
         bare = found.score.solve(others)
-        a, b = (aside(rows, s, j) for s in (found.solution, bare))
+        less = found.score.unshared(found.solution).solve(others)
+        a, b = (aside(rows, s, j) for s in (found.solution, less))
         support = min(found.support.share[m.group] for m in value.items)
         share = float(added_shares[j])
         kind = known.kinds[joint if joint is not None else j]
@@ -73,7 +74,7 @@ def findings(
             n: Estimate(plain_number(v), unit_of(cls.parameters[n].unit, kind), plain_number(e))
             for n, (v, e) in known_as.parameters.items()
         }
-        gain, stderr = worse_by(rows, bare, found.solution, j)
+        gain, stderr = worse_by(rows, less, found.solution, j)
         instead, nearest = best_instead(found.score, value.items, others, bare, j)
         own = [t for t in found.ties if value.key in {g[:2] for g in t.found}]
         left = np.sqrt(np.maximum(a**2 - floor[j] ** 2, 0.0))
