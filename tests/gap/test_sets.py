@@ -617,6 +617,13 @@ def test_a_joint_without_noise_and_command_has_a_residual_in_units_of_nothing():
     assert none == 0.0
 
 
+def test_an_offset_is_more_than_noise():
+    rows, offset = rows_with(np.zeros((N, JOINTS))), np.ones((N, JOINTS))
+    wave = np.sin(np.arange(N) * DT)[:, None] + 0.0 * offset
+    slow, constant = (in_units_of_noise(rows, x, (0,))[0] for x in (wave[:, :1], offset[:, :1]))
+    assert constant > 0.5 * slow > 0.0
+
+
 @pytest.mark.parametrize(
     ("noise", "why"), [(0.0, ""), (0.1, "it only makes the encoder's noise smaller")]
 )

@@ -7,9 +7,10 @@
    parameters a factor of ten in probability.
 3. Begin with the envelope: all common effects, on every joint. This is the model of conventional
    identification. Begin with nothing, too, and go on from the better end.
-4. Improve the set while the score rises: drop an effect, add one, give one another shape, replace
-   one by another, by all that it can imitate or by a part that it contains, a rare one by another
-   and a common one that it imitated, or two by one or two.
+4. Improve the set while the score rises: drop an effect, or do what a quick fit to all blocks
+   favours: add one, give one another shape, replace one by another, by all that it can imitate or
+   by a part that it contains, a rare one by another and a common one that it imitated, or two by
+   one or two.
 5. Fit the shapes of the members (:mod:`jaxidl.gap.fit.shapes`). Give each effect of a motor the
    command that reaches it, and each effect that reads the torque the one that is now predicted
    behind the motor. Go to 4 until the set no longer changes.
