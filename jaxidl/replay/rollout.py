@@ -46,17 +46,15 @@ def rollout_errors(
     """
     lead, length = round(SETTLE / signals.dt), round(HORIZONS[-1] / signals.dt)
     starts = window_starts(signals, aside, lead, length)
-    out = {str(h): np.full(signals.q.shape[1], np.nan) for h in HORIZONS}
     if not len(starts):
-        return out
+        return {str(h): np.full(signals.q.shape[1], np.nan) for h in HORIZONS}
     windows = windows_at(signals, starts, lead, length)
     positions = np.asarray(_simulate(plant, windows, lead, signals.dt))
     truth = windows.q[:, lead:]
     span = np.ptp(signals.q, axis=0)
+    out = {}
     for horizon in HORIZONS:
         step = round(horizon / signals.dt)
-        if not step:
-            continue  # shorter than a sample
         error = np.nan_to_num(
             positions[:, step - 1] - truth[:, step], nan=np.inf, posinf=np.inf, neginf=np.inf
         )

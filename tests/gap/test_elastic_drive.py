@@ -101,14 +101,6 @@ def test_the_true_drive_follows_the_log_from_any_moment_on(elastic):
         assert elastic_one[horizon] < 0.2 * rigid[horizon]
 
 
-def test_a_horizon_shorter_than_a_sample_has_no_error(elastic):
-    log, model, _ = elastic
-    signals = prepare(log, model.plant.body)
-    signals = signals._replace(dt=0.1)  # as if the motion had been slower
-    errors = rollout_errors(model.plant, signals, np.ones(log.samples, bool))
-    assert [h for h, error in errors.items() if np.isnan(error).all()] == ["0.05"]
-
-
 def test_what_no_single_parameter_shows_is_confirmed_by_its_share():
     unsure = {"stiffness": (np.array([10.0]), np.array([6.0]))}
     effect = JointElasticity(*(jnp.ones(1) for _ in range(3)))
