@@ -739,6 +739,8 @@ def test_a_command_passes_the_effects_in_the_catalogues_order(tmp_path, monkeypa
     signals = prepare(log, chain(tmp_path, ("slide", "hinge")).plant.body)
     d = made_up(tmp_path, findings=findings, signals=signals)
     assert d.plant.effects == d.added == (lag, scale)
+    counted = np.ones((len(signals.rows), 2), bool)
+    d = replace(d, traces=d.traces._replace(counted=counted))
 
     def refine(model, found, signals, bounds, **options):
         values = tuple({name: np.ones(1) for name in each} for each in bounds)
