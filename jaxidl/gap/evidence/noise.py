@@ -11,6 +11,7 @@ motor moves as its command says, not as the noisy encoder: that alone makes the 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from scipy.signal import welch
@@ -49,8 +50,9 @@ def in_units_of_noise(rows: Rows, left: np.ndarray, joints: Sequence[int]) -> np
     """
     signals, joints = rows.signals, list(joints)
     used = np.where(rows.used[:, joints], left, 0.0)
-    whole = {"nperseg": min(SEGMENT, len(left)), "detrend": False, "axis": 0}  # offsets count
-    frequency, power = welch(used, 1.0 / rows.step, **whole)
+    whole: Any = False  # the mean of a segment, too, so that offsets count
+    segment = min(SEGMENT, len(left))
+    frequency, power = welch(used, 1.0 / rows.step, nperseg=segment, detrend=whole, axis=0)
     encoder = 5.0 * signals.noise_floor[joints] ** 2 * frequency[:, None] ** 4 / signals.band**5
     least = 2.0 * rows.step * (LEAST_FLOOR * rows.spread[joints]) ** 2
     # neither noise nor a command: whatever is there is far above both

@@ -99,8 +99,8 @@ class Score(Gram):
             if len(parts) < 2:
                 at = self.indices(members)
                 acting = self._acting(at)
-                both = self._all_blocks(at, acting, 1)
-                x = self._bounded(*(a[None] for a in both), at)[0]
+                gram, right = self._all_blocks(at, acting, 1)
+                x = self._bounded(gram[None], right[None], at)[0]
                 found = self._value(members, at, acting, x, self._left(at, x))[0]
             else:
                 bare = self.quick(())
