@@ -189,7 +189,7 @@ def objection(score: Score, now: Solution, m: Item, min_gain: float, rows: Rows)
     pick = list(m.joints)
     if worse_aside(score, other, now, pick):
         return "held-out data are predicted better without it"
-    left = (residual(rows, s)[:, pick] / np.sqrt(s.passed[pick]) for s in (now, other))
+    left = (residual(rows, s)[:, pick] for s in (now, other))
     with_it, without_it = (in_units_of_noise(rows, x, pick) for x in left)
     if np.all(with_it > without_it):
         return "it only makes the encoder's noise smaller"

@@ -13,8 +13,7 @@ def worse_aside(score: Score, before: Solution, after: Solution, joints: list[in
     The increase has to exceed the scatter between them, and what noise would explain.
     """
     count = np.maximum(score.count[~score.training], 1.0)
-    error = lambda s: np.maximum(score.aside(s) / s.passed, score.floor * count)[:, joints]
-    a, b = error(after), error(before)
+    a, b = (np.maximum(score.aside(s), score.floor * count)[:, joints] for s in (after, before))
     rise = (a - b).sum(1)
     return bool(len(rise) > 1 and rise.sum() > np.std(rise, ddof=1) * np.sqrt(len(rise)))
 
