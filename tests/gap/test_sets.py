@@ -406,6 +406,18 @@ def test_a_quick_score_is_that_of_the_fit_to_all_blocks(planted):
         assert again.quick(members) == pytest.approx(score.quick(members))
 
 
+def test_the_members_of_a_set_may_be_in_any_order(planted):
+    """Those of another score are."""
+    rows, pool, _, _ = planted
+    motor = item("motor", 0.1 * rows.command[None, :, :1], (0,), actuates=True)
+    score = score_of(rows, [*pool, motor])
+    found = score.solve([pool[0], pool[8], motor])
+    back = found.members[::-1]
+    x = np.concatenate([found.x[found.of(m)] for m in back])
+    expected = score.likelihood(found.members, found.x)
+    assert score.likelihood(back, x) == pytest.approx(expected)
+
+
 def test_an_anchor_makes_the_fit_that_of_both_logs_together(planted):
     rows, pool, _, _ = planted
     other = rows_with(rows.gap + np.random.default_rng(3).normal(size=(N, JOINTS)), seed=4)

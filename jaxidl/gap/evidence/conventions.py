@@ -192,8 +192,8 @@ def late_torques(
     They are compared beside ``items``: all that is common, and what was found.
     """
     which = np.zeros(len(names), bool)
-    moving = (rows.used & rows.training[:, None]).any(0) & (rows.spread > 0.0)
-    moving = np.flatnonzero(moving)
+    moves = (rows.used & rows.training[:, None]).any(0)
+    moving = np.flatnonzero(moves & (rows.spread > 0.0))
     once = list({i.group: i for i in items}.values())
     projected, dt = Projection(rows, once), rows.signals.interval
 

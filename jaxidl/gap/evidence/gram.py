@@ -64,7 +64,7 @@ class Anchor(NamedTuple):
     items: tuple[Item, ...]
     information: Float[np.ndarray, "P P"]  # normal matrix of that log [1/coefficient^2]
     pull: Float[np.ndarray, " P"]  # right side of its normal equations [1/coefficient]
-    alike: float = 1.0  # samples of it that count as one; both logs count as the more alike one
+    alike: float = 1.0  # samples that count as one there; the larger number of both logs holds
 
 
 class Gram:

@@ -275,9 +275,9 @@ class Score(Gram):
         return self._with(items=list(items), whole=self.whole, widths=self.widths)
 
     def unshared(self, found: Solution) -> "Score":
-        """Return the score in which what two logs share stays as in a set.
+        """Return the score in which what two logs share keeps the values that it has in a set.
 
-        Else an error would be small without a change, since what both share could move instead.
+        Without a change the shared effects could move instead, and the error would still be small.
         """
         if self.anchor is None:
             return self
